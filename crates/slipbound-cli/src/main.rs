@@ -1,0 +1,3 @@
+//! The command `slipbound`.
+
+fn main() {}

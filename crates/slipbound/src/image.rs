@@ -1,0 +1,266 @@
+//! Borrowed pixels with a stride, and the bit-packed mask.
+
+use std::fmt;
+
+/// Why a pixel buffer was refused.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ImageError {
+    /// Width or height is zero.
+    Empty,
+    /// The buffer is shorter than its size and stride say.
+    TooShort {
+        /// Bytes that the size and stride ask for.
+        expected_bytes: usize,
+        /// Bytes there are.
+        got_bytes: usize,
+    },
+    /// A row is longer than the stride between rows.
+    StrideTooSmall {
+        /// Bytes of one row.
+        expected_bytes: usize,
+        /// The stride given.
+        got_bytes: usize,
+    },
+}
+
+impl fmt::Display for ImageError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ImageError::Empty => write!(f, "the image has no pixels"),
+            ImageError::TooShort { expected_bytes, got_bytes } => {
+                write!(f, "pixel buffer too short: expected {expected_bytes} bytes, got {got_bytes}")
+            }
+            ImageError::StrideTooSmall { expected_bytes, got_bytes } => {
+                write!(f, "stride too small: expected at least {expected_bytes} bytes, got {got_bytes}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for ImageError {}
+
+/// Size of an image in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(into = "[usize; 2]", from = "[usize; 2]")]
+pub struct SizePx {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl SizePx {
+    /// A size of `width` x `height` pixels.
+    pub const fn new(width: usize, height: usize) -> Self {
+        SizePx { width, height }
+    }
+
+    /// Number of pixels.
+    pub const fn area(self) -> usize {
+        self.width * self.height
+    }
+}
+
+impl From<[usize; 2]> for SizePx {
+    fn from([width, height]: [usize; 2]) -> Self {
+        SizePx { width, height }
+    }
+}
+
+impl From<SizePx> for [usize; 2] {
+    fn from(s: SizePx) -> Self {
+        [s.width, s.height]
+    }
+}
+
+impl fmt::Display for SizePx {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+/// Pixels of one byte (`CHANNELS` = 1) or three bytes R, G, B (`CHANNELS` = 3), rows `stride` bytes apart.
+#[derive(Debug, Clone, Copy)]
+pub struct Interleaved<'a, const CHANNELS: usize> {
+    bytes: &'a [u8],
+    size: SizePx,
+    stride: usize,
+}
+
+/// Grey pixels, one byte each, 0 black to 255 white.
+pub type Gray<'a> = Interleaved<'a, 1>;
+/// Colour pixels, bytes in the order red, green, blue.
+pub type Rgb<'a> = Interleaved<'a, 3>;
+
+impl<'a, const CHANNELS: usize> Interleaved<'a, CHANNELS> {
+    /// Wraps a buffer whose rows follow each other without a gap.
+    pub fn new(bytes: &'a [u8], size: SizePx) -> Result<Self, ImageError> {
+        Self::with_stride(bytes, size, size.width * CHANNELS)
+    }
+
+    /// Wraps a buffer whose rows start `stride_bytes` apart. The last row need not be padded.
+    pub fn with_stride(bytes: &'a [u8], size: SizePx, stride_bytes: usize) -> Result<Self, ImageError> {
+        if size.area() == 0 {
+            return Err(ImageError::Empty);
+        }
+        let row = size.width * CHANNELS;
+        if stride_bytes < row {
+            return Err(ImageError::StrideTooSmall { expected_bytes: row, got_bytes: stride_bytes });
+        }
+        let expected_bytes = stride_bytes * (size.height - 1) + row;
+        if bytes.len() < expected_bytes {
+            return Err(ImageError::TooShort { expected_bytes, got_bytes: bytes.len() });
+        }
+        Ok(Interleaved { bytes, size, stride: stride_bytes })
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> SizePx {
+        self.size
+    }
+
+    /// The bytes of row `y`, `width * CHANNELS` of them.
+    pub fn row(&self, y: usize) -> &'a [u8] {
+        &self.bytes[y * self.stride..][..self.size.width * CHANNELS]
+    }
+}
+
+/// What a camera delivers.
+#[derive(Debug, Clone, Copy)]
+pub enum Pixels<'a> {
+    /// One byte a pixel.
+    Gray(Gray<'a>),
+    /// Three bytes a pixel.
+    Rgb(Rgb<'a>),
+}
+
+impl Pixels<'_> {
+    /// Width and height.
+    pub fn size(&self) -> SizePx {
+        match self {
+            Pixels::Gray(g) => g.size(),
+            Pixels::Rgb(c) => c.size(),
+        }
+    }
+}
+
+/// One camera frame, with the number and time its source gave it.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame<'a> {
+    /// The picture as the camera delivers it, before any flip or rectification.
+    pub pixels: Pixels<'a>,
+    /// The source's running number; a gap means frames that never arrived.
+    pub seq: u64,
+    /// Time of exposure in nanoseconds on the source's clock; None where the source knows none.
+    pub time_ns: Option<u64>,
+}
+
+/// A binary image, one bit a pixel, rows padded to whole 64-bit words; bit x % 64 of word x / 64 is column x.
+/// Bits beyond the width are always zero.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Mask {
+    size: SizePx,
+    words_per_row: usize,
+    words: Vec<u64>,
+}
+
+impl Mask {
+    /// An empty mask.
+    pub fn new(size: SizePx) -> Self {
+        let words_per_row = size.width.div_ceil(64);
+        Mask { size, words_per_row, words: vec![0; words_per_row * size.height] }
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> SizePx {
+        self.size
+    }
+
+    /// Whether pixel (x, y) is set; false outside the image.
+    pub fn get(&self, x: isize, y: isize) -> bool {
+        if x < 0 || y < 0 || x as usize >= self.size.width || y as usize >= self.size.height {
+            return false;
+        }
+        let (x, y) = (x as usize, y as usize);
+        self.words[y * self.words_per_row + x / 64] >> (x % 64) & 1 == 1
+    }
+
+    /// Sets or clears pixel (x, y). Outside the image: a panic, as an index of a slice.
+    pub fn set(&mut self, x: usize, y: usize, on: bool) {
+        assert!(x < self.size.width && y < self.size.height, "pixel ({x}, {y}) outside {}", self.size);
+        let bit = 1u64 << (x % 64);
+        let word = &mut self.words[y * self.words_per_row + x / 64];
+        *word = if on { *word | bit } else { *word & !bit };
+    }
+
+    /// Clears every pixel.
+    pub fn clear(&mut self) {
+        self.words.fill(0);
+    }
+
+    /// Takes over the pixels of a mask of the same size.
+    pub fn copy_from(&mut self, other: &Mask) {
+        assert_eq!(self.size, other.size, "masks differ in size");
+        self.words.copy_from_slice(&other.words);
+    }
+
+    /// Number of pixels set.
+    pub fn area_px(&self) -> usize {
+        self.words.iter().map(|w| w.count_ones() as usize).sum()
+    }
+
+    /// The words of row `y`.
+    pub fn row(&self, y: usize) -> &[u64] {
+        &self.words[y * self.words_per_row..][..self.words_per_row]
+    }
+
+    /// The words of row `y`, to write. Bits beyond the width must stay zero.
+    pub(crate) fn row_mut(&mut self, y: usize) -> &mut [u64] {
+        &mut self.words[y * self.words_per_row..][..self.words_per_row]
+    }
+
+    /// All words, row by row.
+    pub(crate) fn words(&self) -> &[u64] {
+        &self.words
+    }
+
+    /// All words, row by row, to write. Bits beyond the width must stay zero.
+    pub(crate) fn words_mut(&mut self) -> &mut [u64] {
+        &mut self.words
+    }
+
+    /// Which bits of the last word of a row lie inside the image.
+    pub(crate) fn last_word(&self) -> u64 {
+        match self.size.width % 64 {
+            0 => u64::MAX,
+            n => (1 << n) - 1,
+        }
+    }
+
+    /// Reads a picture of `.` (clear) and any other sign (set), one line a row: the form tests expect masks in.
+    pub fn from_picture(picture: &str) -> Self {
+        let rows: Vec<&str> = picture.lines().map(str::trim).filter(|l| !l.is_empty()).collect();
+        let width = rows.first().map_or(0, |r| r.len());
+        let mut mask = Mask::new(SizePx::new(width, rows.len()));
+        for (y, row) in rows.iter().enumerate() {
+            assert_eq!(row.len(), width, "row {y} of the picture has another length");
+            for (x, sign) in row.bytes().enumerate() {
+                mask.set(x, y, sign != b'.');
+            }
+        }
+        mask
+    }
+}
+
+/// The mask as a picture of `.` and `#`.
+impl fmt::Debug for Mask {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for y in 0..self.size.height {
+            for x in 0..self.size.width {
+                f.write_str(if self.get(x as isize, y as isize) { "#" } else { "." })?;
+            }
+            f.write_str("\n")?;
+        }
+        Ok(())
+    }
+}

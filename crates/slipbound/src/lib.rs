@@ -1,0 +1,7 @@
+//! Incipient slip from a camera inside a soft fingertip.
+
+pub mod image;
+pub mod pixels;
+pub mod plane;
+pub mod port;
+pub mod sensor;

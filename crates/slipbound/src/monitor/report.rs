@@ -1,0 +1,196 @@
+//! What one frame says: plain data, `Copy`, nothing in it from our own clock.
+
+use crate::image::SizePx;
+use crate::plane::Vec2;
+use serde::{Serialize, Serializer};
+use std::fmt;
+
+/// The verdict on a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SlipState {
+    /// Nothing touches the finger.
+    NoContact,
+    /// Something touches, but the patch is too small or too weak, or holds too few markers, to tell.
+    Unsure,
+    /// The contact moves as one rigid body.
+    Stick,
+    /// Part of the contact lags behind the rigid body: it has begun to slip.
+    Incipient,
+    /// The whole contact slides. Not used yet.
+    Gross,
+    /// The frame could not be judged; the reason says why.
+    Unjudged,
+}
+
+/// Why a frame is [`SlipState::Unjudged`] or [`SlipState::Unsure`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reason {
+    /// The frame has another size than the monitor was made for.
+    FrameSize {
+        /// The size the monitor was made for.
+        expected: SizePx,
+        /// The size of this frame.
+        got: SizePx,
+    },
+    /// The frame is too dark to show markers.
+    Dark {
+        /// Mean grey level of the frame.
+        mean_levels: f64,
+    },
+    /// The frame did not arrive whole.
+    Torn,
+    /// Fewer than half of the markers at rest are in sight.
+    MarkersLost,
+    /// The patch is too small, too weak or holds too few markers: see [`ContactReport::quality`].
+    ContactQuality,
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Reason::FrameSize { expected, got } => write!(f, "frame size: expected {expected}, got {got}"),
+            Reason::Dark { mean_levels } => write!(f, "dark frame: mean grey level {mean_levels:.1}"),
+            Reason::Torn => f.write_str("torn frame"),
+            Reason::MarkersLost => f.write_str("more than half of the markers are lost"),
+            Reason::ContactQuality => f.write_str("contact too small or too weak to judge"),
+        }
+    }
+}
+
+impl Serialize for Reason {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// The contact region of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct ContactReport {
+    /// Area in rectified pixels.
+    pub area_px: f64,
+    /// Area on the gel; None where the finger's pitch in mm is unknown.
+    pub area_mm2: Option<f64>,
+    /// 0 to 1: whether the patch is large and strong enough to trust the verdict. The smaller of two shares, each
+    /// at most 1: markers in contact over [`ContactSettings::full_markers_count`](super::ContactSettings), and
+    /// signal strength over twice the level at which contact is taken up.
+    pub quality: f64,
+}
+
+/// How many markers are where.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct MarkerCounts {
+    /// Spots in this frame that look like markers.
+    pub detected: u32,
+    /// Markers of the rest frame found again.
+    pub matched: u32,
+    /// Markers of the rest frame not found; they are coasted and return under their own number.
+    pub lost: u32,
+    /// Markers in the inner contact region, from which the rigid motion is fitted.
+    pub inner: u32,
+}
+
+/// Rigid motion of the inner contact region since the reference frame (step 3).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct MotionReport {
+    /// The reference point: mean of the inner markers in the reference frame, rectified px.
+    pub reference_px: Vec2,
+    /// Displacement of the reference point in px.
+    pub translation_px: Vec2,
+    /// The same on the gel; None where the pitch in mm is unknown.
+    pub translation_mm: Option<Vec2>,
+    /// Rotation in radians, positive from x to y (clockwise on the screen).
+    pub rotation_rad: f64,
+    /// Centre of rotation, rectified px; None for a pure translation.
+    pub icr_px: Option<Vec2>,
+}
+
+/// What kind of motion slips.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SlipKind {
+    /// The object shifts over the gel.
+    Translation,
+    /// The object turns on the gel.
+    Rotation,
+    /// Both, neither below a third of the motion at the rim.
+    Both,
+}
+
+/// The slip field in short (step 4).
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct SlipSummary {
+    /// Markers in contact whose measured displacement leaves the rigid one by more than the threshold.
+    pub markers_over: u32,
+    /// Largest length of the slip field in contact, in marker pitches.
+    pub max_pitch: f64,
+    /// The same on the gel; None where the pitch in mm is unknown.
+    pub max_mm: Option<f64>,
+    /// What kind of motion it is; None while nothing slips.
+    pub kind: Option<SlipKind>,
+    /// Direction in which the OBJECT slides over the gel (against the slip field), radians, 0 along x, positive
+    /// from x to y; None while nothing slips or when the object only turns.
+    pub direction_rad: Option<f64>,
+}
+
+/// The verdict on one frame and what it rests on.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SlipReport {
+    /// The source's number of the frame.
+    pub seq: u64,
+    /// The source's time of the frame.
+    pub time_ns: Option<u64>,
+    /// The verdict.
+    pub state: SlipState,
+    /// Why there is no verdict; None when there is one.
+    pub reason: Option<Reason>,
+    /// Step 1.
+    pub contact: ContactReport,
+    /// Step 2.
+    pub markers: MarkerCounts,
+    /// Number of the frame that displacement is judged against; 0 and the rest frame before the first slip.
+    pub reference_seq: u64,
+    /// Grip force per finger in newtons, as the caller gave it.
+    pub grip_n: Option<f64>,
+    /// Step 3; None when too few markers are in contact.
+    pub motion: Option<MotionReport>,
+    /// Step 4.
+    pub slip: SlipSummary,
+}
+
+/// One marker as it is known after a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Marker {
+    /// Its number: the place in the rest frame, in reading order. Never changes.
+    pub id: u32,
+    /// Position in the rest frame, rectified px.
+    pub rest: Vec2,
+    /// Position in the reference frame, rectified px.
+    pub reference: Vec2,
+    /// Position now, rectified px; where it is expected when it is not matched.
+    pub now: Vec2,
+    /// Whether it was found in this frame.
+    pub matched: bool,
+    /// Whether it was found in the reference frame; a marker that was not has no displacement since then.
+    pub in_reference: bool,
+    /// Whether it lies in the contact region.
+    pub in_contact: bool,
+    /// Whether the rigid motion was fitted to it.
+    pub inner: bool,
+    /// Measured minus rigid displacement since the reference frame, px; zero outside the contact.
+    pub slip: Vec2,
+    /// Whether the slip exceeds the threshold.
+    pub over: bool,
+}
+
+impl Marker {
+    /// Displacement from rest in px.
+    pub fn now_from_rest(&self) -> Vec2 {
+        self.now - self.rest
+    }
+
+    /// Displacement since the reference frame in px.
+    pub fn now_from_reference(&self) -> Vec2 {
+        self.now - self.reference
+    }
+}

@@ -1,0 +1,125 @@
+//! The traits through which the world is reached. The core only names them; `slipbound-rig` (hardware, files)
+//! and the simulator implement them.
+
+use crate::image::{Frame, Gray, ImageError, Pixels, Rgb, SizePx};
+use serde::{Deserialize, Serialize};
+
+/// Any failure of a source; its text names the file or device, what was expected and what was got.
+pub type SourceError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Whose clock the time of a frame is from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Clock {
+    /// The camera's or simulator's own clock, at exposure.
+    Device,
+    /// The computer's clock, at arrival.
+    Host,
+    /// Time stamps of a container or of its recorder.
+    Container,
+    /// Frame number times a frame rate that was assumed or written in a header, not measured.
+    Assumed,
+    /// There is no time.
+    Unknown,
+}
+
+/// How the bytes of a [`FrameBuffer`] are laid out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PixelFormat {
+    /// One byte a pixel.
+    Gray,
+    /// Three bytes a pixel: red, green, blue.
+    Rgb,
+}
+
+impl PixelFormat {
+    /// Bytes a pixel takes.
+    pub const fn bytes_per_pixel(self) -> usize {
+        match self {
+            PixelFormat::Gray => 1,
+            PixelFormat::Rgb => 3,
+        }
+    }
+}
+
+/// One frame as a source fills it; recycled, so that a running source need not allocate.
+#[derive(Debug, Clone)]
+pub struct FrameBuffer {
+    /// The frame as it was recorded or received (a JPEG, say); empty when there is no such form.
+    pub encoded: Vec<u8>,
+    /// Decoded pixels, rows without gaps.
+    pub pixels: Vec<u8>,
+    /// Layout of `pixels`.
+    pub format: PixelFormat,
+    /// Size of `pixels`.
+    pub size: SizePx,
+    /// The source's running number.
+    pub seq: u64,
+    /// Time of exposure or arrival in nanoseconds, by `clock`.
+    pub time_ns: Option<u64>,
+    /// Whose clock `time_ns` is from.
+    pub clock: Clock,
+    /// What the frame is called in messages: the file name of an image, say; empty for most sources.
+    pub label: String,
+}
+
+impl Default for FrameBuffer {
+    fn default() -> Self {
+        FrameBuffer {
+            encoded: Vec::new(),
+            pixels: Vec::new(),
+            format: PixelFormat::Rgb,
+            size: SizePx::new(0, 0),
+            seq: 0,
+            time_ns: None,
+            clock: Clock::Unknown,
+            label: String::new(),
+        }
+    }
+}
+
+impl FrameBuffer {
+    /// The pixels as the method takes them. Fails when the buffer does not hold what its size says.
+    pub fn frame(&self) -> Result<Frame<'_>, ImageError> {
+        let pixels = match self.format {
+            PixelFormat::Gray => Pixels::Gray(Gray::new(&self.pixels, self.size)?),
+            PixelFormat::Rgb => Pixels::Rgb(Rgb::new(&self.pixels, self.size)?),
+        };
+        Ok(Frame { pixels, seq: self.seq, time_ns: self.time_ns })
+    }
+}
+
+/// What a source had to give.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Next {
+    /// A frame, in the buffer.
+    Frame,
+    /// A frame that cannot be decoded whole; the buffer holds its number, time and encoded bytes.
+    Torn {
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Nothing within the source's time limit; more may come.
+    Silent,
+    /// The recording is over.
+    End,
+}
+
+/// Frames in order: a camera, a recording, a simulator.
+pub trait FrameSource {
+    /// The next frame into a recycled buffer. An error is final; a torn frame is not an error.
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError>;
+
+    /// How many frames there are in all, where that is known before the end.
+    fn frames_count(&self) -> Option<u64> {
+        None
+    }
+}
+
+/// What a gripper says of its force at the time of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct GripSample {
+    /// Normal force per finger in newtons.
+    pub force_n: f64,
+}

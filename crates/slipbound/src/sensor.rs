@@ -1,0 +1,244 @@
+//! What is true of a finger: how its camera sees the gel and what the markers on it look like.
+//!
+//! A sensor file (`sensors/*.toml`) holds these facts; there is no default finger. Lengths in px are in the
+//! rectified image at the stated [`Sensor::image_px`]; [`Sensor::at_size`] converts them to another resolution.
+
+use crate::image::SizePx;
+use crate::plane::{Homography, Vec2};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// A setting or a fact of a sensor that cannot be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SettingError {
+    /// The key, dotted as in its TOML file.
+    pub key: String,
+    /// The value found.
+    pub got: String,
+    /// The values allowed.
+    pub expected: String,
+}
+
+impl fmt::Display for SettingError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: expected {}, got {}", self.key, self.expected, self.got)
+    }
+}
+
+impl std::error::Error for SettingError {}
+
+/// Refuses a number outside `low..=high`, or NaN.
+pub(crate) fn within(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(SettingError { key: key.into(), got: value.to_string(), expected: format!("a number from {low} to {high}") })
+}
+
+/// Whether markers are darker or brighter than the gel around them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Polarity {
+    /// Dark markers, as on GelSlim and GelSight.
+    Dark,
+    /// Bright markers.
+    Bright,
+}
+
+/// A mirror image to undo before anything else.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Flip {
+    /// The frame is as the finger frame has it.
+    None,
+    /// Top and bottom are exchanged.
+    Vertical,
+    /// Left and right are exchanged.
+    Horizontal,
+    /// Both: the frame is upside down.
+    Both,
+}
+
+/// What covers the gel, and so how contact shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Skin {
+    /// A fabric whose weave shows where it is pressed (GelSlim): contact is texture.
+    Fabric,
+    /// A smooth coating (GelSight): contact is a change of shading.
+    Smooth,
+}
+
+/// Edge thresholds of a part of the image; illumination differs from top to bottom.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EdgeBand {
+    /// The band ends at this fraction of the rectified height; bands follow each other from the top, the last ends at 1.
+    pub rows_to_fraction: f64,
+    /// Canny's lower threshold, in grey levels of the flattened image times the Sobel gain.
+    pub low_levels: u16,
+    /// Canny's upper threshold.
+    pub high_levels: u16,
+}
+
+/// How the camera's view of the gel becomes the rectified image.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rectification {
+    /// From the (flipped) camera image to the plane of the gel, px to px, pixel centres at whole numbers.
+    pub homography: Homography,
+    /// The part of that plane which becomes the rectified image: left, top, right, bottom (exclusive).
+    pub crop_px: [usize; 4],
+}
+
+/// The facts of one finger. Built from a sensor file; see `sensors/` for the built-in ones.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensor {
+    /// The name of the kind of finger.
+    pub name: String,
+    /// What is behind the numbers: where they were measured and how.
+    #[serde(default)]
+    pub description: String,
+    /// Serial number of this one finger.
+    #[serde(default)]
+    pub serial: Option<String>,
+    /// Size of the camera image at which the px values hold.
+    pub image_px: SizePx,
+    /// The mirror image that the camera delivers.
+    pub flip: Flip,
+    /// Weights of red, green and blue in the grey image; their sum is at most 1.
+    pub grey_weights_rgb: [f64; 3],
+    /// Whether markers are dark or bright.
+    pub polarity: Polarity,
+    /// Distance between neighbouring markers in the rectified image.
+    pub pitch_px: f64,
+    /// The same distance on the gel in mm; None where nobody measured it, and then no millimetre is reported.
+    #[serde(default)]
+    pub pitch_mm: Option<f64>,
+    /// Diameter of a marker in the rectified image.
+    pub marker_diameter_px: f64,
+    /// What covers the gel.
+    pub skin: Skin,
+    /// Edge thresholds from top to bottom; needed for a fabric skin only.
+    #[serde(default)]
+    pub edge_bands: Vec<EdgeBand>,
+    /// Rectification; None when the camera looks straight at the gel.
+    #[serde(default)]
+    pub rectification: Option<Rectification>,
+}
+
+impl Sensor {
+    /// Checks every fact; the error names the first key that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        let bad = |key: &str, got: String, expected: &str| {
+            Err(SettingError { key: key.into(), got, expected: expected.into() })
+        };
+        within("image_px.width", self.image_px.width as f64, 32.0, 8192.0)?;
+        within("image_px.height", self.image_px.height as f64, 32.0, 8192.0)?;
+        for weight in self.grey_weights_rgb {
+            within("grey_weights_rgb", weight, 0.0, 1.0)?;
+        }
+        within("grey_weights_rgb (sum)", self.grey_weights_rgb.iter().sum(), 0.01, 1.0 + 1e-9)?;
+        within("marker_diameter_px", self.marker_diameter_px, 3.0, 64.0)?;
+        within("pitch_px", self.pitch_px, 1.5 * self.marker_diameter_px, 512.0)?;
+        if let Some(pitch_mm) = self.pitch_mm {
+            within("pitch_mm", pitch_mm, 0.1, 20.0)?;
+        }
+        if self.skin == Skin::Fabric && self.edge_bands.is_empty() {
+            return bad("edge_bands", "none".into(), "at least one band for a fabric skin");
+        }
+        let mut from = 0.0;
+        for band in &self.edge_bands {
+            if !(band.rows_to_fraction > from && band.rows_to_fraction <= 1.0) {
+                let expected = format!("a number above {from}, at most 1");
+                return bad("edge_bands.rows_to_fraction", band.rows_to_fraction.to_string(), &expected);
+            }
+            if band.low_levels > band.high_levels {
+                return bad("edge_bands.low_levels", band.low_levels.to_string(), "at most high_levels");
+            }
+            from = band.rows_to_fraction;
+        }
+        if !self.edge_bands.is_empty() && from != 1.0 {
+            return bad("edge_bands.rows_to_fraction", from.to_string(), "1 in the last band");
+        }
+        if let Some(r) = &self.rectification {
+            let [left, top, right, bottom] = r.crop_px;
+            if right < left + 32 || bottom < top + 32 || right > 8192 || bottom > 8192 {
+                return bad(
+                    "rectification.crop_px",
+                    format!("{:?}", r.crop_px),
+                    "left, top, right, bottom, 32 px apart",
+                );
+            }
+            if r.homography.inverse().is_none() {
+                return bad("rectification.homography", format!("{:?}", r.homography.0), "an invertible matrix");
+            }
+        }
+        Ok(())
+    }
+
+    /// The same finger seen by a camera set to another resolution. The shape of the image must be the same
+    /// (to 1 px in the height), else the error says what was expected.
+    pub fn at_size(&self, size: SizePx) -> Result<Sensor, SettingError> {
+        if size == self.image_px {
+            return Ok(self.clone());
+        }
+        let scale = size.width as f64 / self.image_px.width as f64;
+        if (self.image_px.height as f64 * scale - size.height as f64).abs() > 1.0 {
+            return Err(SettingError {
+                key: "image_px".into(),
+                got: format!("frames of {size}"),
+                expected: format!("{} or the same shape at another scale", self.image_px),
+            });
+        }
+        let scaled = |v: usize| (v as f64 * scale).round() as usize;
+        // Pixel centres lie at whole numbers, so a scale moves them about (-0.5, -0.5).
+        let shift = (scale - 1.0) / 2.0;
+        let grow = Homography([[scale, 0.0, shift], [0.0, scale, shift], [0.0, 0.0, 1.0]]);
+        let shrink = grow.inverse().expect("a positive scale has an inverse");
+        Ok(Sensor {
+            image_px: size,
+            pitch_px: self.pitch_px * scale,
+            marker_diameter_px: self.marker_diameter_px * scale,
+            rectification: self.rectification.map(|r| Rectification {
+                homography: grow.after(&r.homography).after(&shrink),
+                crop_px: r.crop_px.map(scaled),
+            }),
+            ..self.clone()
+        })
+    }
+
+    /// Size of the rectified image.
+    pub fn rectified_px(&self) -> SizePx {
+        match &self.rectification {
+            None => self.image_px,
+            Some(r) => SizePx::new(r.crop_px[2] - r.crop_px[0], r.crop_px[3] - r.crop_px[1]),
+        }
+    }
+
+    /// Where a point of the rectified image lies in the camera image as delivered (before the flip is undone).
+    pub fn camera_from_rectified(&self, p: Vec2) -> Vec2 {
+        let unflip = |p: Vec2| {
+            let (w, h) = ((self.image_px.width - 1) as f64, (self.image_px.height - 1) as f64);
+            match self.flip {
+                Flip::None => p,
+                Flip::Vertical => Vec2::new(p.x, h - p.y),
+                Flip::Horizontal => Vec2::new(w - p.x, p.y),
+                Flip::Both => Vec2::new(w - p.x, h - p.y),
+            }
+        };
+        match &self.rectification {
+            None => unflip(p),
+            Some(r) => {
+                let inverse = r.homography.inverse().unwrap_or(Homography::IDENTITY);
+                unflip(inverse.apply(p + Vec2::new(r.crop_px[0] as f64, r.crop_px[1] as f64)))
+            }
+        }
+    }
+
+    /// Millimetres per rectified pixel; None where the pitch in mm is unknown.
+    pub fn mm_per_px(&self) -> Option<f64> {
+        self.pitch_mm.map(|mm| mm / self.pitch_px)
+    }
+}
