@@ -1,0 +1,42 @@
+//! Contact of the gel with one object, step by step in time.
+//!
+//! ```text
+//!   command (grip, pose or wrench)
+//!      |
+//!      v
+//!   gap of every cell          shape   where the object is above each piece of gel
+//!   pressure                   normal  who touches
+//!   friction bounds            friction
+//!   traction, object motion    tangential, body   who sticks, where the object goes
+//!   displacement, truth        response, strain, truth
+//! ```
+//!
+//! The order is [`Finger::step`]; each box is a file.
+
+mod body;
+mod finger;
+mod friction;
+mod grid;
+mod half_space;
+mod normal;
+mod path;
+mod response;
+pub mod shape;
+mod strain;
+mod tangential;
+mod transform;
+mod truth;
+
+pub use body::{Body, Drive, Inertia, Mount, Pose, Wrench};
+pub use finger::{Command, Finger, FingerSettings};
+pub use friction::{Friction, Law};
+pub use grid::{Grid, Region};
+pub use normal::{Grip, Stop};
+pub use path::{Change, Leg, Path};
+pub use transform::Planner;
+pub use truth::{Displacement, Event, Events, GROSS_STICK_RATIO, LINEAR_STRAIN, LoadRecord, Truth};
+
+pub(crate) use half_space::half_space_response;
+pub(crate) use normal::Normal;
+pub(crate) use response::Response;
+pub(crate) use tangential::{Question, Tangential};

@@ -1,0 +1,240 @@
+//! The object as a rigid body in the plane of the gel: where it is, what drives it, how it gives way.
+
+use crate::layer::{above_zero, zero_or_above};
+use rustfft::num_complex::Complex64;
+use serde::{Deserialize, Serialize};
+use slipbound::plane::Vec2;
+use slipbound::sensor::SettingError;
+
+/// Newtons for a mass of 1 kg accelerated by 1 mm/s2: the mass in tonnes per kilogram.
+const TONNES_PER_KG: f64 = 1e-3;
+
+/// Where the object is.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pose {
+    /// Its reference point in mm, in gel coordinates.
+    pub position_mm: Vec2,
+    /// Its rotation in rad, positive from x to y.
+    pub turn_rad: f64,
+}
+
+/// Force and torque in the plane.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wrench {
+    /// Force in N.
+    pub force_n: Vec2,
+    /// Torque in N mm about the object's reference point, positive from x to y.
+    pub torque_n_mm: f64,
+}
+
+impl Wrench {
+    /// Force and torque together, multiplied by a number.
+    pub fn scaled(self, factor: f64) -> Self {
+        Wrench { force_n: self.force_n * factor, torque_n_mm: self.torque_n_mm * factor }
+    }
+}
+
+/// Mass of the object.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Inertia {
+    /// Mass in kg, above 0.
+    pub mass_kg: f64,
+    /// Radius of gyration about the centre of mass in mm, above 0.
+    pub gyration_radius_mm: f64,
+    /// Centre of mass relative to the reference point, in mm.
+    pub centre_of_mass_mm: Vec2,
+}
+
+/// A spring and a damper between the object and the hand or ground it is attached to, whose pose is commanded.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mount {
+    /// Stiffness against translation in N/mm, 0 or above.
+    pub stiffness_n_per_mm: f64,
+    /// Stiffness against rotation in N mm/rad, 0 or above.
+    pub stiffness_n_mm_per_rad: f64,
+    /// Damping of translation in N s/mm, 0 or above.
+    pub damping_n_s_per_mm: f64,
+    /// Damping of rotation in N mm s/rad, 0 or above.
+    pub damping_n_mm_s_per_rad: f64,
+}
+
+/// What decides where the object goes.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Drive {
+    /// It follows the commanded pose exactly.
+    #[default]
+    Guided,
+    /// The commanded wrench accelerates its mass.
+    Free(Inertia),
+    /// A spring pulls it to the commanded pose, and the commanded wrench acts on it too.
+    Mounted(Mount, Option<Inertia>),
+}
+
+/// The object as a body.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// What drives it.
+    pub drive: Drive,
+    /// How many identical fingers hold it, 1 or more; only one of them is computed.
+    pub fingers_count: u32,
+}
+
+impl Default for Body {
+    /// One finger, guided.
+    fn default() -> Self {
+        Body { drive: Drive::Guided, fingers_count: 1 }
+    }
+}
+
+impl Body {
+    /// Refuses numbers outside the ranges of the fields, and mounts that hold nothing and have no mass.
+    pub fn check(&self) -> Result<(), SettingError> {
+        let bad = |key: &str, got: String, expected: &str| {
+            Err(SettingError { key: key.into(), got, expected: expected.into() })
+        };
+        if self.fingers_count == 0 {
+            return bad("body.fingers_count", "0".into(), "1 or more");
+        }
+        let check_inertia = |inertia: &Inertia| {
+            above_zero("body.mass_kg", inertia.mass_kg)?;
+            above_zero("body.gyration_radius_mm", inertia.gyration_radius_mm)?;
+            if inertia.centre_of_mass_mm.is_finite() {
+                return Ok(());
+            }
+            bad("body.centre_of_mass_mm", format!("{:?}", inertia.centre_of_mass_mm), "finite numbers")
+        };
+        match &self.drive {
+            Drive::Guided => Ok(()),
+            Drive::Free(inertia) => check_inertia(inertia),
+            Drive::Mounted(mount, inertia) => {
+                zero_or_above("body.stiffness_n_per_mm", mount.stiffness_n_per_mm)?;
+                zero_or_above("body.stiffness_n_mm_per_rad", mount.stiffness_n_mm_per_rad)?;
+                zero_or_above("body.damping_n_s_per_mm", mount.damping_n_s_per_mm)?;
+                zero_or_above("body.damping_n_mm_s_per_rad", mount.damping_n_mm_s_per_rad)?;
+                match inertia {
+                    Some(inertia) => check_inertia(inertia),
+                    None => {
+                        above_zero(
+                            "body.stiffness_n_per_mm + damping_n_s_per_mm of a body without mass",
+                            mount.stiffness_n_per_mm + mount.damping_n_s_per_mm,
+                        )?;
+                        above_zero(
+                            "body.stiffness_n_mm_per_rad + damping_n_mm_s_per_rad of a body without mass",
+                            mount.stiffness_n_mm_per_rad + mount.damping_n_mm_s_per_rad,
+                        )
+                    }
+                }
+            }
+        }
+    }
+
+    /// What one implicit Euler step does to the body: (M/dt^2 + D/dt + K) dd = M v/dt + K (target - pose) + F - n Q,
+    /// hence dd = free - W n Q. `area` turns sums of tractions into forces.
+    pub(crate) fn step(
+        &self,
+        pose: Pose,
+        target: Pose,
+        wrench: Wrench,
+        velocity: Motion,
+        dt: f64,
+        area: f64,
+    ) -> (Motion, Option<Resistance>) {
+        let away =
+            Motion { shift: complex(target.position_mm - pose.position_mm), turn: target.turn_rad - pose.turn_rad };
+        let (mount, inertia) = match self.drive {
+            Drive::Guided => return (away, None),
+            Drive::Free(inertia) => (None, Some(inertia)),
+            Drive::Mounted(mount, inertia) => (Some(mount), inertia),
+        };
+        let mut stiff = [[0.0; 3]; 3];
+        let mut push = [wrench.force_n.x, wrench.force_n.y, wrench.torque_n_mm];
+        if let Some(inertia) = inertia {
+            let m = inertia.mass_kg * TONNES_PER_KG;
+            let (s, c) = pose.turn_rad.sin_cos();
+            let e = inertia.centre_of_mass_mm;
+            let (ex, ey) = (c * e.x - s * e.y, s * e.x + c * e.y);
+            let spin = inertia.gyration_radius_mm * inertia.gyration_radius_mm + e.length_squared();
+            let mass = [[m, 0.0, -m * ey], [0.0, m, m * ex], [-m * ey, m * ex, m * spin]];
+            let v = [velocity.shift.re, velocity.shift.im, velocity.turn];
+            for (row, (line, push)) in mass.iter().zip(&mut push).enumerate() {
+                for (column, &entry) in line.iter().enumerate() {
+                    stiff[row][column] += entry / (dt * dt);
+                    *push += entry * v[column] / dt;
+                }
+            }
+        }
+        if let Some(mount) = mount {
+            for (i, (k, d, away)) in [
+                (mount.stiffness_n_per_mm, mount.damping_n_s_per_mm, away.shift.re),
+                (mount.stiffness_n_per_mm, mount.damping_n_s_per_mm, away.shift.im),
+                (mount.stiffness_n_mm_per_rad, mount.damping_n_mm_s_per_rad, away.turn),
+            ]
+            .into_iter()
+            .enumerate()
+            {
+                stiff[i][i] += k + d / dt;
+                push[i] += k * away;
+            }
+        }
+        let give = inverse(&stiff);
+        let free = times(&give, push);
+        let share = area * f64::from(self.fingers_count);
+        let give = give.map(|row| row.map(|entry| entry * share));
+        (Motion { shift: Complex64::new(free[0], free[1]), turn: free[2] }, Some(Resistance { give }))
+    }
+}
+
+/// A plane vector as a complex number.
+pub(crate) fn complex(v: Vec2) -> Complex64 {
+    Complex64::new(v.x, v.y)
+}
+
+/// A small rigid displacement of the object, or what is conjugate to it: force and torque.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Motion {
+    pub shift: Complex64,
+    pub turn: f64,
+}
+
+impl Motion {
+    pub const ZERO: Motion = Motion { shift: Complex64::new(0.0, 0.0), turn: 0.0 };
+
+    /// B dd at a lever: translation and, to first order, rotation.
+    #[inline(always)]
+    pub fn at(self, lever: Complex64) -> Complex64 {
+        self.shift + Complex64::new(-self.turn * lever.im, self.turn * lever.re)
+    }
+}
+
+/// W: how far the body gives way to the load on the gel, per sum of tractions over cells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Resistance {
+    give: [[f64; 3]; 3],
+}
+
+impl Resistance {
+    pub fn retreat(&self, load: Motion) -> Motion {
+        let [x, y, turn] = times(&self.give, [load.shift.re, load.shift.im, load.turn]);
+        Motion { shift: Complex64::new(x, y), turn }
+    }
+}
+
+fn times(matrix: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
+    matrix.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
+}
+
+/// Inverse of a positive definite matrix.
+fn inverse(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    let cofactor = |i: usize, j: usize| {
+        let (r, s, t, u) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
+        m[r][t] * m[s][u] - m[r][u] * m[s][t]
+    };
+    let det: f64 = (0..3).map(|j| m[0][j] * cofactor(0, j)).sum();
+    std::array::from_fn(|i| std::array::from_fn(|j| cofactor(j, i) / det))
+}

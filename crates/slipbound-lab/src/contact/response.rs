@@ -1,0 +1,329 @@
+//! How the whole surface yields to tractions: convolutions with the compliance, done in Fourier space.
+
+use super::grid::{Grid, Region, smooth_even_at_least};
+use super::transform::{Area, Planner, Transform};
+use crate::layer::Compliance;
+use rustfft::num_complex::Complex64;
+
+const ZERO: Complex64 = Complex64::new(0.0, 0.0);
+
+/// Displacement at one offset from a cell that carries unit traction, in mm/MPa.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Kernel {
+    pub xx: f64,
+    pub xy: f64,
+    pub yy: f64,
+    pub zz: f64,
+    /// u_x from pressure; u_z from q_x is its negative.
+    pub xz: f64,
+    /// u_y from pressure.
+    pub yz: f64,
+}
+
+/// Compliance at the wave numbers of one half of a transform, divided by the number of its points.
+#[derive(Debug, Clone, Copy, Default)]
+struct Wave {
+    /// (xx + yy) / 2
+    mean: f64,
+    /// (xx - yy) / 2 + i xy
+    spread: Complex64,
+    zz: f64,
+    /// xz, yz: the spectra of the odd kernels are i times these.
+    odd: Complex64,
+}
+
+/// The response of a body's surface on windows up to `most_width` x `most_height` cells, with its buffers.
+#[derive(Debug, Clone)]
+pub(crate) struct Response {
+    transform: Transform,
+    waves: Vec<Wave>,
+    full: Vec<Complex64>,
+    half: Vec<Complex64>,
+    pub most_width: usize,
+    pub most_height: usize,
+}
+
+impl Response {
+    /// From a compliance that is a function of the wave number (a layer): periodic on the padded domain.
+    pub fn of_layer(grid: &Grid, planner: Planner, compliance: impl Fn(f64) -> Compliance) -> Self {
+        let mut out = Self::empty(grid.padded_width_cells, grid.padded_height_cells, planner);
+        (out.most_width, out.most_height) = (grid.width_cells, grid.height_cells);
+        let (half, ny) = (out.transform.half(), out.transform.ny);
+        let scale = 1.0 / (out.transform.nx * ny) as f64;
+        for kx in 0..half {
+            for ky in 0..ny {
+                let (wx, wy, nyquist) = grid.wave(kx, ky);
+                let k = wx.hypot(wy);
+                let (cx, cy) = if k > 0.0 { (wx / k, wy / k) } else { (1.0, 0.0) };
+                let c = compliance(k);
+                let (mean, spread) = (
+                    0.5 * (c.along_mm_per_mpa + c.across_mm_per_mpa),
+                    0.5 * (c.along_mm_per_mpa - c.across_mm_per_mpa),
+                );
+                // Odd products of cx and cy have no consistent sign at the Nyquist wave numbers.
+                let odd = if nyquist { 0.0 } else { 1.0 };
+                out.waves[kx * ny + ky] = Wave {
+                    mean: mean * scale,
+                    spread: Complex64::new(spread * (cx * cx - cy * cy), spread * 2.0 * cx * cy * odd) * scale,
+                    zz: c.normal_mm_per_mpa * scale,
+                    odd: Complex64::new(cx, cy) * (-c.coupling_mm_per_mpa * scale * odd),
+                };
+            }
+        }
+        out
+    }
+
+    /// From a kernel in space, given for offsets of less than half the padded size.
+    pub fn of_kernel(
+        [nx, ny]: [usize; 2],
+        [most_width, most_height]: [usize; 2],
+        planner: Planner,
+        kernel: impl Fn(isize, isize) -> Kernel,
+    ) -> Self {
+        let mut out = Self::empty(nx, ny, planner);
+        (out.most_width, out.most_height) = (most_width, most_height);
+        // Two real kernels are one complex field; even ones have real spectra, odd ones imaginary spectra.
+        let mut even = vec![ZERO; nx * ny];
+        let mut rest = vec![ZERO; nx * ny];
+        let mut odd = vec![ZERO; nx * ny];
+        let (w, h) = (most_width as isize, most_height as isize);
+        for dy in 1 - h..h {
+            for dx in 1 - w..w {
+                let at = dy.rem_euclid(ny as isize) as usize * nx + dx.rem_euclid(nx as isize) as usize;
+                let k = kernel(dx, dy);
+                even[at] = Complex64::new(k.xx, k.yy);
+                rest[at] = Complex64::new(k.xy, k.zz);
+                odd[at] = Complex64::new(k.xz, k.yz);
+            }
+        }
+        let everything = Area::all_of(Region { column: 0, row: 0, width_cells: nx, height_cells: ny });
+        let mut spectra = [(); 3].map(|()| vec![ZERO; nx * ny]);
+        for (field, spectrum) in [&even, &rest, &odd].into_iter().zip(&mut spectra) {
+            out.transform.forward(field, nx, everything, spectrum);
+        }
+        let scale = 1.0 / (nx * ny) as f64;
+        for (i, wave) in out.waves.iter_mut().enumerate() {
+            let [even, rest, odd] = [0, 1, 2].map(|s| spectra[s][i] * scale);
+            *wave = Wave {
+                mean: 0.5 * (even.re + even.im),
+                spread: Complex64::new(0.5 * (even.re - even.im), rest.re),
+                zz: rest.im,
+                odd: Complex64::new(odd.im, -odd.re), // i xz + i (i yz) = -yz + i xz
+            };
+        }
+        out
+    }
+
+    /// The same response for windows of at most `most_width` x `most_height` cells on smaller transforms: the
+    /// kernel is cut out in space, so the results differ by rounding alone.
+    pub fn cut_to(&self, [most_width, most_height]: [usize; 2], planner: Planner) -> Self {
+        let (nx, ny) = (self.transform.nx, self.transform.ny);
+        let mut transform = self.transform.clone();
+        let whole = Region { column: 0, row: 0, width_cells: nx, height_cells: ny };
+        let mut fields = [(); 3].map(|()| vec![ZERO; nx * ny]);
+        for (which, field) in fields.iter_mut().enumerate() {
+            let mut spectrum = vec![ZERO; nx * ny];
+            for kx in 0..nx {
+                for ky in 0..ny {
+                    // Even tables are equal at k and -k, odd ones opposite.
+                    let (mirrored, at) = if kx < transform.half() {
+                        (false, kx * ny + ky)
+                    } else {
+                        (true, (nx - kx) * ny + (ny - ky) % ny)
+                    };
+                    let w = self.waves[at];
+                    let odd = if mirrored { -w.odd } else { w.odd };
+                    spectrum[kx * ny + ky] = match which {
+                        0 => Complex64::new(w.mean + w.spread.re, w.mean - w.spread.re),
+                        1 => Complex64::new(w.spread.im, w.zz),
+                        _ => Complex64::new(-odd.im, odd.re),
+                    };
+                }
+            }
+            transform.inverse(&mut spectrum, whole, nx, field);
+        }
+        let size = [smooth_even_at_least(2 * most_width - 1), smooth_even_at_least(2 * most_height - 1)];
+        Self::of_kernel(size, [most_width, most_height], planner, |dx, dy| {
+            let at = dy.rem_euclid(ny as isize) as usize * nx + dx.rem_euclid(nx as isize) as usize;
+            Kernel {
+                xx: fields[0][at].re,
+                yy: fields[0][at].im,
+                xy: fields[1][at].re,
+                zz: fields[1][at].im,
+                xz: fields[2][at].re,
+                yz: fields[2][at].im,
+            }
+        })
+    }
+
+    fn empty(nx: usize, ny: usize, planner: Planner) -> Self {
+        let transform = Transform::new(nx, ny, planner);
+        let half = transform.half() * ny;
+        Response {
+            waves: vec![Wave::default(); half],
+            full: vec![ZERO; nx * ny],
+            half: vec![ZERO; half],
+            transform,
+            most_width: nx,
+            most_height: ny,
+        }
+    }
+
+    /// Points of the transforms: what a convolution costs.
+    pub fn points_count(&self) -> usize {
+        self.transform.nx * self.transform.ny
+    }
+
+    /// Whether a window fits.
+    pub fn fits(&self, window: Region) -> bool {
+        window.width_cells <= self.most_width && window.height_cells <= self.most_height
+    }
+
+    /// u_z on the window from the pressure on it.
+    pub fn depth_of_pressure(&mut self, window: Region, stride: usize, pressure: &[f64], depth: &mut [f64]) {
+        self.transform.forward_real(pressure, stride, Area::all_of(window), &mut self.half);
+        for (z, w) in self.half.iter_mut().zip(&self.waves) {
+            *z *= w.zz;
+        }
+        self.transform.inverse_real(&mut self.half, window, stride, depth);
+    }
+
+    /// u_x + i u_y on the window from the in-plane traction on it.
+    pub fn shift_of_traction(
+        &mut self,
+        window: Region,
+        stride: usize,
+        traction: &[Complex64],
+        shift: &mut [Complex64],
+    ) {
+        self.transform.forward(traction, stride, Area::all_of(window), &mut self.full);
+        self.yield_in_plane();
+        self.transform.inverse(&mut self.full, window, stride, shift);
+    }
+
+    /// Everything the pressure does: u_x + i u_y and u_z on the window. `data` holds all cells under pressure.
+    pub fn all_of_pressure(
+        &mut self,
+        area: Area,
+        stride: usize,
+        pressure: &[f64],
+        shift: &mut [Complex64],
+        depth: &mut [f64],
+    ) {
+        let (nx, ny, half) = (self.transform.nx, self.transform.ny, self.transform.half());
+        self.transform.forward_real(pressure, stride, area, &mut self.half);
+        for kx in 0..half {
+            let own = kx == 0 || 2 * kx == nx;
+            for ky in 0..ny {
+                let i = kx * ny + ky;
+                let turn = Complex64::new(-self.waves[i].odd.im, self.waves[i].odd.re); // i (xz + i yz)
+                self.full[i] = turn * self.half[i];
+                if !own {
+                    self.full[(nx - kx) * ny + (ny - ky) % ny] = -turn * self.half[i].conj();
+                }
+            }
+        }
+        for (z, w) in self.half.iter_mut().zip(&self.waves) {
+            *z *= w.zz;
+        }
+        self.transform.inverse(&mut self.full, area.window, stride, shift);
+        self.transform.inverse_real(&mut self.half, area.window, stride, depth);
+    }
+
+    /// Everything the in-plane traction does: u_x + i u_y and u_z on the window.
+    pub fn all_of_traction(
+        &mut self,
+        area: Area,
+        stride: usize,
+        traction: &[Complex64],
+        shift: &mut [Complex64],
+        depth: &mut [f64],
+    ) {
+        let (nx, ny, half) = (self.transform.nx, self.transform.ny, self.transform.half());
+        self.transform.forward(traction, stride, area, &mut self.full);
+        for kx in 0..half {
+            for ky in 0..ny {
+                let i = kx * ny + ky;
+                let z = self.full[i];
+                let m = self.full[(nx - kx) % nx * ny + (ny - ky) % ny].conj();
+                let (qx, d) = ((z + m) * 0.5, (z - m) * 0.5);
+                let qy = Complex64::new(d.im, -d.re);
+                let sum = qx * self.waves[i].odd.re + qy * self.waves[i].odd.im;
+                self.half[i] = Complex64::new(sum.im, -sum.re); // -i (xz qx + yz qy)
+            }
+        }
+        self.yield_in_plane();
+        self.transform.inverse(&mut self.full, area.window, stride, shift);
+        self.transform.inverse_real(&mut self.half, area.window, stride, depth);
+    }
+
+    /// U(k) = mean Z(k) + spread conj Z(-k), in place, for k and -k at a time.
+    fn yield_in_plane(&mut self) {
+        let (nx, ny) = (self.transform.nx, self.transform.ny);
+        for kx in 0..self.transform.half() {
+            let waves = &self.waves[kx * ny..(kx + 1) * ny];
+            if kx == 0 || 2 * kx == nx {
+                let column = &mut self.full[kx * ny..(kx + 1) * ny];
+                for ky in 0..=ny / 2 {
+                    let mirror = (ny - ky) % ny;
+                    let (z, m, w) = (column[ky], column[mirror], waves[ky]);
+                    column[ky] = z * w.mean + w.spread * m.conj();
+                    column[mirror] = m * w.mean + w.spread * z.conj();
+                }
+                continue;
+            }
+            let (left, right) = self.full.split_at_mut((nx - kx) * ny);
+            let (own, other) = (&mut left[kx * ny..(kx + 1) * ny], &mut right[..ny]);
+            pair(&mut own[0], &mut other[0], &waves[0]);
+            for ((z, m), w) in own[1..].iter_mut().zip(other[1..].iter_mut().rev()).zip(&waves[1..]) {
+                pair(z, m, w);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn pair(z: &mut Complex64, m: &mut Complex64, w: &Wave) {
+    let (a, b) = (*z, *m);
+    *z = a * w.mean + w.spread * b.conj();
+    *m = b * w.mean + w.spread * a.conj();
+}
+
+/// One response at several sizes: a small contact is solved on small transforms.
+#[derive(Debug, Clone)]
+pub(crate) struct Responses {
+    /// From the cheapest to the dearest; the last one fits the whole grid.
+    sizes: Vec<Response>,
+}
+
+impl Responses {
+    /// The response and its cuts to 1/8, 1/4, ... of the padded size.
+    pub fn new(whole: Response, planner: Planner) -> Self {
+        let steps = |n: usize| [n / 8, n * 3 / 16, n / 4, n * 3 / 8, n / 2];
+        let mut sizes = Vec::new();
+        for w in steps(whole.transform.nx) {
+            for h in steps(whole.transform.ny) {
+                let (w, h) = (w.min(whole.most_width), h.min(whole.most_height));
+                let points = smooth_even_at_least(2 * w) * smooth_even_at_least(2 * h);
+                if w >= 4 && h >= 4 && points * 10 <= whole.points_count() * 9 {
+                    sizes.push(whole.cut_to([w, h], planner));
+                }
+            }
+        }
+        sizes.push(whole);
+        sizes.sort_by_key(Response::points_count);
+        Responses { sizes }
+    }
+
+    /// The cheapest response on which the window fits.
+    pub fn for_window(&mut self, window: Region) -> &mut Response {
+        let last = self.sizes.len() - 1;
+        let fit = self.sizes.iter().position(|r| r.fits(window)).unwrap_or(last);
+        &mut self.sizes[fit]
+    }
+
+    /// The response of the whole grid.
+    pub fn whole(&mut self) -> &mut Response {
+        self.sizes.last_mut().expect("the whole grid is always there")
+    }
+}

@@ -1,0 +1,149 @@
+//! What is exactly known after a step.
+
+use super::body::{Pose, Wrench};
+use serde::{Deserialize, Serialize};
+use slipbound::plane::Vec2;
+
+/// Stick ratio below which the object slides as a whole.
+pub const GROSS_STICK_RATIO: f64 = 0.01;
+
+/// Largest displacement gradient, as a fraction, for which a linear gel is taken to hold.
+pub const LINEAR_STRAIN: f64 = 0.3;
+
+/// Something that happened in a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Event {
+    /// The first contact after none.
+    FirstContact,
+    /// The stick ratio fell below 0.8.
+    StickBelow80,
+    /// The stick ratio fell below 0.5.
+    StickBelow50,
+    /// The stick ratio fell below [`GROSS_STICK_RATIO`].
+    Gross,
+    /// The last contact was lost.
+    Parted,
+}
+
+impl Event {
+    const ALL: [Event; 5] =
+        [Event::FirstContact, Event::StickBelow80, Event::StickBelow50, Event::Gross, Event::Parted];
+}
+
+/// The events of one step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Events(u8);
+
+impl Events {
+    /// Events between two steps, from their stick ratios (None without contact). A ratio falls below a level only
+    /// if it was at or above it before.
+    pub fn between(before: Option<f64>, now: Option<f64>) -> Self {
+        let mut events = Events(0);
+        match (before, now) {
+            (None, Some(_)) => events.insert(Event::FirstContact),
+            (Some(_), None) => events.insert(Event::Parted),
+            (Some(before), Some(now)) => {
+                for (level, event) in
+                    [(0.8, Event::StickBelow80), (0.5, Event::StickBelow50), (GROSS_STICK_RATIO, Event::Gross)]
+                {
+                    if before >= level && now < level {
+                        events.insert(event);
+                    }
+                }
+            }
+            (None, None) => {}
+        }
+        events
+    }
+
+    fn insert(&mut self, event: Event) {
+        self.0 |= 1 << event as u8;
+    }
+
+    /// Whether an event is among them.
+    pub fn contains(self, event: Event) -> bool {
+        self.0 & (1 << event as u8) != 0
+    }
+
+    /// The events, in the order of [`Event`].
+    pub fn iter(self) -> impl Iterator<Item = Event> {
+        Event::ALL.into_iter().filter(move |&event| self.contains(event))
+    }
+}
+
+/// Displacement of a point of the gel surface, in mm.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Displacement {
+    /// In the plane of the gel.
+    pub shift_mm: Vec2,
+    /// Into the gel.
+    pub depth_mm: f64,
+}
+
+/// The numbers of one step; the fields are on [`super::Finger`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Truth {
+    /// Time since the beginning, in s.
+    pub time_s: f64,
+    /// Where the object is.
+    pub pose: Pose,
+    /// Normal force of this finger, in N.
+    pub grip_force_n: f64,
+    /// Depth of the object's lowest point below the flat gel, in mm; negative above it.
+    pub depth_mm: f64,
+    /// What the object exerts on this finger's gel in the plane; the torque is about the object's reference point.
+    pub wrench: Wrench,
+    /// Number of cells under pressure.
+    pub contact_cells_count: u32,
+    /// Area under pressure in mm2.
+    pub contact_area_mm2: f64,
+    /// Area that sticks over area in contact, 0 to 1; None without contact.
+    pub stick_ratio: Option<f64>,
+    /// Largest pressure in MPa.
+    pub peak_pressure_mpa: f64,
+    /// Largest displacement gradient (Frobenius norm) at the surface, as a fraction.
+    pub largest_strain_fraction: f64,
+    /// Whether that is above [`LINEAR_STRAIN`]: the numbers are those of a linear gel, a real one would differ.
+    pub beyond_linear: bool,
+    /// Whether the contact reaches the border of the grid: the object has left the pad or is too large for it.
+    pub at_border: bool,
+    /// Work turned to heat by slip in this step, in N mm; 0 or above.
+    pub dissipated_n_mm: f64,
+    /// What happened in this step.
+    pub events: Events,
+    /// Iterations of the normal solver.
+    pub normal_iterations_count: u32,
+    /// Iterations of the tangential solver.
+    pub tangential_iterations_count: u32,
+    /// Whether both solvers met their tolerance.
+    pub converged: bool,
+}
+
+/// Loads and stick ratios of a run, from which the load fraction of every step is known once gross slip is.
+///
+/// Push every step of the load ramp. A load is the factor by which the wrench of the path is scaled, or, for a
+/// guided object, the wrench along the motion: force times direction plus torque times rotation.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LoadRecord {
+    steps: Vec<(f64, Option<f64>)>,
+}
+
+impl LoadRecord {
+    /// Appends a step: its load, 0 or above in any one unit, and its stick ratio.
+    pub fn push(&mut self, load: f64, stick_ratio: Option<f64>) {
+        self.steps.push((load, stick_ratio));
+    }
+
+    /// Number of the first step whose stick ratio is below [`GROSS_STICK_RATIO`]; None while there was none.
+    pub fn gross_step(&self) -> Option<usize> {
+        self.steps.iter().position(|&(_, stick)| stick.is_some_and(|ratio| ratio < GROSS_STICK_RATIO))
+    }
+
+    /// Load fraction f of every step: its load over that of the gross step. None until gross slip has come; let the
+    /// run (or a clone of the finger) go on to it.
+    pub fn fractions(&self) -> Option<impl Iterator<Item = f64> + '_> {
+        let gross = self.steps[self.gross_step()?].0;
+        Some(self.steps.iter().map(move |&(load, _)| load / gross))
+    }
+}

@@ -1,0 +1,31 @@
+//! A finger made of numbers: the contact of a soft, bonded gel pad with an object, with exact truth of what
+//! sticks and what slips.
+//!
+//! ```text
+//!        object  (pose, roll, force, wrench)
+//!      ~~~~~\_______/~~~~~      shape:     how high the object is above the flat gel
+//!      =====gel surface=====    contact:   who touches (normal), who sticks (tangential)
+//!           gel, h mm           layer:     how the gel yields
+//!      #####rigid lens######
+//! ```
+//!
+//! Lengths are in mm, forces in N, pressures in MPa = N/mm2, times in s; x runs along the finger, y across it,
+//! z into the gel, and pressure is positive when it compresses. The equations are in docs/simulator.md.
+//!
+//! ```
+//! use slipbound_lab::contact::{Finger, FingerSettings, Leg, Path};
+//! use slipbound_lab::contact::shape::Sphere;
+//!
+//! let settings = FingerSettings::fast();
+//! let mut finger = Finger::new(settings, Sphere { radius_mm: 15.0 }).unwrap();
+//! let path = Path::new(vec![Leg::press(20.0, 0.1), Leg::shear(1.0, 0.0, 0.1)]).unwrap();
+//! for command in path.commands(finger.settings().substep_s) {
+//!     finger.step(&command).unwrap();
+//! }
+//! let truth = finger.truth();
+//! assert!(truth.wrench.force_n.x > 1.0 && truth.stick_ratio.unwrap() < 1.0);
+//! ```
+
+pub mod contact;
+pub mod layer;
+pub mod validation;
