@@ -5,6 +5,9 @@ use super::transform::{Area, Planner, Transform};
 use crate::layer::Compliance;
 use rustfft::num_complex::Complex64;
 
+/// Waves on either side, in either direction, that are added to the one a grid can resolve.
+const ALIASES: i32 = 3;
+
 const ZERO: Complex64 = Complex64::new(0.0, 0.0);
 
 /// Displacement at one offset from a cell that carries unit traction, in mm/MPa.
@@ -52,21 +55,12 @@ impl Response {
         let scale = 1.0 / (out.transform.nx * ny) as f64;
         for kx in 0..half {
             for ky in 0..ny {
-                let (wx, wy, nyquist) = grid.wave(kx, ky);
-                let k = wx.hypot(wy);
-                let (cx, cy) = if k > 0.0 { (wx / k, wy / k) } else { (1.0, 0.0) };
-                let c = compliance(k);
-                let (mean, spread) = (
-                    0.5 * (c.along_mm_per_mpa + c.across_mm_per_mpa),
-                    0.5 * (c.along_mm_per_mpa - c.across_mm_per_mpa),
-                );
-                // Odd products of cx and cy have no consistent sign at the Nyquist wave numbers.
-                let odd = if nyquist { 0.0 } else { 1.0 };
+                let wave = sampled(grid, kx, ky, &compliance);
                 out.waves[kx * ny + ky] = Wave {
-                    mean: mean * scale,
-                    spread: Complex64::new(spread * (cx * cx - cy * cy), spread * 2.0 * cx * cy * odd) * scale,
-                    zz: c.normal_mm_per_mpa * scale,
-                    odd: Complex64::new(cx, cy) * (-c.coupling_mm_per_mpa * scale * odd),
+                    mean: wave.mean * scale,
+                    spread: wave.spread * scale,
+                    zz: wave.zz * scale,
+                    odd: wave.odd * scale,
                 };
             }
         }
@@ -280,6 +274,36 @@ impl Response {
             }
         }
     }
+}
+
+/// Displacement at the middles of cells by traction that is uniform over each cell, for one wave number of the
+/// grid: the sum over all waves that look the same on the grid, each weighted by the transform of a cell.
+fn sampled(grid: &Grid, kx: usize, ky: usize, compliance: &impl Fn(f64) -> Compliance) -> Wave {
+    let (wx, wy, nyquist) = grid.wave(kx, ky);
+    let period = std::f64::consts::TAU / grid.cell_mm;
+    let sinc = |k: f64| if k == 0.0 { 1.0 } else { (0.5 * k * grid.cell_mm).sin() / (0.5 * k * grid.cell_mm) };
+    let mut out = Wave::default();
+    for (m, n) in (-ALIASES..=ALIASES).flat_map(|m| (-ALIASES..=ALIASES).map(move |n| (m, n))) {
+        let (x, y) = (wx + f64::from(m) * period, wy + f64::from(n) * period);
+        let share = sinc(x) * sinc(y);
+        if share == 0.0 {
+            continue;
+        }
+        let k = x.hypot(y);
+        let (cx, cy) = if k > 0.0 { (x / k, y / k) } else { (1.0, 0.0) };
+        let c = compliance(k);
+        let spread = 0.5 * (c.along_mm_per_mpa - c.across_mm_per_mpa);
+        out.mean += share * 0.5 * (c.along_mm_per_mpa + c.across_mm_per_mpa);
+        out.spread += Complex64::new(cx * cx - cy * cy, 2.0 * cx * cy) * (share * spread);
+        out.zz += share * c.normal_mm_per_mpa;
+        out.odd -= Complex64::new(cx, cy) * (share * c.coupling_mm_per_mpa);
+    }
+    if nyquist {
+        // Odd products of cx and cy have no consistent sign here.
+        out.spread.im = 0.0;
+        out.odd = ZERO;
+    }
+    out
 }
 
 #[inline(always)]
