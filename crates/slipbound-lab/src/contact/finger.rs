@@ -203,6 +203,8 @@ pub struct Finger {
     gap: Vec<f64>,
     pressure: Vec<f64>,
     traction: Vec<Complex64>,
+    /// Traction of the step before the last: loads mostly go on as they went.
+    traction_before: Vec<Complex64>,
     bound: Vec<f64>,
     /// Interface compliance; empty when friction has none.
     give: Vec<f64>,
@@ -264,6 +266,7 @@ impl Finger {
             gap: vec![0.0; cells],
             pressure: vec![0.0; cells],
             traction: vec![ZERO; cells],
+            traction_before: vec![ZERO; cells],
             bound: vec![0.0; cells],
             give: vec![0.0; if settings.friction.yield_mm > 0.0 { cells } else { 0 }],
             lever: vec![ZERO; cells],
@@ -374,6 +377,7 @@ impl Finger {
             } else {
                 self.bound[i] = 0.0;
                 self.traction[i] = ZERO;
+                self.traction_before[i] = ZERO;
                 self.slip[i] = ZERO;
                 self.slip_step[i] = ZERO;
                 self.slipped[i] = 0.0;
@@ -405,6 +409,9 @@ impl Finger {
         };
         for &i in &self.cells {
             let i = i as usize;
+            let (last, before) = (self.traction[i], self.traction_before[i]);
+            self.traction[i] = last * 2.0 - before;
+            self.traction_before[i] = last;
             self.lever[i] = self.at_rest[i] + self.relative[i] - origin;
             self.target[i] = self.anchor[i] + free.at(self.lever[i]) - self.of_pressure.shift[i];
             if let Some((keep, crept)) = crept {
