@@ -160,14 +160,16 @@ impl Path {
     pub fn at(&self, time_s: f64) -> Command {
         let mut now =
             Command { grip: Grip::ForceN(0.0), pose: Pose::default(), roll_mm: Vec2::ZERO, wrench: Wrench::default() };
-        let mut left_s = time_s.max(0.0);
+        let mut begin_s = 0.0;
         for leg in &self.legs {
-            let share = (left_s / leg.seconds_s).min(1.0);
+            let end_s = begin_s + leg.seconds_s;
+            // The end of a leg is met exactly, whatever the rounding of the times: a release ends at 0 N.
+            let share = if time_s > end_s - 1e-9 { 1.0 } else { ((time_s - begin_s) / leg.seconds_s).max(0.0) };
             let change = &leg.change;
             now.grip = match (change.grip_to_n, change.grip_to_depth_mm, now.grip) {
-                (Some(to), _, Grip::ForceN(from)) => Grip::ForceN(from + share * (to - from)),
+                (Some(to), _, Grip::ForceN(from)) => Grip::ForceN((1.0 - share) * from + share * to),
                 (Some(to), _, Grip::DepthMm(_)) => Grip::ForceN(to),
-                (None, Some(to), Grip::DepthMm(from)) => Grip::DepthMm(from + share * (to - from)),
+                (None, Some(to), Grip::DepthMm(from)) => Grip::DepthMm((1.0 - share) * from + share * to),
                 (None, Some(to), Grip::ForceN(_)) => Grip::DepthMm(share * to),
                 (None, None, grip) => grip,
             };
@@ -176,10 +178,10 @@ impl Path {
             now.roll_mm += change.roll_mm * share;
             now.wrench.force_n += change.pull.force_n * share;
             now.wrench.torque_n_mm += change.pull.torque_n_mm * share;
-            left_s -= leg.seconds_s;
-            if left_s <= 0.0 {
+            if share < 1.0 {
                 break;
             }
+            begin_s = end_s;
         }
         now
     }

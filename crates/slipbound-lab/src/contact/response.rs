@@ -351,3 +351,118 @@ impl Responses {
         self.sizes.last_mut().expect("the whole grid is always there")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::half_space_response;
+    use crate::layer::Gel;
+
+    const GRID: Grid =
+        Grid { width_cells: 20, height_cells: 17, cell_mm: 0.5, padded_width_cells: 40, padded_height_cells: 36 };
+
+    /// Repeatable numbers without structure, between -1 and 1.
+    fn noise(seed: u64) -> impl FnMut() -> f64 {
+        let mut state = seed;
+        move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        }
+    }
+
+    struct Fields {
+        pressure: Vec<f64>,
+        traction: Vec<Complex64>,
+    }
+
+    fn on(region: Region, seed: u64) -> Fields {
+        let (mut next, cells) = (noise(seed), GRID.cells_count());
+        let mut fields = Fields { pressure: vec![0.0; cells], traction: vec![ZERO; cells] };
+        for i in region.cells(GRID.width_cells) {
+            fields.pressure[i] = next();
+            fields.traction[i] = Complex64::new(next(), next());
+        }
+        fields
+    }
+
+    fn answer(response: &mut Response, area: Area, fields: &Fields) -> (Vec<Complex64>, Vec<f64>) {
+        let cells = GRID.cells_count();
+        let (mut shift, mut depth) = (vec![ZERO; cells], vec![0.0; cells]);
+        let (mut more, mut deeper) = (vec![ZERO; cells], vec![0.0; cells]);
+        response.all_of_pressure(area, GRID.width_cells, &fields.pressure, &mut shift, &mut depth);
+        response.all_of_traction(area, GRID.width_cells, &fields.traction, &mut more, &mut deeper);
+        for i in 0..cells {
+            shift[i] += more[i];
+            depth[i] += deeper[i];
+        }
+        (shift, depth)
+    }
+
+    #[test]
+    fn convolution_is_the_sum_over_cells() {
+        let mut next = noise(7);
+        // Even kernels are equal at opposite offsets, odd ones opposite.
+        let table: Vec<[f64; 6]> = (0..40 * 40).map(|_| std::array::from_fn(|_| next())).collect();
+        let kernel = |dx: isize, dy: isize| {
+            let (flip, x, y) = if (dy, dx) < (0, 0) { (-1.0, -dx, -dy) } else { (1.0, dx, dy) };
+            let [xx, xy, yy, zz, xz, yz] = table[(y * 40 + x + 20) as usize];
+            let odd = if dx == 0 && dy == 0 { 0.0 } else { flip };
+            Kernel { xx, xy, yy, zz, xz: odd * xz, yz: odd * yz }
+        };
+        let mut response = Response::of_kernel([40, 36], [20, 17], Planner::Scalar, kernel);
+        let data = Region { column: 3, row: 2, width_cells: 11, height_cells: 13 };
+        let fields = on(data, 11);
+        let (shift, depth) = answer(&mut response, Area { window: GRID.whole(), data }, &fields);
+        for cell in [0, 5, 90, 177, 254, 339] {
+            let (mut u, mut w) = (ZERO, 0.0);
+            for other in 0..GRID.cells_count() {
+                let dx = (cell % 20) as isize - (other % 20) as isize;
+                let dy = (cell / 20) as isize - (other / 20) as isize;
+                let (k, q, p) = (kernel(dx, dy), fields.traction[other], fields.pressure[other]);
+                u += Complex64::new(k.xx * q.re + k.xy * q.im + k.xz * p, k.xy * q.re + k.yy * q.im + k.yz * p);
+                w += k.zz * p - k.xz * q.re - k.yz * q.im;
+            }
+            assert!((u - shift[cell]).norm() < 1e-11 && (w - depth[cell]).abs() < 1e-11, "{cell}");
+        }
+    }
+
+    #[test]
+    fn small_transforms_give_what_the_whole_gives() {
+        let gel = Gel::default();
+        let mut whole = Response::of_layer(&GRID, Planner::Scalar, |k| gel.compliance(k));
+        let window = Region { column: 4, row: 6, width_cells: 9, height_cells: 7 };
+        let mut cut = whole.cut_to([9, 7], Planner::Scalar);
+        assert!(cut.points_count() < whole.points_count() && cut.fits(window) && !cut.fits(GRID.whole()));
+        let fields = on(window, 3);
+        let (shift, depth) = answer(&mut whole, Area { window: GRID.whole(), data: window }, &fields);
+        let (near, deep) = answer(&mut cut, Area::all_of(window), &fields);
+        let (mut press, mut push) = (vec![0.0; GRID.cells_count()], vec![ZERO; GRID.cells_count()]);
+        let pressed = answer(&mut cut, Area::all_of(window), &Fields { traction: push.clone(), ..on(window, 3) });
+        cut.depth_of_pressure(window, 20, &fields.pressure, &mut press);
+        cut.shift_of_traction(window, 20, &fields.traction, &mut push);
+        for i in window.cells(20) {
+            assert!((shift[i] - near[i]).norm() < 1e-12 && (depth[i] - deep[i]).abs() < 1e-12);
+            assert!((press[i] - pressed.1[i]).abs() < 1e-13);
+            assert!((push[i] + pressed.0[i] - near[i]).norm() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn work_is_reciprocal_and_positive() {
+        let gel = Gel::default();
+        let layer = Response::of_layer(&GRID, Planner::Scalar, |k| gel.compliance(k));
+        let half_space = half_space_response(&GRID, 0.2, 0.3, Planner::Scalar);
+        for mut response in [layer, half_space] {
+            let area = Area::all_of(GRID.whole());
+            let (a, b) = (on(GRID.whole(), 1), on(GRID.whole(), 2));
+            let (ua, ub) = (answer(&mut response, area, &a), answer(&mut response, area, &b));
+            let work = |f: &Fields, u: &(Vec<Complex64>, Vec<f64>)| -> f64 {
+                (0..GRID.cells_count())
+                    .map(|i| f.traction[i].re * u.0[i].re + f.traction[i].im * u.0[i].im + f.pressure[i] * u.1[i])
+                    .sum()
+            };
+            let (ab, ba, aa) = (work(&a, &ub), work(&b, &ua), work(&a, &ua));
+            assert!((ab - ba).abs() < 1e-11 * aa && aa > 0.0, "{ab} {ba} {aa}");
+        }
+    }
+}

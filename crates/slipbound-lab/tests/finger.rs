@@ -1,0 +1,352 @@
+//! What a finger must do whatever the numbers: symmetry, memory, motion, flags, and the same bytes every time.
+
+use slipbound::plane::Vec2;
+use slipbound_lab::contact::shape::{Cylinder, FlatBox, Paraboloid, Shape, Sphere};
+use slipbound_lab::contact::{
+    Body, Command, Drive, Event, Finger, FingerSettings, Friction, Grid, Grip, Inertia, Law, Leg, LoadRecord, Mount,
+    Path, Planner, Pose, Stop, Truth, Wrench,
+};
+use slipbound_lab::layer::{Creep, Gel, SoftObject};
+
+const SPHERE: Sphere = Sphere { radius_mm: 15.0 };
+const FLAT: FlatBox = FlatBox { length_mm: 16.0, width_mm: 12.0, edge_radius_mm: 1.0 };
+
+fn run(settings: FingerSettings, shape: impl Shape + 'static, legs: Vec<Leg>) -> (Finger, Vec<Truth>) {
+    let mut finger = Finger::new(settings, shape).expect("sound settings");
+    let path = Path::new(legs).expect("a sound path");
+    let truths = path.commands(settings.substep_s).map(|c| *finger.step(&c).expect("a sound command")).collect();
+    (finger, truths)
+}
+
+/// The fast grid, solved until only rounding is left.
+fn exact() -> FingerSettings {
+    let stop = Stop { tolerance_fraction: 1e-9, most_iterations_count: 5000 };
+    FingerSettings { normal_stop: stop, tangential_stop: stop, ..FingerSettings::fast() }
+}
+
+/// Pressure, traction, displacement and slip of all cells, as bits.
+fn bits(finger: &Finger) -> Vec<u64> {
+    let plane = |v: Vec2| [v.x.to_bits(), v.y.to_bits()];
+    (0..finger.settings().grid.cells_count())
+        .flat_map(|cell| {
+            let moved = finger.displacement(cell);
+            [plane(finger.traction_mpa(cell)), plane(moved.shift_mm), plane(finger.slip_mm(cell))]
+                .concat()
+                .into_iter()
+                .chain([finger.pressure_mpa()[cell].to_bits(), moved.depth_mm.to_bits()])
+        })
+        .collect()
+}
+
+fn far_from(a: &Finger, b: &Finger) -> f64 {
+    (0..a.settings().grid.cells_count())
+        .map(|cell| (a.displacement(cell).shift_mm - b.displacement(cell).shift_mm).length())
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn the_same_bytes_twice_and_on_every_thread() {
+    for planner in [Planner::Scalar, Planner::Fastest] {
+        let go = move || {
+            let settings = FingerSettings { planner, ..FingerSettings::fast() };
+            bits(&run(settings, FLAT, vec![Leg::press(20.0, 0.1), Leg::shear_and_twist(0.6, 0.2, 0.05, 0.1)]).0)
+        };
+        let first = go();
+        assert!(first == go());
+        let threads: Vec<_> = (0..4).map(|_| std::thread::spawn(go)).collect();
+        for thread in threads {
+            assert!(first == thread.join().expect("no panic"));
+        }
+    }
+}
+
+#[test]
+fn planners_differ_by_rounding_only() {
+    let legs = || vec![Leg::press(20.0, 0.1), Leg::shear(0.5, 0.2, 0.1)];
+    let [scalar, fastest] =
+        [Planner::Scalar, Planner::Fastest].map(|planner| run(FingerSettings { planner, ..exact() }, SPHERE, legs()).0);
+    assert!(far_from(&scalar, &fastest) < 1e-9, "{}", far_from(&scalar, &fastest));
+}
+
+#[test]
+fn mirrored_in_mirrored_out() {
+    let (right, up) = run(exact(), FLAT, vec![Leg::press(15.0, 0.1), Leg::shear_and_twist(0.5, 0.2, 0.04, 0.1)]);
+    let (left, down) = run(exact(), FLAT, vec![Leg::press(15.0, 0.1), Leg::shear_and_twist(-0.5, 0.2, -0.04, 0.1)]);
+    let (a, b) = (up[up.len() - 1], down[down.len() - 1]);
+    assert!((a.wrench.force_n.x + b.wrench.force_n.x).abs() < 1e-6 * a.wrench.force_n.x);
+    assert!((a.wrench.torque_n_mm + b.wrench.torque_n_mm).abs() < 1e-6 * a.wrench.torque_n_mm);
+    assert_eq!(a.stick_ratio, b.stick_ratio);
+    for at in [Vec2::new(3.0, 2.0), Vec2::new(-9.0, 4.0), Vec2::new(12.0, -7.0)] {
+        let (p, q) = (right.displacement_at(at).shift_mm, left.displacement_at(Vec2::new(-at.x, at.y)).shift_mm);
+        assert!((p.x + q.x).abs() < 1e-7 && (p.y - q.y).abs() < 1e-7, "{p:?} {q:?}");
+    }
+}
+
+#[test]
+fn a_bonded_gel_is_squeezed_outward_and_a_compressible_one_inward() {
+    let press = |poisson_ratio: f64| {
+        let gel = Gel { poisson_ratio, thickness_mm: 20.0, ..Gel::default() };
+        // Without friction to speak of, the surface flows freely.
+        let settings = FingerSettings { gel, friction: Friction::constant(1e-6), ..FingerSettings::fast() };
+        run(settings, SPHERE, vec![Leg::press(5.0, 0.05)]).0.displacement_at(Vec2::new(1.5, 0.0)).shift_mm.x
+    };
+    assert!(press(0.0) < -1e-3, "{}", press(0.0));
+    let (thin, truths) = run(FingerSettings::standard(), SPHERE, vec![Leg::press(20.0, 1.0 / 120.0)]);
+    let last = truths[truths.len() - 1];
+    let cells = 0..thin.contact().len();
+    let flow_mm = cells.map(|cell| thin.displacement(cell).shift_mm.length()).fold(0.0, f64::max);
+    println!("{} {flow_mm}", last.depth_mm);
+    assert!((flow_mm / 0.232 - 1.0).abs() < 0.1 && (last.depth_mm / 0.92 - 1.0).abs() < 0.02, "{flow_mm} {last:?}");
+}
+
+#[test]
+fn a_slow_ramp_sticks_then_slips_from_the_rim() {
+    let (finger, truths) = run(FingerSettings::fast(), FLAT, vec![Leg::press(10.0, 0.1), Leg::shear(0.45, 0.0, 0.3)]);
+    let last = truths[truths.len() - 1];
+    let picture: Vec<String> = (14..34)
+        .map(|row| {
+            (16..48)
+                .map(|column| {
+                    let cell = row * 64 + column;
+                    match (finger.contact()[cell], finger.stick()[cell]) {
+                        (false, _) => '.',
+                        (true, false) => 'o',
+                        (true, true) => '#',
+                    }
+                })
+                .collect()
+        })
+        .collect();
+    let text = picture.join("\n");
+    // Stuck inside and at the front, where the object drags the gel; slipping behind and at the sides.
+    assert!((0.1..0.9).contains(&last.stick_ratio.expect("contact")), "{last:?}\n{text}");
+    for row in picture.iter().filter(|row| row.contains('#')) {
+        let trimmed = row.trim_matches('.');
+        assert!(trimmed.starts_with('o'), "\n{text}");
+    }
+    assert!(!picture[1].contains('#') && !picture[18].contains('#'), "\n{text}");
+    // The object slides the way it is pushed.
+    let slid =
+        finger.slip_mm((0..finger.contact().len()).find(|&c| finger.contact()[c] && !finger.stick()[c]).expect("slip"));
+    assert!(slid.x > 0.0, "{slid:?}");
+}
+
+#[test]
+fn rolling_moves_the_contact_and_does_not_slide() {
+    let shape = Sphere { radius_mm: 15.0 };
+    let (finger, truths) = run(FingerSettings::fast(), shape, vec![Leg::press(5.0, 0.1), Leg::roll(4.0, 0.0, 0.4)]);
+    let last = truths[truths.len() - 1];
+    let grid = finger.settings().grid;
+    let (mut middle, mut load) = (Vec2::ZERO, 0.0);
+    for (cell, &pressure) in finger.pressure_mpa().iter().enumerate() {
+        middle += grid.centre_mm(cell) * pressure;
+        load += pressure;
+    }
+    assert!((middle.x / load - 4.0).abs() < 0.3, "{middle:?}");
+    assert!(last.stick_ratio.expect("contact") > 0.5, "{last:?}");
+    assert!(last.wrench.force_n.x.abs() < 0.3 * 0.8 * 5.0, "{last:?}");
+}
+
+#[test]
+fn letting_go_leaves_a_flat_gel() {
+    let (finger, truths) =
+        run(FingerSettings::fast(), SPHERE, vec![Leg::press(20.0, 0.1), Leg::shear(0.5, 0.0, 0.1), Leg::release(0.1)]);
+    let last = truths[truths.len() - 1];
+    assert_eq!((last.stick_ratio, last.grip_force_n), (None, 0.0));
+    assert!(last.events.contains(Event::Parted), "{last:?}");
+    assert!((0..finger.contact().len()).all(|cell| finger.displacement(cell).shift_mm.length() < 1e-12));
+    assert!((0..finger.contact().len()).all(|cell| finger.slip_mm(cell) == Vec2::ZERO && !finger.stick()[cell]));
+}
+
+#[test]
+fn a_press_to_a_depth_carries_the_force_that_gives_that_depth() {
+    // Without friction and once the gel has flowed, only the last depth counts.
+    let settings = FingerSettings { friction: Friction::constant(1e-6), ..FingerSettings::fast() };
+    let shape = Paraboloid { radius_mm: 15.0 };
+    let (_, forced) = run(settings, shape, vec![Leg::press(10.0, 0.1), Leg::hold(0.1)]);
+    let depth_mm = forced[forced.len() - 1].depth_mm;
+    let (_, deep) = run(settings, shape, vec![Leg::press_to_depth(depth_mm, 0.1), Leg::hold(0.1)]);
+    let force_n = deep[deep.len() - 1].grip_force_n;
+    assert!((force_n / 10.0 - 1.0).abs() < 1e-3, "{force_n} N at {depth_mm} mm");
+}
+
+#[test]
+fn events_come_in_order_and_the_load_fraction_ends_at_1() {
+    let (_, truths) = run(FingerSettings::fast(), FLAT, vec![Leg::press(10.0, 0.1), Leg::shear(1.5, 0.0, 0.5)]);
+    let seen: Vec<Event> = truths.iter().flat_map(|truth| truth.events.iter()).collect();
+    assert_eq!(seen, [Event::FirstContact, Event::StickBelow80, Event::StickBelow50, Event::Gross]);
+    let mut record = LoadRecord::default();
+    assert!(record.fractions().is_none());
+    for truth in truths.iter().filter(|truth| truth.time_s > 0.1 + 1e-9) {
+        record.push(truth.wrench.force_n.x, truth.stick_ratio);
+    }
+    let gross = record.gross_step().expect("gross slip");
+    let fractions: Vec<f64> = record.fractions().expect("gross slip").collect();
+    assert_eq!(fractions[gross], 1.0);
+    assert!(fractions[..gross].iter().all(|&f| (0.0..1.001).contains(&f)));
+    // The same load, by statics.
+    let gross_n = truths.iter().find(|truth| truth.events.contains(Event::Gross)).expect("gross").wrench.force_n.x;
+    assert!((gross_n / 8.0 - 1.0).abs() < 0.01, "{gross_n} N against mu P = 8 N");
+}
+
+#[test]
+fn a_clone_is_a_branch() {
+    let (mut finger, _) = run(FingerSettings::fast(), SPHERE, vec![Leg::press(10.0, 0.1)]);
+    let before = bits(&finger);
+    let mut branch = finger.clone();
+    let hold =
+        Command { grip: Grip::ForceN(10.0), pose: Pose::default(), roll_mm: Vec2::ZERO, wrench: Wrench::default() };
+    let aside = Command { pose: Pose { position_mm: Vec2::new(0.2, 0.0), turn_rad: 0.0 }, ..hold };
+    branch.step(&aside).expect("a sound command");
+    assert!(bits(&finger) == before);
+    finger.step(&aside).expect("a sound command");
+    assert!(bits(&finger) == bits(&branch));
+}
+
+#[test]
+fn an_object_in_free_fall_falls() {
+    let inertia = Inertia { mass_kg: 0.2, gyration_radius_mm: 20.0, centre_of_mass_mm: Vec2::ZERO };
+    let body = Body { drive: Drive::Free(inertia), fingers_count: 2 };
+    let settings = FingerSettings { body, ..FingerSettings::fast() };
+    let weight = Wrench { force_n: Vec2::new(0.2 * 9.81, 0.0), torque_n_mm: 0.0 };
+    let mut finger = Finger::new(settings, SPHERE).expect("sound settings");
+    let command = Command { grip: Grip::ForceN(0.0), pose: Pose::default(), roll_mm: Vec2::ZERO, wrench: weight };
+    for _ in 0..12 {
+        finger.step(&command).expect("a sound command");
+    }
+    // Implicit Euler: g dt^2 n (n + 1) / 2.
+    let fallen = 9810.0 * settings.substep_s.powi(2) * 78.0;
+    assert!((finger.truth().pose.position_mm.x / fallen - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn two_fingers_hold_what_statics_says_and_a_mount_pulls() {
+    let inertia = Inertia { mass_kg: 0.3, gyration_radius_mm: 30.0, centre_of_mass_mm: Vec2::new(0.0, 10.0) };
+    let body = Body { drive: Drive::Free(inertia), fingers_count: 2 };
+    let settings = FingerSettings { body, ..FingerSettings::fast() };
+    // The weight acts at the centre of mass: -e_y m g about the reference point.
+    let weight = Wrench { force_n: Vec2::new(2.943, 0.0), torque_n_mm: -29.43 };
+    let (_, held) = run(settings, FLAT, vec![Leg::press(15.0, 0.1), Leg::pull(weight, 0.2), Leg::hold(0.3)]);
+    let last = held[held.len() - 1];
+    assert!((last.wrench.force_n.x / (0.5 * 2.943) - 1.0).abs() < 2e-3, "{last:?}");
+    assert!((last.wrench.torque_n_mm / (-0.5 * 29.43) - 1.0).abs() < 2e-3, "{last:?}");
+
+    let mount = Mount {
+        stiffness_n_per_mm: 20.0,
+        stiffness_n_mm_per_rad: 2e4,
+        damping_n_s_per_mm: 0.0,
+        damping_n_mm_s_per_rad: 0.0,
+    };
+    let settings = FingerSettings {
+        body: Body { drive: Drive::Mounted(mount, None), fingers_count: 1 },
+        ..FingerSettings::fast()
+    };
+    let (_, pulled) = run(settings, FLAT, vec![Leg::press(15.0, 0.1), Leg::shear(0.3, 0.0, 0.1)]);
+    let last = pulled[pulled.len() - 1];
+    let spring_n = 20.0 * (0.3 - last.pose.position_mm.x);
+    assert!(last.wrench.force_n.x > 1.0 && (last.wrench.force_n.x / spring_n - 1.0).abs() < 1e-3, "{last:?}");
+}
+
+#[test]
+fn creep_goes_on_under_a_constant_force_and_comes_back() {
+    let gel = Gel { creep: Some(Creep { share_fraction: 0.15, time_s: 0.1 }), ..Gel::default() };
+    let settings = FingerSettings { gel, ..FingerSettings::fast() };
+    let legs = || vec![Leg::press(10.0, 0.01), Leg::hold(1.0), Leg::release(0.01), Leg::hold(1.5)];
+    let (finger, creeping) = run(settings, SPHERE, legs());
+    let (_, plain) = run(FingerSettings::fast(), SPHERE, legs());
+    // The gel softens by 1.15 in the end: depth grows with the 2/3 power or less of the compliance.
+    let at = |truths: &[Truth], time_s: f64| truths[(time_s * 120.0) as usize].depth_mm;
+    let (early, late) = (at(&creeping, 0.02), at(&creeping, 0.95));
+    assert!(late / early > 1.03 && late / early < 1.15, "{early} {late}");
+    assert!((late / at(&plain, 0.95)) > 1.04, "{late}");
+    let rest = finger.displacement_at(Vec2::ZERO).depth_mm;
+    assert!(rest.abs() < 1e-4, "{rest}");
+}
+
+#[test]
+fn options_change_what_they_should() {
+    let legs = || vec![Leg::press(10.0, 0.1), Leg::shear(0.4, 0.0, 0.1)];
+    let end = |settings| {
+        let (_, truths) = run(settings, SPHERE, legs());
+        truths[truths.len() - 1]
+    };
+    let plain = FingerSettings::fast();
+    let base = end(plain);
+    let skin = end(FingerSettings { gel: Gel { membrane_n_per_mm: 0.6, ..plain.gel }, ..plain });
+    assert!(skin.wrench.force_n.x > 1.02 * base.wrench.force_n.x, "a skin stiffens: {skin:?}");
+    let soft = SoftObject { modulus_mpa: 0.2, poisson_ratio: 0.4, thickness_mm: 10.0 };
+    let yielding = end(FingerSettings { soft_object: Some(soft), ..plain });
+    assert!(yielding.depth_mm > 1.5 * base.depth_mm, "a soft object sinks in: {yielding:?}");
+    assert!(yielding.contact_area_mm2 > 1.3 * base.contact_area_mm2, "{yielding:?}");
+    let rough = end(FingerSettings { friction: Friction { yield_mm: 0.1, ..plain.friction }, ..plain });
+    assert!(rough.wrench.force_n.x < 0.99 * base.wrench.force_n.x, "asperities give: {rough:?}");
+    let law = Law::PressureDependent { adhesion_mpa: 0.0, slope: 0.8, cap_mpa: 0.04 };
+    let capped = end(FingerSettings { friction: Friction { law, yield_mm: 0.0 }, ..plain });
+    assert!(capped.wrench.force_n.x < 0.04 * capped.contact_area_mm2 * 1.001, "{capped:?}");
+    let law = Law::SlipWeakening { mu_static: 0.8, mu_kinetic: 0.4, distance_mm: 0.02 };
+    let long = vec![Leg::press(10.0, 0.1), Leg::shear(2.5, 0.0, 0.5)];
+    let (_, weak) = run(FingerSettings { friction: Friction { law, yield_mm: 0.0 }, ..plain }, FLAT, long);
+    let most = weak.iter().fold(0.0f64, |most, truth| most.max(truth.wrench.force_n.x));
+    let last_n = weak[weak.len() - 1].wrench.force_n.x;
+    assert!(most > 1.1 * last_n && (last_n / 4.0 - 1.0).abs() < 0.08, "peak {most}, then {last_n}");
+}
+
+#[test]
+fn beyond_the_linear_range_is_flagged_and_never_nan() {
+    let (finger, truths) = run(
+        FingerSettings { friction: Friction::constant(1.2), ..FingerSettings::fast() },
+        Cylinder { radius_mm: 4.0, length_mm: 6.0, edge_radius_mm: 0.0 },
+        vec![
+            Leg::press(80.0, 0.1),
+            Leg::shear_and_twist(30.0, 5.0, 2.0, 0.3),
+            Leg::roll(40.0, 0.0, 0.1),
+            Leg::release(0.05),
+        ],
+    );
+    assert!(truths.iter().any(|truth| truth.beyond_linear));
+    for truth in &truths {
+        assert_eq!(truth.beyond_linear, truth.largest_strain_fraction > 0.3);
+        let numbers = [
+            truth.depth_mm,
+            truth.grip_force_n,
+            truth.wrench.force_n.x,
+            truth.wrench.force_n.y,
+            truth.wrench.torque_n_mm,
+            truth.largest_strain_fraction,
+            truth.dissipated_n_mm,
+            truth.stick_ratio.unwrap_or(0.0),
+        ];
+        assert!(numbers.iter().all(|number| number.is_finite()), "{truth:?}");
+    }
+    assert!((0..finger.contact().len()).all(|cell| finger.displacement(cell).shift_mm.is_finite()));
+    assert!(truths.iter().any(|truth| truth.at_border), "it was pushed off the pad");
+    let (_, gentle) = run(FingerSettings::fast(), FLAT, vec![Leg::press(2.0, 0.1)]);
+    assert!(gentle.iter().all(|truth| !truth.beyond_linear && !truth.at_border));
+}
+
+#[test]
+fn displacement_between_cells_is_bilinear_and_held_at_the_border() {
+    let (finger, _) = run(FingerSettings::fast(), SPHERE, vec![Leg::press(10.0, 0.05)]);
+    let grid: Grid = finger.settings().grid;
+    let cell = 24 * 64 + 40;
+    let (a, b) = (finger.displacement(cell), finger.displacement(cell + 1));
+    let half = finger.displacement_at(grid.centre_mm(cell) + Vec2::new(0.5 * grid.cell_mm, 0.0));
+    assert!((half.depth_mm - 0.5 * (a.depth_mm + b.depth_mm)).abs() < 1e-12);
+    assert_eq!(finger.displacement_at(Vec2::new(-999.0, -999.0)), finger.displacement(0));
+    assert_eq!(finger.displacement_at(Vec2::new(999.0, 999.0)), finger.displacement(grid.cells_count() - 1));
+}
+
+#[test]
+fn a_step_takes_no_memory() {
+    let gel = Gel { creep: Some(Creep { share_fraction: 0.1, time_s: 0.5 }), ..Gel::default() };
+    for settings in [FingerSettings::fast(), FingerSettings { gel, ..FingerSettings::fast() }] {
+        let mut finger = Finger::new(settings, SPHERE).expect("sound settings");
+        let path = Path::new(vec![Leg::press(20.0, 0.1), Leg::shear(2.0, 0.0, 0.2), Leg::release(0.1)]).expect("sound");
+        let info = allocation_counter::measure(|| {
+            for command in path.commands(settings.substep_s) {
+                finger.step(&command).expect("a sound command");
+            }
+        });
+        assert_eq!(info.count_total, 0, "{info:?}");
+    }
+}
