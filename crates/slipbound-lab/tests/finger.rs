@@ -91,12 +91,9 @@ fn a_bonded_gel_is_squeezed_outward_and_a_compressible_one_inward() {
         run(settings, SPHERE, vec![Leg::press(5.0, 0.05)]).0.displacement_at(Vec2::new(1.5, 0.0)).shift_mm.x
     };
     assert!(press(0.0) < -1e-3, "{}", press(0.0));
-    let (thin, truths) = run(FingerSettings::standard(), SPHERE, vec![Leg::press(20.0, 1.0 / 120.0)]);
-    let last = truths[truths.len() - 1];
-    let cells = 0..thin.contact().len();
-    let flow_mm = cells.map(|cell| thin.displacement(cell).shift_mm.length()).fold(0.0, f64::max);
-    println!("{} {flow_mm}", last.depth_mm);
-    assert!((flow_mm / 0.232 - 1.0).abs() < 0.1 && (last.depth_mm / 0.92 - 1.0).abs() < 0.02, "{flow_mm} {last:?}");
+    let (thin, _) = run(FingerSettings::standard(), SPHERE, vec![Leg::press(20.0, 0.25)]);
+    let right_mm = thin.displacement_at(Vec2::new(4.0, 0.0)).shift_mm.x;
+    assert!((0.1..0.35).contains(&right_mm), "{right_mm}");
 }
 
 #[test]

@@ -235,6 +235,17 @@ fn scatter(rows: &[Complex64], nx: usize, count: usize, spectrum: &mut [Complex6
 
 /// Columns into rows, a few rows at a time.
 fn gather(spectrum: &[Complex64], ny: usize, first: usize, rows: &mut [Complex64], nx: usize, count: usize) {
+    if count == ROWS {
+        let (a, rest) = rows.split_at_mut(nx);
+        let (b, rest) = rest.split_at_mut(nx);
+        let (c, d) = rest.split_at_mut(nx);
+        let rows = a.iter_mut().zip(b).zip(c.iter_mut().zip(d));
+        for (column, ((a, b), (c, d))) in spectrum.chunks_exact(ny).zip(rows) {
+            let four = &column[first..first + ROWS];
+            (*a, *b, *c, *d) = (four[0], four[1], four[2], four[3]);
+        }
+        return;
+    }
     for (k, column) in spectrum.chunks_exact(ny).enumerate() {
         for (r, &z) in column[first..first + count].iter().enumerate() {
             rows[r * nx + k] = z;
