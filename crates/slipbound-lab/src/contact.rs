@@ -20,7 +20,9 @@ mod grid;
 mod half_space;
 mod normal;
 mod path;
+mod reading;
 mod response;
+mod settings;
 pub mod shape;
 mod strain;
 mod tangential;
@@ -28,11 +30,12 @@ mod transform;
 mod truth;
 
 pub use body::{Body, Drive, Inertia, Mount, Pose, Wrench};
-pub use finger::{Command, Finger, FingerSettings};
+pub use finger::Finger;
 pub use friction::{Friction, Law};
 pub use grid::{Grid, Region};
 pub use normal::{Grip, Stop};
 pub use path::{Change, Leg, Path};
+pub use settings::{Command, FingerSettings};
 pub use transform::Planner;
 pub use truth::{Displacement, Event, Events, GROSS_STICK_RATIO, LINEAR_STRAIN, LoadRecord, Truth};
 

@@ -1,18 +1,17 @@
 //! One finger and one object, stepped in time.
 
-use super::body::{Body, Motion, Pose, Wrench, complex};
-use super::friction::Friction;
-use super::grid::{Grid, Region};
-use super::normal::{Grip, Normal, Stop};
+use super::body::{Motion, Wrench, complex};
+use super::grid::Region;
+use super::normal::{Grip, Normal};
 use super::response::{Response, Responses};
+use super::settings::{Command, FingerSettings};
 use super::shape::Shape;
 use super::strain::largest_gradient;
 use super::tangential::{Held, Question, Tangential};
-use super::transform::{Area, Planner};
-use super::truth::{Displacement, Events, LINEAR_STRAIN, Truth};
-use crate::layer::{Compliance, Gel, SoftObject, above_zero};
+use super::transform::Area;
+use super::truth::{Events, LINEAR_STRAIN, Truth};
+use crate::layer::Compliance;
 use rustfft::num_complex::Complex64;
-use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 use slipbound::sensor::SettingError;
 use std::sync::Arc;
@@ -22,146 +21,11 @@ const ZERO: Complex64 = Complex64::new(0.0, 0.0);
 /// Cells around the last contact on which the next one is first looked for.
 const GROWTH_CELLS: usize = 3;
 
-/// Everything that is fixed during a run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FingerSettings {
-    /// Cells of the gel.
-    pub grid: Grid,
-    /// The gel.
-    pub gel: Gel,
-    /// Softness of the object; None for a rigid one.
-    pub soft_object: Option<SoftObject>,
-    /// Friction between them.
-    pub friction: Friction,
-    /// How the object moves.
-    pub body: Body,
-    /// Where the shape sits in the object's frame, whose pose is commanded.
-    pub shape_in_object: Pose,
-    /// Length of a step in s, above 0. 1/120 is four steps a frame at 30 Hz: as dear as one long step, and finer.
-    pub substep_s: f64,
-    /// When the normal solver stops.
-    pub normal_stop: Stop,
-    /// When the tangential solver stops.
-    pub tangential_stop: Stop,
-    /// Which transforms are used.
-    pub planner: Planner,
-}
-
-impl FingerSettings {
-    /// The standard grid, a rigid guided object, friction 0.8, 4 steps a frame.
-    pub fn standard() -> Self {
-        FingerSettings {
-            grid: Grid::standard(),
-            gel: Gel::default(),
-            soft_object: None,
-            friction: Friction::constant(0.8),
-            body: Body::default(),
-            shape_in_object: Pose::default(),
-            substep_s: 1.0 / 120.0,
-            normal_stop: Stop { tolerance_fraction: 1e-4, most_iterations_count: 200 },
-            tangential_stop: Stop { tolerance_fraction: 3e-4, most_iterations_count: 400 },
-            planner: Planner::Fastest,
-        }
-    }
-
-    /// The same on the fast grid.
-    pub fn fast() -> Self {
-        FingerSettings { grid: Grid::fast(), ..Self::standard() }
-    }
-
-    /// Refuses numbers outside the ranges of the fields.
-    pub fn check(&self) -> Result<(), SettingError> {
-        self.grid.check()?;
-        self.gel.check()?;
-        if let Some(soft) = &self.soft_object {
-            soft.check()?;
-        }
-        self.friction.check()?;
-        self.body.check()?;
-        check_pose("shape_in_object", &self.shape_in_object)?;
-        above_zero("substep_s", self.substep_s)?;
-        for (name, stop) in [("normal_stop", self.normal_stop), ("tangential_stop", self.tangential_stop)] {
-            if !(1e-14..=0.1).contains(&stop.tolerance_fraction) {
-                return Err(SettingError {
-                    key: format!("{name}.tolerance_fraction"),
-                    got: stop.tolerance_fraction.to_string(),
-                    expected: "a number from 1e-14 to 0.1".into(),
-                });
-            }
-            if stop.most_iterations_count == 0 {
-                return Err(SettingError {
-                    key: format!("{name}.most_iterations_count"),
-                    got: "0".into(),
-                    expected: "1 or more".into(),
-                });
-            }
-        }
-        Ok(())
-    }
-
-    /// Refuses a shape that does not fit on the gel.
-    fn check_size(&self, half: Vec2) -> Result<(), SettingError> {
-        let (s, c) = self.shape_in_object.turn_rad.sin_cos();
-        let at = self.shape_in_object.position_mm;
-        let reach = Vec2::new(
-            at.x.abs() + (c * half.x).abs() + (s * half.y).abs(),
-            at.y.abs() + (s * half.x).abs() + (c * half.y).abs(),
-        );
-        let room = self.grid.half_size_mm() - Vec2::new(self.grid.cell_mm, self.grid.cell_mm);
-        if reach.x <= room.x && reach.y <= room.y {
-            return Ok(());
-        }
-        Err(SettingError {
-            key: "shape".into(),
-            got: format!("an object of {:.2} x {:.2} mm about the middle of the pad", 2.0 * reach.x, 2.0 * reach.y),
-            expected: format!("at most {:.2} x {:.2} mm, the pad less a cell all round", 2.0 * room.x, 2.0 * room.y),
-        })
-    }
-}
-
-fn check_pose(key: &str, pose: &Pose) -> Result<(), SettingError> {
-    if pose.position_mm.is_finite() && pose.turn_rad.is_finite() {
-        return Ok(());
-    }
-    Err(SettingError { key: key.into(), got: format!("{pose:?}"), expected: "finite numbers".into() })
-}
-
-/// What is asked of the object at the end of a step.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Command {
-    /// What holds it against the gel.
-    pub grip: Grip,
-    /// Where a guided object is, or the hand of a mounted one.
-    pub pose: Pose,
-    /// How far it has rolled: its lowest point is this far from its reference point, in mm.
-    pub roll_mm: Vec2,
-    /// External load on an object that is free or mounted, about its reference point.
-    pub wrench: Wrench,
-}
-
-impl Command {
-    /// Refuses negative forces and numbers that are not finite.
-    pub fn check(&self) -> Result<(), SettingError> {
-        self.grip.check()?;
-        check_pose("command.pose", &self.pose)?;
-        if self.roll_mm.is_finite() && self.wrench.force_n.is_finite() && self.wrench.torque_n_mm.is_finite() {
-            return Ok(());
-        }
-        Err(SettingError {
-            key: "command.roll_mm, command.wrench".into(),
-            got: format!("{:?}, {:?}", self.roll_mm, self.wrench),
-            expected: "finite numbers".into(),
-        })
-    }
-}
-
 /// In-plane and normal parts of a displacement field.
 #[derive(Debug, Clone)]
-struct Field {
-    shift: Vec<Complex64>,
-    depth: Vec<f64>,
+pub(super) struct Field {
+    pub shift: Vec<Complex64>,
+    pub depth: Vec<f64>,
 }
 
 impl Field {
@@ -189,23 +53,23 @@ struct GelApart {
 /// A finger in contact with an object. All memory is taken in [`Finger::new`]; a clone is a branch of the run.
 #[derive(Debug, Clone)]
 pub struct Finger {
-    settings: FingerSettings,
+    pub(super) settings: FingerSettings,
     shape: Arc<dyn Shape>,
     at_rest: Vec<Complex64>,
     interface: Responses,
     apart: Option<GelApart>,
     normal: Normal,
     tangential: Tangential,
-    truth: Truth,
+    pub(super) truth: Truth,
     velocity: Motion,
     window: Option<Region>,
     cells: Vec<u32>,
     gap: Vec<f64>,
-    pressure: Vec<f64>,
-    traction: Vec<Complex64>,
+    pub(super) pressure: Vec<f64>,
+    pub(super) traction: Vec<Complex64>,
     /// Traction of the step before the last: loads mostly go on as they went.
     traction_before: Vec<Complex64>,
-    bound: Vec<f64>,
+    pub(super) bound: Vec<f64>,
     /// Interface compliance; empty when friction has none.
     give: Vec<f64>,
     lever: Vec<Complex64>,
@@ -216,12 +80,12 @@ pub struct Finger {
     of_traction: Field,
     /// Displacement of the gel relative to a soft object.
     relative: Vec<Complex64>,
-    gel: Field,
-    contact: Vec<bool>,
-    stick: Vec<bool>,
-    slip_step: Vec<Complex64>,
-    slip: Vec<Complex64>,
-    slipped: Vec<f64>,
+    pub(super) gel: Field,
+    pub(super) contact: Vec<bool>,
+    pub(super) stick: Vec<bool>,
+    pub(super) slip_step: Vec<Complex64>,
+    pub(super) slip: Vec<Complex64>,
+    pub(super) slipped: Vec<f64>,
 }
 
 impl Finger {
@@ -560,96 +424,4 @@ impl Finger {
         truth.tangential_iterations_count = held.iterations;
         truth.converged &= held.converged;
     }
-
-    /// What is known after the last step.
-    pub fn truth(&self) -> &Truth {
-        &self.truth
-    }
-
-    /// The settings.
-    pub fn settings(&self) -> &FingerSettings {
-        &self.settings
-    }
-
-    /// Changes the body during a run (a bottle that fills). Refuses numbers outside their ranges.
-    pub fn set_body(&mut self, body: Body) -> Result<(), SettingError> {
-        body.check()?;
-        self.settings.body = body;
-        Ok(())
-    }
-
-    /// Pressure of every cell in MPa, 0 or above, row by row.
-    pub fn pressure_mpa(&self) -> &[f64] {
-        &self.pressure
-    }
-
-    /// Largest traction friction could carry in every cell in MPa, row by row.
-    pub fn bound_mpa(&self) -> &[f64] {
-        &self.bound
-    }
-
-    /// Which cells are under pressure, row by row.
-    pub fn contact(&self) -> &[bool] {
-        &self.contact
-    }
-
-    /// Which cells are under pressure and did not slide in the last step, row by row.
-    pub fn stick(&self) -> &[bool] {
-        &self.stick
-    }
-
-    /// In-plane traction of the object on a cell of the gel, in MPa.
-    pub fn traction_mpa(&self, cell: usize) -> Vec2 {
-        plane(self.traction[cell])
-    }
-
-    /// How far the object slid over a cell in the last step, in mm.
-    pub fn slip_step_mm(&self, cell: usize) -> Vec2 {
-        plane(self.slip_step[cell])
-    }
-
-    /// How far the object has slid over a cell since it came into contact, in mm, as a vector.
-    pub fn slip_mm(&self, cell: usize) -> Vec2 {
-        plane(self.slip[cell])
-    }
-
-    /// Length of the way the object has slid over a cell since it came into contact, in mm.
-    pub fn slipped_mm(&self, cell: usize) -> f64 {
-        self.slipped[cell]
-    }
-
-    /// Displacement of a cell of the gel.
-    pub fn displacement(&self, cell: usize) -> Displacement {
-        Displacement { shift_mm: plane(self.gel.shift[cell]), depth_mm: self.gel.depth[cell] }
-    }
-
-    /// Displacement of the piece of gel that lies at `rest_mm` when nothing touches it, bilinear between the middles
-    /// of cells; beyond the outermost ones, theirs.
-    pub fn displacement_at(&self, rest_mm: Vec2) -> Displacement {
-        let grid = &self.settings.grid;
-        let place = |at_mm: f64, half_mm: f64, cells: usize| {
-            let at = ((at_mm + half_mm) / grid.cell_mm - 0.5).clamp(0.0, (cells - 1) as f64);
-            let low = (at as usize).min(cells - 2);
-            (low, at - low as f64)
-        };
-        let half = grid.half_size_mm();
-        let (column, fx) = place(rest_mm.x, half.x, grid.width_cells);
-        let (row, fy) = place(rest_mm.y, half.y, grid.height_cells);
-        let corner = row * grid.width_cells + column;
-        let (mut shift, mut depth_mm) = (ZERO, 0.0);
-        for (cell, share) in [
-            (corner, (1.0 - fx) * (1.0 - fy)),
-            (corner + 1, fx * (1.0 - fy)),
-            (corner + grid.width_cells, (1.0 - fx) * fy),
-            (corner + grid.width_cells + 1, fx * fy),
-        ] {
-            shift += self.gel.shift[cell] * share;
-            depth_mm += self.gel.depth[cell] * share;
-        }
-        Displacement { shift_mm: plane(shift), depth_mm }
-    }
-}
-
-fn plane(z: Complex64) -> Vec2 {
-    Vec2::new(z.re, z.im)
 }

@@ -1,8 +1,8 @@
 //! Load paths as data: legs that begin where the last one ended and move evenly.
 
 use super::body::{Pose, Wrench};
-use super::finger::Command;
 use super::normal::Grip;
+use super::settings::Command;
 use crate::layer::above_zero;
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;

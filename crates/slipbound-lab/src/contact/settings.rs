@@ -1,0 +1,146 @@
+//! What is fixed during a run, and what is asked at every step.
+
+use super::body::{Body, Pose, Wrench};
+use super::friction::Friction;
+use super::grid::Grid;
+use super::normal::{Grip, Stop};
+use super::transform::Planner;
+use crate::layer::{Gel, SoftObject, above_zero};
+use serde::{Deserialize, Serialize};
+use slipbound::plane::Vec2;
+use slipbound::sensor::SettingError;
+
+/// Everything that is fixed during a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FingerSettings {
+    /// Cells of the gel.
+    pub grid: Grid,
+    /// The gel.
+    pub gel: Gel,
+    /// Softness of the object; None for a rigid one.
+    pub soft_object: Option<SoftObject>,
+    /// Friction between them.
+    pub friction: Friction,
+    /// How the object moves.
+    pub body: Body,
+    /// Where the shape sits in the object's frame, whose pose is commanded.
+    pub shape_in_object: Pose,
+    /// Length of a step in s, above 0. 1/120 is four steps a frame at 30 Hz: as dear as one long step, and finer.
+    pub substep_s: f64,
+    /// When the normal solver stops.
+    pub normal_stop: Stop,
+    /// When the tangential solver stops.
+    pub tangential_stop: Stop,
+    /// Which transforms are used.
+    pub planner: Planner,
+}
+
+impl FingerSettings {
+    /// The standard grid, a rigid guided object, friction 0.8, 4 steps a frame.
+    pub fn standard() -> Self {
+        FingerSettings {
+            grid: Grid::standard(),
+            gel: Gel::default(),
+            soft_object: None,
+            friction: Friction::constant(0.8),
+            body: Body::default(),
+            shape_in_object: Pose::default(),
+            substep_s: 1.0 / 120.0,
+            normal_stop: Stop { tolerance_fraction: 1e-4, most_iterations_count: 200 },
+            tangential_stop: Stop { tolerance_fraction: 3e-4, most_iterations_count: 400 },
+            planner: Planner::Fastest,
+        }
+    }
+
+    /// The same on the fast grid.
+    pub fn fast() -> Self {
+        FingerSettings { grid: Grid::fast(), ..Self::standard() }
+    }
+
+    /// Refuses numbers outside the ranges of the fields.
+    pub fn check(&self) -> Result<(), SettingError> {
+        self.grid.check()?;
+        self.gel.check()?;
+        if let Some(soft) = &self.soft_object {
+            soft.check()?;
+        }
+        self.friction.check()?;
+        self.body.check()?;
+        check_pose("shape_in_object", &self.shape_in_object)?;
+        above_zero("substep_s", self.substep_s)?;
+        for (name, stop) in [("normal_stop", self.normal_stop), ("tangential_stop", self.tangential_stop)] {
+            if !(1e-14..=0.1).contains(&stop.tolerance_fraction) {
+                return Err(SettingError {
+                    key: format!("{name}.tolerance_fraction"),
+                    got: stop.tolerance_fraction.to_string(),
+                    expected: "a number from 1e-14 to 0.1".into(),
+                });
+            }
+            if stop.most_iterations_count == 0 {
+                return Err(SettingError {
+                    key: format!("{name}.most_iterations_count"),
+                    got: "0".into(),
+                    expected: "1 or more".into(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses a shape that does not fit on the gel.
+    pub(super) fn check_size(&self, half: Vec2) -> Result<(), SettingError> {
+        let (s, c) = self.shape_in_object.turn_rad.sin_cos();
+        let at = self.shape_in_object.position_mm;
+        let reach = Vec2::new(
+            at.x.abs() + (c * half.x).abs() + (s * half.y).abs(),
+            at.y.abs() + (s * half.x).abs() + (c * half.y).abs(),
+        );
+        let room = self.grid.half_size_mm() - Vec2::new(self.grid.cell_mm, self.grid.cell_mm);
+        if reach.x <= room.x && reach.y <= room.y {
+            return Ok(());
+        }
+        Err(SettingError {
+            key: "shape".into(),
+            got: format!("an object of {:.2} x {:.2} mm about the middle of the pad", 2.0 * reach.x, 2.0 * reach.y),
+            expected: format!("at most {:.2} x {:.2} mm, the pad less a cell all round", 2.0 * room.x, 2.0 * room.y),
+        })
+    }
+}
+
+fn check_pose(key: &str, pose: &Pose) -> Result<(), SettingError> {
+    if pose.position_mm.is_finite() && pose.turn_rad.is_finite() {
+        return Ok(());
+    }
+    Err(SettingError { key: key.into(), got: format!("{pose:?}"), expected: "finite numbers".into() })
+}
+
+/// What is asked of the object at the end of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Command {
+    /// What holds it against the gel.
+    pub grip: Grip,
+    /// Where a guided object is, or the hand of a mounted one.
+    pub pose: Pose,
+    /// How far it has rolled: its lowest point is this far from its reference point, in mm.
+    pub roll_mm: Vec2,
+    /// External load on an object that is free or mounted, about its reference point.
+    pub wrench: Wrench,
+}
+
+impl Command {
+    /// Refuses negative forces and numbers that are not finite.
+    pub fn check(&self) -> Result<(), SettingError> {
+        self.grip.check()?;
+        check_pose("command.pose", &self.pose)?;
+        if self.roll_mm.is_finite() && self.wrench.force_n.is_finite() && self.wrench.torque_n_mm.is_finite() {
+            return Ok(());
+        }
+        Err(SettingError {
+            key: "command.roll_mm, command.wrench".into(),
+            got: format!("{:?}, {:?}", self.roll_mm, self.wrench),
+            expected: "finite numbers".into(),
+        })
+    }
+}
