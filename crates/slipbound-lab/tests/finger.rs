@@ -145,6 +145,25 @@ fn rolling_moves_the_contact_and_does_not_slide() {
 }
 
 #[test]
+fn a_contact_that_jumps_is_found_where_it_went() {
+    let settings = FingerSettings { friction: Friction::constant(1e-6), ..exact() };
+    let there = Command {
+        grip: Grip::ForceN(5.0),
+        pose: Pose::default(),
+        roll_mm: Vec2::new(12.5, 0.0),
+        wrench: Wrench::default(),
+    };
+    let (mut jumped, _) = run(settings, SPHERE, vec![Leg::press(5.0, 1.0 / 120.0)]);
+    let mut fresh = Finger::new(settings, SPHERE).expect("sound settings");
+    for finger in [&mut jumped, &mut fresh] {
+        (0..8).for_each(|_| assert!(finger.step(&there).expect("a sound command").converged));
+    }
+    for (a, b) in jumped.pressure_mpa().iter().zip(fresh.pressure_mpa()) {
+        assert!((a - b).abs() < 1e-4, "{a} {b} MPa");
+    }
+}
+
+#[test]
 fn letting_go_leaves_a_flat_gel() {
     let (finger, truths) =
         run(FingerSettings::fast(), SPHERE, vec![Leg::press(20.0, 0.1), Leg::shear(0.5, 0.0, 0.1), Leg::release(0.1)]);
