@@ -237,3 +237,38 @@ impl SoftObject {
         Compliance { coupling_mm_per_mpa: -own.coupling_mm_per_mpa, ..own }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_skin_adds_its_stiffness_to_the_inverse() {
+        let bare = Gel::default();
+        let skin = Gel { membrane_n_per_mm: 0.6, ..bare };
+        for k in [0.1, 0.5, 1.0, 4.0] {
+            let (a, b) = (bare.compliance(k), skin.compliance(k));
+            let stiffness = |c: &Compliance| {
+                let det = c.along_mm_per_mpa * c.normal_mm_per_mpa - c.coupling_mm_per_mpa.powi(2);
+                [c.normal_mm_per_mpa / det, c.along_mm_per_mpa / det, c.coupling_mm_per_mpa / det]
+            };
+            let ([along, normal, mixed], [along_skin, normal_skin, mixed_skin]) = (stiffness(&a), stiffness(&b));
+            let stretch = 0.6 * k * k / (1.0 - MEMBRANE_POISSON * MEMBRANE_POISSON);
+            let shear = 0.6 * k * k / (2.0 * (1.0 + MEMBRANE_POISSON));
+            assert!((along_skin - along - stretch).abs() < 1e-10 * along, "{k}");
+            assert!((normal_skin - normal).abs() < 1e-10 * normal && (mixed_skin - mixed).abs() < 1e-10 * along, "{k}");
+            assert!((1.0 / b.across_mm_per_mpa - 1.0 / a.across_mm_per_mpa - shear).abs() < 1e-10 * along, "{k}");
+        }
+    }
+
+    #[test]
+    fn equal_bodies_pressed_together_do_not_couple() {
+        let gel = Gel::default();
+        let twin = SoftObject { modulus_mpa: 0.5, poisson_ratio: 0.485, thickness_mm: 3.0 };
+        for k in [0.0, 0.1, 1.0, 10.0] {
+            let (a, b) = (gel.compliance(k), twin.compliance(k));
+            assert_eq!(a.coupling_mm_per_mpa + b.coupling_mm_per_mpa, 0.0);
+            assert_eq!(a.normal_mm_per_mpa, b.normal_mm_per_mpa);
+        }
+    }
+}
