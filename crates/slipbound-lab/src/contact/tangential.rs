@@ -90,20 +90,16 @@ impl Tangential {
         let mut held = Held { iterations: 0, converged: false, load: Motion::ZERO };
         for iterations in 0..=stop.most_iterations_count {
             held.iterations = iterations;
-            let (mut longest, mut descent) = (0.0f64, 0.0);
+            let (mut worst, mut descent) = (0.0f64, 0.0);
             for &i in cells {
                 let i = i as usize;
                 let (q, g) = (traction[i], self.gradient[i]);
+                worst = worst.max((within(bound[i], q - g * safe) - q).norm_sqr());
                 let d = within(bound[i], q - g * length) - q;
                 descent -= dot(g, d);
-                longest = longest.max(d.norm_sqr());
                 self.direction[i] = d;
             }
-            // A projected step grows with its length, but at most in proportion: only when the step taken does not
-            // already rule out that the safe one is short enough is the safe one computed.
-            let tolerance = stop.tolerance_fraction * most;
-            if longest.sqrt() * (safe / length).min(1.0) <= tolerance && self.residual(question, traction) <= tolerance
-            {
+            if worst.sqrt() <= stop.tolerance_fraction * most {
                 held.converged = true;
                 break;
             }
@@ -137,16 +133,6 @@ impl Tangential {
         }
         held.load = load_of(question, cells.iter().map(|&i| (i as usize, traction[i as usize])));
         held
-    }
-
-    /// Longest projected step of the safe length: what the tolerance is about.
-    fn residual(&self, question: &Question<'_>, traction: &[Complex64]) -> f64 {
-        let longest = question.cells.iter().fold(0.0f64, |longest, &i| {
-            let (q, g) = (traction[i as usize], self.gradient[i as usize]);
-            let step = within(question.bound[i as usize], q - g * question.stiffness_mpa_per_mm) - q;
-            longest.max(step.norm_sqr())
-        });
-        longest.sqrt()
     }
 
     /// A q (or A d): elastic, interface and rigid yielding of the contact cells into `answer`.
