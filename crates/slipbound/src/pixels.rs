@@ -1,2 +1,12 @@
 //! Every loop over pixels in the house, one kernel a file. Plain functions on borrowed buffers; nothing allocates
 //! after the scratch of a kernel has been made.
+
+pub mod background;
+pub mod canny;
+pub mod flatten;
+pub mod grey;
+pub mod morphology;
+pub mod threshold;
+pub mod warp;
+mod bits;
+mod border;
