@@ -3,7 +3,9 @@
 
 pub mod background;
 pub mod canny;
+pub mod components;
 pub mod flatten;
+pub mod gaussian;
 pub mod grey;
 pub mod morphology;
 pub mod threshold;
