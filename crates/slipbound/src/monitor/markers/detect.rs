@@ -1,0 +1,132 @@
+//! Markers in one picture: spots, their sub-pixel centres, and the markers of the rest frame.
+
+use super::super::imprint::Imprint;
+use super::threshold::ThresholdFinder;
+use super::{Finder, MarkerSettings};
+use crate::image::Mask;
+use crate::pixels::centroid::EdgeKernel;
+use crate::pixels::dots::{DotFinder, Spot};
+use crate::plane::Vec2;
+use crate::sensor::Sensor;
+
+/// A marker as the rest frame shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct RestMarker {
+    /// Sub-pixel position.
+    pub(crate) position: Vec2,
+    /// Contrast against its surroundings.
+    pub(crate) response_levels: f32,
+    /// How fast the pull of its edge grows off centre; 0 where its edge is too ragged to pull.
+    stiffness: f64,
+    /// From the coarse spot to the position: what to add when its edge is not used.
+    offset: Vec2,
+}
+
+/// Finds markers, without memory of earlier pictures.
+#[derive(Debug, Clone)]
+pub(crate) struct Detector {
+    settings: MarkerSettings,
+    dots: DotFinder,
+    threshold: Option<Box<ThresholdFinder>>,
+    kernel: EdgeKernel,
+    radius_px: f64,
+    expected_count: usize,
+}
+
+impl Detector {
+    pub(crate) fn new(sensor: &Sensor, settings: &MarkerSettings) -> Self {
+        let (size, diameter_px, pitch_px) = (sensor.rectified_px(), sensor.marker_diameter_px, sensor.pitch_px);
+        Detector {
+            settings: settings.clone(),
+            dots: DotFinder::new(size, diameter_px, pitch_px, sensor.polarity),
+            threshold: (settings.finder == Finder::Threshold).then(|| Box::new(ThresholdFinder::new(size, pitch_px))),
+            kernel: EdgeKernel::new(diameter_px, pitch_px),
+            radius_px: diameter_px / 2.0,
+            expected_count: (size.area() as f64 / (pitch_px * pitch_px)).round() as usize,
+        }
+    }
+
+    /// Spots of at least this contrast, strongest first.
+    pub(crate) fn spots(&mut self, imprint: &Imprint, min_levels: f64) -> &[Spot] {
+        match &mut self.threshold {
+            None => self.dots.run(&imprint.grey, min_levels as f32),
+            Some(threshold) => threshold.run(&imprint.flat),
+        }
+    }
+
+    /// Learns what a finder needs of the rest picture: the paper's local thresholds.
+    pub(crate) fn learn(&mut self, flat_at_rest: &[u8]) {
+        if let Some(threshold) = &mut self.threshold {
+            threshold.learn(flat_at_rest);
+        }
+    }
+
+    /// The sub-pixel place of a marker whose spot was found.
+    pub(crate) fn refine(&self, imprint: &Imprint, spot: &Spot, rest: &RestMarker) -> Vec2 {
+        let coarse = spot.position + rest.offset;
+        if rest.stiffness == 0.0 {
+            return coarse;
+        }
+        let contrast = f64::from(spot.response_levels / rest.response_levels).clamp(0.4, 2.5);
+        self.pulled(imprint, spot.position, rest.stiffness * contrast).unwrap_or(coarse)
+    }
+
+    /// Where the edge pulls a start to; None at the border or when it pulls out of the dot.
+    fn pulled(&self, imprint: &Imprint, start: Vec2, stiffness: f64) -> Option<Vec2> {
+        let longest_px = 0.3 * self.radius_px;
+        let centre = self.kernel.centre(&imprint.grey, imprint.size(), start, stiffness, longest_px, 6)?;
+        ((centre - start).length() < 0.6 * self.radius_px.max(2.0)).then_some(centre)
+    }
+
+    /// The markers of a rest frame, in reading order: row by row of the image, not of the grid.
+    pub(crate) fn markers_at_rest(&mut self, imprint: &Imprint) -> Vec<RestMarker> {
+        self.learn(&imprint.flat);
+        let spots = self.spots(imprint, self.settings.birth_min_levels).to_vec();
+        // Strongest first: half of the markers that fit into the image are surely markers.
+        let typical = spots.get((self.expected_count / 2).min(spots.len().saturating_sub(1)));
+        let least = typical.map_or(0.0, |s| s.response_levels * self.settings.birth_contrast_fraction as f32);
+        let mut markers: Vec<RestMarker> = spots
+            .iter()
+            .filter(|s| s.response_levels >= least)
+            .filter(|s| self.whole(imprint, s.position))
+            .map(|s| self.at_rest(imprint, s))
+            .collect();
+        markers
+            .sort_unstable_by(|a, b| a.position.y.total_cmp(&b.position.y).then(a.position.x.total_cmp(&b.position.x)));
+        markers
+    }
+
+    fn at_rest(&self, imprint: &Imprint, spot: &Spot) -> RestMarker {
+        let start = spot.position;
+        if self.threshold.is_some() {
+            return RestMarker {
+                position: start,
+                response_levels: spot.response_levels,
+                stiffness: 0.0,
+                offset: Vec2::ZERO,
+            };
+        }
+        let stiffness = self.kernel.stiffness(&imprint.grey, imprint.size(), start).filter(|s| s.is_finite());
+        let ragged =
+            RestMarker { position: start, response_levels: spot.response_levels, stiffness: 0.0, offset: Vec2::ZERO };
+        let Some(rough) = stiffness.filter(|s| *s != 0.0) else { return ragged };
+        let Some(centre) = self.pulled(imprint, start, rough) else { return ragged };
+        // Once more at the centre itself, where the pull is straight.
+        let fine = self.kernel.stiffness(&imprint.grey, imprint.size(), centre).filter(|s| s * rough > 0.0);
+        let Some(fine) = fine else { return ragged };
+        let position = self.pulled(imprint, centre, fine).unwrap_or(centre);
+        RestMarker { position, stiffness: fine, offset: position - start, ..ragged }
+    }
+
+    /// Whether a marker there lies whole in the part of the image that the camera sees.
+    fn whole(&self, imprint: &Imprint, centre: Vec2) -> bool {
+        let seen = |seen: &Mask| {
+            (0..8).all(|k| {
+                let angle = f64::from(k) * std::f64::consts::FRAC_PI_4;
+                let p = centre + Vec2::new(libm::cos(angle), libm::sin(angle)) * (self.radius_px + 1.0);
+                seen.get(p.x.round() as isize, p.y.round() as isize)
+            })
+        };
+        self.kernel.holds(imprint.size(), centre) && imprint.seen().is_none_or(seen)
+    }
+}
