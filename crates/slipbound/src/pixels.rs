@@ -2,8 +2,6 @@
 //! after the scratch of a kernel has been made.
 
 pub mod background;
-mod bits;
-mod border;
 pub mod canny;
 pub mod cells;
 pub mod centroid;
@@ -16,3 +14,5 @@ pub mod grey;
 pub mod morphology;
 pub mod threshold;
 pub mod warp;
+mod bits;
+mod border;

@@ -3,13 +3,22 @@
 /// Packs 64 flags, each 0 or 1; flag i becomes bit i.
 #[inline]
 pub(crate) fn pack_64(flags: &[u8; 64]) -> u64 {
-    // The factor moves flag i of 8, at bit 8 i, to bit 56 + i; no two products meet in one bit.
-    const GATHER: u64 = 0x0102_0408_1020_4080;
-    let mut word = 0;
-    for (i, eight) in flags.as_chunks::<8>().0.iter().enumerate() {
-        word |= (u64::from_le_bytes(*eight).wrapping_mul(GATHER) >> 56) << (8 * i);
+    // Flag 8 k + j comes to lie at bit 8 j + k: an 8 x 8 table of bits, to be transposed. (Gathering each eight flags
+    // by a multiplication is as fast with SSE2, and four times slower where LLVM vectorises the product for AVX2.)
+    let mut table = 0;
+    for (k, eight) in flags.as_chunks::<8>().0.iter().enumerate() {
+        table |= u64::from_le_bytes(*eight) << k;
     }
-    word
+    transpose_8x8(table)
+}
+
+/// Exchanges bit 8 j + k with bit 8 k + j: within blocks of 2 x 2, then 4 x 4, then 8 x 8.
+fn transpose_8x8(mut table: u64) -> u64 {
+    for (distance, half) in [(7, 0x00aa_00aa_00aa_00aa), (14, 0x0000_cccc_0000_cccc), (28, 0x0000_0000_f0f0_f0f0)] {
+        let differ = (table ^ table >> distance) & half;
+        table ^= differ ^ differ << distance;
+    }
+    table
 }
 
 #[cfg(test)]
