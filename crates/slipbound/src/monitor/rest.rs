@@ -37,9 +37,9 @@ impl Default for RestSettings {
         RestSettings {
             window_count: 20,
             average_count: 10,
-            calm_levels: 2.5,
+            calm_levels: 5.0,
             brightness_fraction: 0.1,
-            imprint_levels: 4.5,
+            imprint_levels: 6.0,
             markers_min_count: 9,
         }
     }
@@ -55,6 +55,9 @@ impl RestSettings {
         within("rest.markers_min_count", f64::from(self.markers_min_count), 4.0, 1000.0)
     }
 }
+
+/// Fewer calm frames in a row than this may be the turning point of a motion.
+const CALM_FRAMES_COUNT: usize = 3;
 
 /// What the finger was doing in the rest frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -224,7 +227,9 @@ impl RestBuilder {
             }
             Skin::Smooth => {
                 let covered = self.covered();
-                roughness_levels(&now, &covered, self.map.columns) > self.settings.rest.imprint_levels
+                let border_cells = (self.sensor.marker_diameter_px / self.map.cell_px as f64).ceil() as usize;
+                let roughness = roughness_levels(&now, &covered, self.map.columns, border_cells);
+                roughness > self.settings.rest.imprint_levels
             }
         };
         self.before = Some(now);
@@ -266,13 +271,13 @@ impl RestBuilder {
             let most = from + settings.average_count as usize;
             let kind = if touched { RestKind::InContact } else { RestKind::Unloaded };
             let run = RestChoice { frames: from..end.min(most), kind };
-            // A recording that starts in contact is judged from its start: the first run that is more than a moment.
-            let better = best.as_ref().is_none_or(|b| match (b.kind, kind) {
-                (RestKind::InContact, RestKind::Unloaded) => true,
-                (RestKind::Unloaded, RestKind::Unloaded) => run.frames.len() > b.frames.len(),
-                (RestKind::InContact, RestKind::InContact) => b.frames.len() < 3 && run.frames.len() >= 3,
-                (RestKind::Unloaded, RestKind::InContact) => false,
-            });
+            // More than a moment before a moment; untouched before touched; of untouched runs the longest, of touched
+            // ones the first: a recording that starts in contact is judged from its start.
+            let rank = |r: &RestChoice| {
+                let untouched = r.kind == RestKind::Unloaded;
+                (r.frames.len() >= CALM_FRAMES_COUNT, untouched, if untouched { r.frames.len() } else { 0 })
+            };
+            let better = best.as_ref().is_none_or(|b| rank(&run) > rank(b));
             if better {
                 best = Some(run);
             }

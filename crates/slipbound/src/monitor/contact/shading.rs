@@ -19,9 +19,9 @@ pub(crate) struct CellMap {
 }
 
 impl CellMap {
-    /// Cells of about a quarter of a pitch: fine enough to outline a contact, coarse enough to average noise.
+    /// Cells of a sixth of a pitch: fine enough to see between large markers, coarse enough to average noise.
     pub(crate) fn cell_px(sensor: &Sensor) -> usize {
-        [4, 8, 16].into_iter().rev().find(|&c| c as f64 <= 0.3 * sensor.pitch_px).unwrap_or(4)
+        [4, 8, 16].into_iter().rev().find(|&c| c as f64 <= 0.17 * sensor.pitch_px).unwrap_or(4)
     }
 
     pub(crate) fn new(sensor: &Sensor, cells: &Cells) -> Self {
@@ -67,7 +67,7 @@ impl CellMap {
 
 /// Radius around a marker within which cells do not count: its own, its blurred rim, and half a cell of motion.
 pub(crate) fn cover_radius_px(sensor: &Sensor) -> f64 {
-    0.5 * sensor.marker_diameter_px + 1.5
+    0.55 * sensor.marker_diameter_px + 1.5
 }
 
 /// Averages over a cell's neighbourhood with weights 1 4 6 4 1 each way, leaving out cells of weight 0.
@@ -347,19 +347,23 @@ fn solve<const N: usize, const M: usize>(rows: &mut [[f64; M]; N]) -> Option<[[f
 }
 
 /// How sharp the sharpest parts of a picture of cells are: the 99th percentile of the difference between a cell and
-/// its neighbourhood, in levels. Illumination alone stays below about 4; an imprint does not.
-pub(crate) fn roughness_levels(cells: &[[f32; 3]], covered: &[bool], columns: usize) -> f64 {
-    let mut values: Vec<[f32; 4]> =
-        cells.iter().zip(covered).map(|(c, &hidden)| if hidden { [0.0; 4] } else { [c[0], c[1], c[2], 1.0] }).collect();
+/// its neighbourhood, in levels. Illumination alone stays below about 5; an imprint does not. A marker cut by the
+/// border of the image is no spot, so cells within `border_cells` of it do not count.
+pub(crate) fn roughness_levels(cells: &[[f32; 3]], covered: &[bool], columns: usize, border_cells: usize) -> f64 {
+    let rows = cells.len() / columns;
+    let shown = |i: usize| {
+        let (x, y) = (i % columns, i / columns);
+        let inside = x.min(y) >= border_cells && x + border_cells < columns && y + border_cells < rows;
+        inside && !covered[i]
+    };
+    let weighed = |(i, c): (usize, &[f32; 3])| if shown(i) { [c[0], c[1], c[2], 1.0] } else { [0.0; 4] };
+    let mut values: Vec<[f32; 4]> = cells.iter().enumerate().map(weighed).collect();
     let mut scratch = values.clone();
     smooth(&mut values, &mut scratch, columns);
-    let rows = cells.len() / columns;
     let mut sharp: Vec<f32> = Vec::with_capacity(cells.len());
     for (i, (cell, around)) in cells.iter().zip(&values).enumerate() {
-        let (x, y) = (i % columns, i / columns);
-        let border = x < 2 || y < 2 || x + 2 >= columns || y + 2 >= rows;
         // Where half of the neighbourhood is hidden, its mean lies off centre.
-        if !covered[i] && !border && around[3] > 0.7 * 256.0 {
+        if shown(i) && around[3] > 0.7 * 256.0 {
             sharp.push((0..3).map(|c| (cell[c] - around[c]).abs()).fold(0.0, f32::max));
         }
     }
