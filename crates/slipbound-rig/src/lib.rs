@@ -1,4 +1,7 @@
 //! Files, cameras and grippers for `slipbound`.
 
 pub mod avi_writer;
+pub mod config;
+pub mod report_json;
+pub mod sensors;
 pub mod source;
