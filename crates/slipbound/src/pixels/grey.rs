@@ -61,6 +61,7 @@ fn turned(flip: Flip) -> (bool, bool) {
     }
 }
 
+/// Plainly written: with SSE2 a sum at every byte by 16-bit products takes a third less time, with AVX2 three times more.
 fn grey_row(rgb: &[u8], [r, g, b]: [u32; 3], out: &mut [u8]) {
     for (out, p) in out.iter_mut().zip(rgb.as_chunks::<3>().0) {
         *out = ((u32::from(p[0]) * r + u32::from(p[1]) * g + u32::from(p[2]) * b + 32768) >> 16) as u8;
@@ -88,6 +89,21 @@ mod tests {
         let third = 1.0 / 3.0;
         assert_eq!(grey([third, third, third], Flip::None)[5], 255, "weights that round up to more than 1");
         assert_eq!(grey([1.0, 1.0, 1.0], Flip::None)[3], 1, "the sum is held at 1");
+    }
+
+    #[test]
+    fn every_row_length_follows_the_formula() {
+        for (width, weights) in [(31, [0.3, 0.7, 0.0]), (64, [0.299, 0.587, 0.114]), (100, [0.0, 0.0, 1.0])] {
+            let size = SizePx::new(width, 2);
+            let rgb: Vec<u8> = (0..6 * width as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+            let mut out = vec![0; size.area()];
+            let src = Rgb::new(&rgb, size).expect("long enough");
+            grey_from_rgb(src, &GreyWeights::new(weights), Flip::None, &mut out);
+            for (p, &got) in rgb.chunks(3).zip(&out) {
+                let exact: f64 = p.iter().zip(weights).map(|(&v, w)| f64::from(v) * w).sum();
+                assert!((f64::from(got) - exact).abs() < 0.51, "{p:?}: {got} for {exact}");
+            }
+        }
     }
 
     #[test]
