@@ -28,17 +28,14 @@ pub struct EdgeKernel {
 }
 
 impl EdgeKernel {
-    /// Weights for dots of `diameter_px` whose neighbours are `pitch_px` away.
-    pub fn new(diameter_px: f64, pitch_px: f64) -> Self {
+    /// Weights for dots of `diameter_px` whose neighbours are `pitch_px` away. `edge_share`: half the width of the edge
+    /// that pulls, in radii of the dot; at least 0.8 px, the blur of a good lens.
+    pub fn new(diameter_px: f64, pitch_px: f64, edge_share: f64) -> Self {
         let radius = diameter_px / 2.0;
-        // The edge as seen: blur of lens and print. Large dots are printed with ragged rims: the wider their edge is
-        // taken, the less a crumb pulls (0.35, 0.5, 0.7 radii: 0.8, 0.4, 0.3 % of tracks of 12-18 px dots left a
-        // template tracker by a pixel).
-        let edge = radius * (0.35 + (radius - 4.0) * 0.083).clamp(0.35, 0.6);
-        let edge = edge.max(0.8);
+        let edge = (edge_share * radius).max(0.8);
         let inner = radius + 1.6 * edge;
         // The ring stays off the edges of the neighbours.
-        let outer = (radius + 4.2 * edge).min(pitch_px - radius - edge).max(inner + 1.5);
+        let outer = (radius + 5.5 * edge).min(pitch_px - radius - edge).max(inner + 1.5);
         let pull = |r: f64| {
             let t = (r - radius) / edge;
             libm::exp(-0.5 * t * t) / r.max(0.5 * edge)
@@ -123,6 +120,20 @@ impl EdgeKernel {
         Some((along + across) / 2.0)
     }
 
+    /// The stiffness on a round dark dot of one level of depth whose edge is as sharp as this kernel listens for.
+    pub fn stiffness_of_a_disc(&self, edge_px: f64) -> f64 {
+        let side = 2 * self.reach_px.ceil() as usize + 5;
+        let (size, centre) = (SizePx::new(side, side), Vec2::new(1.0, 1.0) * (side / 2) as f64);
+        let disc: Vec<u8> = (0..size.area())
+            .map(|i| {
+                let r = (Vec2::new((i % side) as f64, (i / side) as f64) - centre).length();
+                let depth = 0.5 * libm::erfc((r - self.radius_px) / (edge_px * std::f64::consts::SQRT_2));
+                (200.0 - 100.0 * depth).round() as u8
+            })
+            .collect();
+        self.stiffness(&disc, size, centre).map_or(0.0, |s| s / 100.0)
+    }
+
     /// The centre of the dot near `start`, by at most `steps` Newton steps with a known `stiffness` (from
     /// [`EdgeKernel::stiffness`]); a step is at most `longest_px`. None at the border of the image.
     pub fn centre(
@@ -160,7 +171,7 @@ mod tests {
             .map(|i| {
                 let p = Vec2::new((i % size.width) as f64, (i / size.width) as f64);
                 let r = (p - centre).length();
-                let light = 120.0 + slope_levels_per_px * (p.x - 20.0);
+                let light = 120.0 + slope_levels_per_px * (p.x - 34.0);
                 let depth = 70.0 / (1.0 + libm::exp((r - radius) / 0.45));
                 (light - depth + 0.5).clamp(0.0, 255.0) as u8
             })
@@ -169,12 +180,12 @@ mod tests {
 
     #[test]
     fn a_soft_disc_is_found_to_a_fiftieth_of_a_pixel_on_a_slope_of_light() {
-        let size = SizePx::new(48, 44);
+        let size = SizePx::new(72, 70);
         for diameter in [4.0, 5.3, 8.0, 14.0] {
-            let kernel = EdgeKernel::new(diameter, 2.8 * diameter);
+            let kernel = EdgeKernel::new(diameter, 2.8 * diameter, 0.35);
             for slope in [0.0, 1.5] {
                 for step in 0..10 {
-                    let truth = Vec2::new(22.0 + 0.137 * f64::from(step), 21.0 + 0.293 * f64::from(step));
+                    let truth = Vec2::new(34.0 + 0.137 * f64::from(step), 33.0 + 0.293 * f64::from(step));
                     let grey = disc(size, truth, diameter / 2.0, slope);
                     let start = truth + Vec2::new(0.6, -0.5);
                     let stiffness = kernel.stiffness(&grey, size, start).expect("inside");
@@ -189,7 +200,7 @@ mod tests {
     #[test]
     fn outside_the_image_there_is_no_pull() {
         let size = SizePx::new(40, 40);
-        let kernel = EdgeKernel::new(8.0, 24.0);
+        let kernel = EdgeKernel::new(8.0, 24.0, 0.35);
         let grey = vec![100; size.area()];
         assert_eq!(kernel.pull(&grey, size, Vec2::new(4.4, 20.0)), None);
         assert_eq!(kernel.pull(&grey, size, Vec2::new(f64::NAN, 20.0)), None);

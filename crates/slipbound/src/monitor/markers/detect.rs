@@ -16,7 +16,9 @@ pub(crate) struct RestMarker {
     pub(crate) position: Vec2,
     /// Contrast against its surroundings.
     pub(crate) response_levels: f32,
-    /// How fast the pull of its edge grows off centre; 0 where its edge is too ragged to pull.
+    /// Whether its edge is ragged, so that the wide kernel is used.
+    ragged: bool,
+    /// How fast the pull of its edge grows off centre; 0 where even the wide kernel finds no edge.
     stiffness: f64,
     /// From the coarse spot to the position: what to add when its edge is not used.
     offset: Vec2,
@@ -28,7 +30,9 @@ pub(crate) struct Detector {
     settings: MarkerSettings,
     dots: DotFinder,
     threshold: Option<Box<ThresholdFinder>>,
-    kernel: EdgeKernel,
+    sharp: EdgeKernel,
+    wide: EdgeKernel,
+    ragged_below_ratio: f64,
     radius_px: f64,
     expected_count: usize,
 }
@@ -36,11 +40,17 @@ pub(crate) struct Detector {
 impl Detector {
     pub(crate) fn new(sensor: &Sensor, settings: &MarkerSettings) -> Self {
         let (size, diameter_px, pitch_px) = (sensor.rectified_px(), sensor.marker_diameter_px, sensor.pitch_px);
+        let sharp = EdgeKernel::new(diameter_px, pitch_px, 0.25);
+        let wide = EdgeKernel::new(diameter_px, pitch_px, 0.6);
+        // On a round dot the sharp kernel pulls this much harder than the wide one.
+        let round_ratio = sharp.stiffness_of_a_disc(1.0) / wide.stiffness_of_a_disc(1.0);
         Detector {
             settings: settings.clone(),
             dots: DotFinder::new(size, diameter_px, pitch_px, sensor.polarity),
             threshold: (settings.finder == Finder::Threshold).then(|| Box::new(ThresholdFinder::new(size, pitch_px))),
-            kernel: EdgeKernel::new(diameter_px, pitch_px),
+            ragged_below_ratio: 0.8 * round_ratio,
+            sharp,
+            wide,
             radius_px: diameter_px / 2.0,
             expected_count: (size.area() as f64 / (pitch_px * pitch_px)).round() as usize,
         }
@@ -68,13 +78,14 @@ impl Detector {
             return coarse;
         }
         let contrast = f64::from(spot.response_levels / rest.response_levels).clamp(0.4, 2.5);
-        self.pulled(imprint, spot.position, rest.stiffness * contrast).unwrap_or(coarse)
+        let kernel = if rest.ragged { &self.wide } else { &self.sharp };
+        self.pulled(kernel, imprint, spot.position, rest.stiffness * contrast).unwrap_or(coarse)
     }
 
     /// Where the edge pulls a start to; None at the border or when it pulls out of the dot.
-    fn pulled(&self, imprint: &Imprint, start: Vec2, stiffness: f64) -> Option<Vec2> {
+    fn pulled(&self, kernel: &EdgeKernel, imprint: &Imprint, start: Vec2, stiffness: f64) -> Option<Vec2> {
         let longest_px = 0.3 * self.radius_px;
-        let centre = self.kernel.centre(&imprint.grey, imprint.size(), start, stiffness, longest_px, 6)?;
+        let centre = kernel.centre(&imprint.grey, imprint.size(), start, stiffness, longest_px, 6)?;
         ((centre - start).length() < 0.6 * self.radius_px.max(2.0)).then_some(centre)
     }
 
@@ -98,24 +109,42 @@ impl Detector {
 
     fn at_rest(&self, imprint: &Imprint, spot: &Spot) -> RestMarker {
         let start = spot.position;
+        let bare = RestMarker {
+            position: start,
+            response_levels: spot.response_levels,
+            ragged: false,
+            stiffness: 0.0,
+            offset: Vec2::ZERO,
+        };
         if self.threshold.is_some() {
-            return RestMarker {
-                position: start,
-                response_levels: spot.response_levels,
-                stiffness: 0.0,
-                offset: Vec2::ZERO,
-            };
+            return bare;
         }
-        let stiffness = self.kernel.stiffness(&imprint.grey, imprint.size(), start).filter(|s| s.is_finite());
-        let ragged =
-            RestMarker { position: start, response_levels: spot.response_levels, stiffness: 0.0, offset: Vec2::ZERO };
-        let Some(rough) = stiffness.filter(|s| *s != 0.0) else { return ragged };
-        let Some(centre) = self.pulled(imprint, start, rough) else { return ragged };
+        let settled = |ragged: bool| self.settle(imprint, start, ragged).map(|(p, s)| (ragged, p, s));
+        let sharp = settled(false);
+        let wide = settled(true);
+        let is_round = |sharp: f64, wide: f64| sharp / wide >= self.ragged_below_ratio;
+        let chosen = match (sharp, wide) {
+            (Some(s), Some(w)) => Some(if is_round(s.2, w.2) { s } else { w }),
+            (s, w) => w.or(s),
+        };
+        chosen.map_or(bare, |(ragged, position, stiffness)| RestMarker {
+            position,
+            ragged,
+            stiffness,
+            offset: position - start,
+            ..bare
+        })
+    }
+
+    /// The centre that a kernel pulls to from a spot, and the stiffness there.
+    fn settle(&self, imprint: &Imprint, start: Vec2, ragged: bool) -> Option<(Vec2, f64)> {
+        let kernel = if ragged { &self.wide } else { &self.sharp };
+        let stiffness = |at: Vec2| kernel.stiffness(&imprint.grey, imprint.size(), at).filter(|s| *s != 0.0);
+        let rough = stiffness(start)?;
+        let centre = self.pulled(kernel, imprint, start, rough)?;
         // Once more at the centre itself, where the pull is straight.
-        let fine = self.kernel.stiffness(&imprint.grey, imprint.size(), centre).filter(|s| s * rough > 0.0);
-        let Some(fine) = fine else { return ragged };
-        let position = self.pulled(imprint, centre, fine).unwrap_or(centre);
-        RestMarker { position, stiffness: fine, offset: position - start, ..ragged }
+        let fine = stiffness(centre).filter(|s| s * rough > 0.0)?;
+        Some((self.pulled(kernel, imprint, centre, fine).unwrap_or(centre), fine))
     }
 
     /// Whether a marker there lies whole in the part of the image that the camera sees.
@@ -127,6 +156,6 @@ impl Detector {
                 seen.get(p.x.round() as isize, p.y.round() as isize)
             })
         };
-        self.kernel.holds(imprint.size(), centre) && imprint.seen().is_none_or(seen)
+        self.sharp.holds(imprint.size(), centre) && imprint.seen().is_none_or(seen)
     }
 }
