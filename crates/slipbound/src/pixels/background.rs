@@ -243,14 +243,20 @@ mod tests {
     #[test]
     fn a_slope_stays_away_from_the_borders() {
         let size = SizePx::new(240, 200);
-        let src: Vec<u8> = (0..size.area()).map(|i| (i % 240 / 2 + i / 240 / 2) as u8).collect();
+        let src: Vec<u8> = (0..size.area()).map(|i| ((3 * (i % 240) + 5 * (i / 240)) / 8) as u8).collect();
         let mut out = vec![0; size.area()];
-        Background::new(size, 16.0).apply(&src, &mut out);
-        for y in 60..140 {
-            for x in 60..180 {
-                let (got, expected) = (out[y * 240 + x], src[y * 240 + x]);
-                assert!(got.abs_diff(expected) <= 1, "({x}, {y}): {got}, expected {expected}");
+        for sigma_px in [16.0, 20.0] {
+            Background::new(size, sigma_px).apply(&src, &mut out);
+            let mut sum = 0;
+            for y in 70..130 {
+                for x in 70..170 {
+                    let (got, expected) = (i32::from(out[y * 240 + x]), i32::from(src[y * 240 + x]));
+                    assert!((got - expected).abs() <= 1, "({x}, {y}): {got}, expected {expected}");
+                    sum += got - expected;
+                }
             }
+            let mean = f64::from(sum) / 6000.0;
+            assert!(mean.abs() < 0.05, "sigma {sigma_px}: {mean} levels off in the mean, a shift of the picture");
         }
     }
 

@@ -76,6 +76,7 @@ mod tests {
                 for (b, (&w, &f)) in whole.iter().zip(&fractions).enumerate() {
                     assert!(w.abs_diff(f) <= 1, "grey {g}, background {b}: {w} and {f}");
                     let exact = ((f64::from(g) - b as f64 + offset) * gain + bias).clamp(0.0, 255.0);
+                    assert!((f64::from(w) - exact).abs() < 0.76, "grey {g}, background {b}: {w} for {exact}");
                     assert!((f64::from(f) - exact).abs() < 0.501, "grey {g}, background {b}: {f} for {exact}");
                 }
             }

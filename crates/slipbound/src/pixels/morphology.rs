@@ -231,6 +231,20 @@ mod tests {
         shape
     }
 
+    /// The rectangle, or the ellipse by its equation.
+    fn shape(width: usize, height: usize, round: bool) -> Mask {
+        let mut shape = Mask::new(SizePx::new(width, height));
+        let (a, b) = ((width / 2) as f64, (height / 2) as f64);
+        for y in 0..height {
+            for x in 0..width {
+                let v = if b > 0.0 { (y as f64 - b) / b } else { 1.0 };
+                let half = (a * (1.0 - v * v).max(0.0).sqrt()).round_ties_even();
+                shape.set(x, y, !round || (x as f64 - a).abs() <= half);
+            }
+        }
+        shape
+    }
+
     fn naive(src: &Mask, shape: &Mask, erode: bool) -> Mask {
         let (size, element) = (src.size(), shape.size());
         let mut out = Mask::new(size);
@@ -333,7 +347,7 @@ mod tests {
             } else {
                 Element::rect(element_width, element_height)
             };
-            let shape = picture(&element);
+            let shape = shape(element_width, element_height, round);
             let mut morphology = Morphology::new(size);
             let mut out = Mask::new(size);
             morphology.dilate(&src, &element, &mut out);
