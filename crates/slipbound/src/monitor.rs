@@ -11,7 +11,7 @@ mod slip;
 pub use contact::ContactSettings;
 pub use imprint::{Illumination, ImprintSettings};
 pub use markers::{Finder, MarkerSettings};
-pub use motion::{Fit, MotionSettings, fit_motion};
+pub use motion::{Fit, MotionSettings, fit_most, fit_rigid, fit_similarity};
 pub use report::*;
 pub use rest::{Rest, RestBuilder, RestChoice, RestError, RestKind, RestLook, RestSettings};
 pub use slip::{RigidField, SlipSettings};

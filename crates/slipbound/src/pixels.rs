@@ -2,6 +2,8 @@
 //! after the scratch of a kernel has been made.
 
 pub mod background;
+mod bits;
+mod border;
 pub mod canny;
 pub mod cells;
 pub mod centroid;
@@ -14,5 +16,3 @@ pub mod grey;
 pub mod morphology;
 pub mod threshold;
 pub mod warp;
-mod bits;
-mod border;

@@ -151,21 +151,16 @@ impl Markers {
         }
 
         self.matched_count = 0;
-        for (i, (marker, track)) in self.all.iter_mut().zip(&mut self.tracks).enumerate() {
-            let before = marker.now;
-            let known_before = marker.matched;
-            match self.matching.spot_of(i) {
-                Some(spot) => {
-                    marker.now = self.detector.refine(imprint, spot, &track.rest);
-                    marker.matched = true;
-                    self.matched_count += 1;
-                }
-                None => {
-                    marker.now = self.matching.expected(i);
-                    marker.matched = false;
-                }
-            }
-            track.step = if marker.matched && known_before { marker.now - before } else { Vec2::ZERO };
+        for i in 0..self.all.len() {
+            let (before, known_before) = (self.all[i].now, self.all[i].matched);
+            let spot = self.matching.spot_of(i);
+            let whole = spot.and_then(|spot| self.detector.refine(imprint, spot, &self.tracks[i].rest));
+            let found = whole.or_else(|| self.matching.cut(&self.all, i, imprint.size()));
+            let marker = &mut self.all[i];
+            marker.matched = found.is_some();
+            marker.now = found.unwrap_or_else(|| self.matching.expected(i));
+            self.matched_count += u32::from(marker.matched);
+            self.tracks[i].step = if marker.matched && known_before { marker.now - before } else { Vec2::ZERO };
         }
     }
 }

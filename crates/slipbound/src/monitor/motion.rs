@@ -18,7 +18,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fit {
-    /// Rotation and translation.
+    /// Rotation and translation, by least squares over those inner markers that agree: when slip has come in from
+    /// the rim further than the erosion reaches, its markers are outvoted instead of averaged in.
+    RobustRigid,
+    /// Rotation and translation, by least squares over all inner markers.
     Rigid,
     /// Rotation, translation and scale, of which the scale is thrown away: `estimateRigidTransform` of the paper.
     Similarity,
@@ -42,7 +45,7 @@ pub struct MotionSettings {
 impl Default for MotionSettings {
     fn default() -> Self {
         MotionSettings {
-            fit: Fit::Rigid,
+            fit: Fit::RobustRigid,
             erode_pitch: [25.0 / 15.2, 15.0 / 15.2, 5.0 / 15.2, 1.0 / 15.2],
             inner_markers_count: 4,
             icr_min_rotation_rad: 0.005,
@@ -64,6 +67,7 @@ impl MotionSettings {
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
     settings: MotionSettings,
+    pitch_px: f64,
     elements: [Element; 4],
     morphology: Morphology,
     pub(super) inner: Mask,
@@ -76,6 +80,7 @@ impl Motion {
         let size = sensor.rectified_px();
         Motion {
             settings: settings.clone(),
+            pitch_px: sensor.pitch_px,
             elements: settings.erode_pitch.map(|pitch| {
                 let side = (pitch * sensor.pitch_px).round().max(1.0) as usize;
                 Element::ellipse(side, side)
@@ -107,42 +112,93 @@ impl Motion {
             }
             if self.inner_count >= self.settings.inner_markers_count {
                 let inner = markers.iter().filter(|m| m.inner).map(|m| (m.reference, m.now));
-                self.motion = fit_motion(inner, self.settings.fit);
+                self.motion = match self.settings.fit {
+                    Fit::RobustRigid => fit_most(inner, self.pitch_px),
+                    Fit::Rigid => fit_rigid(inner),
+                    Fit::Similarity => fit_similarity(inner),
+                };
                 return;
             }
         }
     }
 }
 
-/// The motion that takes the first points to the second with least squared error: the reference point is the mean
-/// of the first, the translation the mean displacement, the rotation the one between the centred point sets.
-/// None without points.
-pub fn fit_motion(pairs: impl Iterator<Item = (Vec2, Vec2)> + Clone, fit: Fit) -> Option<RigidMotion> {
-    let mut count = 0.0;
-    let (mut from, mut to) = (Vec2::ZERO, Vec2::ZERO);
-    for (a, b) in pairs.clone() {
-        count += 1.0;
-        from += a;
-        to += b;
+/// Scales, in pitches, within which markers count as agreeing; from wide to narrow, so that the fit slides into the
+/// motion of most of them. The last is a third of the slip threshold.
+const AGREEMENT_PITCH: [f64; 9] = [1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1];
+
+/// Weighted sums of a set of point pairs, from which each fit follows in closed form.
+struct Moments {
+    from: Vec2,
+    to: Vec2,
+    cos: f64,
+    sin: f64,
+    spread: f64,
+}
+
+impl Moments {
+    /// None when the weights are all zero.
+    fn of(pairs: impl Iterator<Item = (Vec2, Vec2, f64)> + Clone) -> Option<Moments> {
+        let (mut weight, mut from, mut to) = (0.0, Vec2::ZERO, Vec2::ZERO);
+        for (a, b, w) in pairs.clone() {
+            weight += w;
+            from += a * w;
+            to += b * w;
+        }
+        if weight <= 0.0 {
+            return None;
+        }
+        let mut moments = Moments { from: from / weight, to: to / weight, cos: 0.0, sin: 0.0, spread: 0.0 };
+        for (a, b, w) in pairs {
+            let (a, b) = (a - moments.from, b - moments.to);
+            moments.cos += w * a.dot(b);
+            moments.sin += w * a.cross(b);
+            moments.spread += w * a.length_squared();
+        }
+        Some(moments)
     }
-    if count == 0.0 {
-        return None;
+
+    fn motion(&self, rotation_rad: f64) -> RigidMotion {
+        RigidMotion { reference: self.from, translation: self.to - self.from, rotation_rad }
     }
-    let (from, to) = (from / count, to / count);
-    let (mut cos, mut sin, mut spread) = (0.0, 0.0, 0.0);
-    for (a, b) in pairs {
-        let (a, b) = (a - from, b - to);
-        cos += a.dot(b);
-        sin += a.cross(b);
-        spread += a.length_squared();
+
+    fn rigid(&self) -> RigidMotion {
+        self.motion(libm::atan2(self.sin, self.cos))
     }
-    let rotation_rad = match fit {
-        Fit::Rigid => libm::atan2(sin, cos),
-        // The similarity matrix is [cos, -sin; sin, cos] / spread; the paper reads the angle off its lower left entry.
-        Fit::Similarity if spread > 0.0 => libm::asin((sin / spread).clamp(-1.0, 1.0)),
-        Fit::Similarity => 0.0,
-    };
-    Some(RigidMotion { reference: from, translation: to - from, rotation_rad })
+}
+
+/// The rigid motion that takes the first points to the second with least squared error: the reference point is the
+/// mean of the first, the translation the mean displacement, the rotation that between the centred sets. None
+/// without points.
+pub fn fit_rigid(pairs: impl Iterator<Item = (Vec2, Vec2)> + Clone) -> Option<RigidMotion> {
+    Moments::of(pairs.map(|(a, b)| (a, b, 1.0))).map(|m| m.rigid())
+}
+
+/// The angle of the least-squares similarity as the paper reads it: arcsin of the lower left entry of its matrix,
+/// with the scale left in. None without points.
+pub fn fit_similarity(pairs: impl Iterator<Item = (Vec2, Vec2)> + Clone) -> Option<RigidMotion> {
+    let moments = Moments::of(pairs.map(|(a, b)| (a, b, 1.0)))?;
+    let lower_left = if moments.spread > 0.0 { moments.sin / moments.spread } else { 0.0 };
+    Some(moments.motion(libm::asin(lower_left.clamp(-1.0, 1.0))))
+}
+
+/// The rigid motion of most pairs: least squares with the weights of Geman and McClure, from wide to narrow scale.
+/// `pitch_px` is the marker pitch. None without points.
+pub fn fit_most(pairs: impl Iterator<Item = (Vec2, Vec2)> + Clone, pitch_px: f64) -> Option<RigidMotion> {
+    let all = fit_rigid(pairs.clone())?;
+    let mut motion = all;
+    for scale_pitch in AGREEMENT_PITCH {
+        let scale_squared = (scale_pitch * pitch_px) * (scale_pitch * pitch_px);
+        let last = motion;
+        let weighed = pairs.clone().map(move |(a, b)| {
+            let t = 1.0 + (b - last.apply(a)).length_squared() / scale_squared;
+            (a, b, 1.0 / (t * t))
+        });
+        motion = Moments::of(weighed)?.rigid();
+    }
+    // The same motion, told of the mean of all inner markers: the paper's reference point.
+    let translation = motion.displacement(all.reference);
+    Some(RigidMotion { reference: all.reference, translation, ..motion })
 }
 
 #[cfg(test)]
@@ -157,7 +213,7 @@ mod tests {
     fn the_fit_returns_the_motion_it_was_shown() {
         let truth =
             RigidMotion { reference: Vec2::new(10.0, 20.0), translation: Vec2::new(3.0, -7.5), rotation_rad: 0.4 };
-        let fitted = fit_motion(grid().map(|p| (p, truth.apply(p))), Fit::Rigid).expect("points");
+        let fitted = fit_rigid(grid().map(|p| (p, truth.apply(p)))).expect("points");
         assert!((fitted.rotation_rad - 0.4).abs() < 1e-12);
         for p in grid() {
             assert!((fitted.apply(p) - truth.apply(p)).length() < 1e-9);
@@ -171,9 +227,20 @@ mod tests {
     fn a_dilation_bends_the_angle_of_the_similarity_but_not_of_the_rigid_fit() {
         let turn = RigidMotion { reference: Vec2::ZERO, translation: Vec2::ZERO, rotation_rad: 0.2 };
         let pairs = grid().map(|p| (p, turn.apply(p) * 1.1));
-        let rigid = fit_motion(pairs.clone(), Fit::Rigid).expect("points");
-        let similar = fit_motion(pairs, Fit::Similarity).expect("points");
+        let rigid = fit_rigid(pairs.clone()).expect("points");
+        let similar = fit_similarity(pairs).expect("points");
         assert!((rigid.rotation_rad - 0.2).abs() < 1e-12);
         assert!((similar.rotation_rad - libm::asin(1.1 * libm::sin(0.2))).abs() < 1e-12);
+    }
+
+    /// A third of the markers lags by 0.4 pitch: least squares spreads the lag over all, the robust fit does not.
+    #[test]
+    fn markers_that_lag_are_outvoted() {
+        let truth = RigidMotion { reference: Vec2::ZERO, translation: Vec2::new(8.0, 2.0), rotation_rad: 0.05 };
+        let lag = |p: Vec2| if p.x < 60.0 { Vec2::new(6.0, 0.0) } else { Vec2::ZERO };
+        let pairs = grid().map(|p| (p, truth.apply(p) - lag(p)));
+        let error = |m: RigidMotion| (m.apply(Vec2::new(100.0, 100.0)) - truth.apply(Vec2::new(100.0, 100.0))).length();
+        assert!(error(fit_most(pairs.clone(), 15.0).expect("points")) < 0.1);
+        assert!(error(fit_rigid(pairs).expect("points")) > 0.5);
     }
 }

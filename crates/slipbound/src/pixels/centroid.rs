@@ -75,8 +75,8 @@ impl EdgeKernel {
         centre.x >= margin && centre.x <= x_max && centre.y >= margin && centre.y <= y_max
     }
 
-    /// The pull F at `centre`: positive x when brighter pixels lie at larger x. None where the dot would be cut by
-    /// the border of the image.
+    /// The pull F at `centre`: positive x when brighter pixels lie at larger x. None where the border of the image
+    /// would cut the dot: there the rest of its rim pulls it inwards.
     pub fn pull(&self, grey: &[u8], size: SizePx, centre: Vec2) -> Option<Vec2> {
         if !self.holds(size, centre) {
             return None; // also when the centre is not a number

@@ -71,15 +71,22 @@ impl Detector {
         }
     }
 
-    /// The sub-pixel place of a marker whose spot was found.
-    pub(crate) fn refine(&self, imprint: &Imprint, spot: &Spot, rest: &RestMarker) -> Vec2 {
+    /// The sub-pixel place of a marker whose spot was found; None where the border of the image cuts it: what is
+    /// left of its rim would pull it inwards.
+    pub(crate) fn refine(&self, imprint: &Imprint, spot: &Spot, rest: &RestMarker) -> Option<Vec2> {
         let coarse = spot.position + rest.offset;
+        if self.threshold.is_some() {
+            return Some(coarse);
+        }
+        if !self.sharp.holds(imprint.size(), coarse) {
+            return None;
+        }
         if rest.stiffness == 0.0 {
-            return coarse;
+            return Some(coarse);
         }
         let contrast = f64::from(spot.response_levels / rest.response_levels).clamp(0.4, 2.5);
         let kernel = if rest.ragged { &self.wide } else { &self.sharp };
-        self.pulled(kernel, imprint, spot.position, rest.stiffness * contrast).unwrap_or(coarse)
+        Some(self.pulled(kernel, imprint, spot.position, rest.stiffness * contrast).unwrap_or(coarse))
     }
 
     /// Where the edge pulls a start to; None at the border or when it pulls out of the dot.

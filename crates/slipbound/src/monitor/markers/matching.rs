@@ -33,6 +33,7 @@ struct Pair {
 #[derive(Debug, Clone)]
 pub(super) struct Matching {
     pitch_px: f64,
+    radius_px: f64,
     bucket_px: f64,
     buckets: SizePx,
     bucket_start: Vec<u32>,
@@ -68,6 +69,7 @@ impl Matching {
         }
         Matching {
             pitch_px,
+            radius_px: sensor.marker_diameter_px / 2.0,
             bucket_px,
             buckets,
             bucket_start: vec![0; buckets.area() + 1],
@@ -204,6 +206,17 @@ impl Matching {
     /// Where a marker without a spot is believed to be.
     pub(super) fn expected(&self, marker: usize) -> Vec2 {
         self.predicted[marker]
+    }
+
+    /// Where a marker is whose spot the border of the image cuts: along the border its own place, across it where
+    /// its neighbours went. None without spot or neighbours.
+    pub(super) fn cut(&self, markers: &[Marker], marker: usize, size: SizePx) -> Option<Vec2> {
+        let own = self.spot_of(marker)?.position;
+        let told = self.where_neighbours_went(markers, marker)?;
+        let near = |v: f64, end: usize| v < self.radius_px + 0.5 || v > end as f64 - 1.5 - self.radius_px;
+        let x = if near(own.x, size.width) { told.x } else { own.x };
+        let y = if near(own.y, size.height) { told.y } else { own.y };
+        Some(Vec2::new(x, y))
     }
 
     /// Rest position plus the displacement of the matched neighbours, carried over by a plane fitted to it; None
