@@ -57,9 +57,17 @@ impl CellMap {
         let c = self.cell_px as f64;
         let (left, right) = ((centre.x - radius_px) / c, (centre.x + radius_px) / c);
         let (top, bottom) = ((centre.y - radius_px) / c, (centre.y + radius_px) / c);
+        // Distance from the marker to the nearest point of a cell, along one axis.
+        let gap = |cell: usize, at: f64| {
+            let from = cell as f64 * c - 0.5;
+            (from - at).max(at - (from + c)).max(0.0)
+        };
         for row in top.max(0.0) as usize..=(bottom.max(0.0) as usize).min(self.rows - 1) {
             for column in left.max(0.0) as usize..=(right.max(0.0) as usize).min(self.columns - 1) {
-                covered[row * self.columns + column] = true;
+                let (dx, dy) = (gap(column, centre.x), gap(row, centre.y));
+                if dx * dx + dy * dy <= radius_px * radius_px {
+                    covered[row * self.columns + column] = true;
+                }
             }
         }
     }
