@@ -26,6 +26,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use summary::Summary;
 
+/// An overlay video of a recording without times is played at this rate.
+const OVERLAY_RATE_HZ: u32 = 10;
+
 /// The arguments of `slipbound watch`.
 #[derive(Debug, clap::Args)]
 pub struct Watch {
@@ -71,8 +74,13 @@ impl Watch {
         let found = rest::find(self, &mut recording, &settings, |size| self.sensor_for(size, sensor.as_ref()))?;
         found.notes.iter().for_each(|note| terminal.note(note));
         let mut monitor = SlipMonitor::new(&found.sensor, &settings, found.rest).map_err(Failure::arguments)?;
-        let header = outputs::Origin { clock: recording.clock(), rest: found.origin, note: found.report_note };
-        let mut outputs = Outputs::open(self, header, &monitor)?;
+        let origin = outputs::Origin {
+            clock: recording.clock(),
+            rest: found.origin,
+            note: found.report_note,
+            rate_hz: recording.rate_hz().unwrap_or(OVERLAY_RATE_HZ),
+        };
+        let mut outputs = Outputs::open(self, origin, &monitor)?;
 
         let mut summary = Summary::new();
         let ended = self.judge(&mut recording, &mut monitor, &mut outputs, &mut summary, &mut terminal);

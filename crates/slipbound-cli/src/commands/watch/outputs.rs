@@ -3,8 +3,9 @@
 use super::Watch;
 use super::timings::{Stopwatch, Timings};
 use crate::outcome::Failure;
-use slipbound::monitor::{SlipMonitor, SlipReport};
+use slipbound::monitor::{Reason, SlipMonitor, SlipReport};
 use slipbound::port::{Clock, FrameBuffer};
+use slipbound_rig::overlay::{self, Overlay, OverlayWriter};
 use slipbound_rig::report_json::{Header, ReportJson, RestOrigin};
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
@@ -18,6 +19,8 @@ pub struct Origin {
     pub rest: RestOrigin,
     /// What a reader should know.
     pub note: Option<String>,
+    /// Frames per second, for a video to be played at.
+    pub rate_hz: u32,
 }
 
 /// Everyone who wants a report.
@@ -25,6 +28,7 @@ pub struct Outputs {
     /// Looks on while a frame is judged.
     pub stopwatch: Stopwatch,
     json: Option<Json>,
+    overlay: Option<(Overlay, OverlayWriter)>,
     timings: Option<Timings>,
 }
 
@@ -59,15 +63,23 @@ impl Outputs {
                 Some(Json { path: path.clone(), lines, markers: args.markers })
             }
         };
+        let overlay = match &args.overlay {
+            None => None,
+            Some(to) => {
+                let overlay = Overlay::new(monitor.sensor());
+                let writer = OverlayWriter::create(to, &overlay, origin.rate_hz).map_err(cannot_draw)?;
+                Some((overlay, writer))
+            }
+        };
         let timings = match &args.timings {
             None => None,
             Some(path) => Some(Timings::create(path).map_err(|e| cannot_write(path, e))?),
         };
-        Ok(Outputs { stopwatch: Stopwatch::new(), json, timings })
+        Ok(Outputs { stopwatch: Stopwatch::new(), json, overlay, timings })
     }
 
     /// Writes the report of a frame.
-    pub fn write(&mut self, _frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) -> Result<(), Failure> {
+    pub fn write(&mut self, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) -> Result<(), Failure> {
         if let Some(timings) = &mut self.timings {
             let written = timings.write(report, &self.stopwatch);
             written.map_err(|e| cannot_write(timings.path(), e))?;
@@ -76,13 +88,22 @@ impl Outputs {
             let markers = json.markers.then(|| monitor.markers());
             json.lines.frame(report, markers).map_err(|e| cannot_write(&json.path, e))?;
         }
+        if let Some((overlay, writer)) = &mut self.overlay {
+            let whole = frame.frame().ok().filter(|_| report.reason != Some(Reason::Torn));
+            overlay.draw(whole.as_ref(), report, monitor);
+            writer.push(overlay, report.seq).map_err(cannot_draw)?;
+        }
         Ok(())
     }
 
     /// Finishes the files.
     pub fn close(self) -> Result<(), Failure> {
-        Ok(())
+        self.overlay.map_or(Ok(()), |(_, writer)| writer.finish().map_err(cannot_draw))
     }
+}
+
+fn cannot_draw(e: overlay::Error) -> Failure {
+    Failure::Work(e.into())
 }
 
 fn cannot_write(path: &std::path::Path, e: io::Error) -> Failure {

@@ -91,6 +91,14 @@ impl Recording {
         self.ahead.front().map_or(self.current.clock, |a| a.frame.clock)
     }
 
+    /// Frames per second between the first frames waiting, where they have times.
+    pub fn rate_hz(&self) -> Option<u32> {
+        let (first, last) = (&self.ahead.front()?.frame, &self.ahead.back()?.frame);
+        let passed_ns = last.time_ns?.checked_sub(first.time_ns?)?;
+        let rate_hz = (last.seq - first.seq) as f64 * 1e9 / passed_ns as f64;
+        (rate_hz >= 1.0 && rate_hz.is_finite()).then(|| rate_hz.round() as u32)
+    }
+
     /// How many frames there are in all, where that is known.
     pub fn frames_count(&self) -> Option<u64> {
         self.source.frames_count()

@@ -47,7 +47,7 @@ impl Summary {
         match self.reasons.iter_mut().find(|u| u.why == why) {
             Some(unjudged) => unjudged.count += 1,
             None => {
-                let first = format!("first {}: {reason}", called(frame));
+                let first = format!("the first is {}: {reason}", called(frame));
                 self.reasons.push(Unjudged { why, count: 1, first });
             }
         }
