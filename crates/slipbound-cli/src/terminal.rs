@@ -39,8 +39,8 @@ impl Terminal {
         }
         let bar = ProgressBar::with_draw_target(frames_count, ProgressDrawTarget::stderr_with_hz(10));
         let looks = match frames_count {
-            Some(_) => "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left",
-            None => "{spinner} {pos} frames, {per_sec}",
+            Some(_) => "{bar:40} {pos}/{len} frames, {eta} left",
+            None => "{spinner} {pos} frames",
         };
         bar.set_style(ProgressStyle::with_template(looks).unwrap_or_else(|_| ProgressStyle::default_bar()));
         Terminal { bar, to_stderr }

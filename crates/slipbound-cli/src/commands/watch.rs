@@ -114,10 +114,10 @@ impl Watch {
                 return Err(anyhow!("interrupted after {frames_count} frames; what was judged is kept").into());
             }
             let frame = recording.frame();
+            outputs.stopwatch.restart();
             let report = match arrived? {
                 Arrived::Whole => {
                     let frame = frame.frame().map_err(|e| Failure::work(&self.source, e))?;
-                    outputs.stopwatch.restart();
                     monitor.step_probed(&frame, None, &mut outputs.stopwatch)
                 }
                 Arrived::Torn(reason) => {

@@ -108,7 +108,7 @@ mod tests {
             outline += line;
             middle |= i == 60 * 120 + 60 && share == 1.0 && line == 0.0;
         });
-        assert!((area - 3600.0).abs() < 100.0, "{area} px");
+        assert!((area - 3600.0).abs() < 150.0, "{area} px; the smoothing takes a little off the corners");
         assert!((outline - 4.0 * 60.0 * OUTLINE_PX).abs() < 60.0, "{outline} px");
         assert!(middle);
     }
