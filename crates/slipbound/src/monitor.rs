@@ -117,7 +117,7 @@ impl SlipMonitor {
         settings.check()?;
         let sensor = sensor.at_size(rest.size)?;
         sensor.check()?;
-        let imprint = imprint::Imprint::new(&sensor, settings);
+        let imprint = imprint::Imprint::new(&sensor, settings, false);
         Ok(SlipMonitor {
             contact: contact::Contact::new(&sensor, &settings.contact, &imprint, &rest),
             markers: markers::Markers::new(&sensor, &settings.markers, &rest),

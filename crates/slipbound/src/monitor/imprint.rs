@@ -68,13 +68,17 @@ pub(super) struct Imprint {
     dark_below_levels: f64,
     warp: Option<(WarpTable, Vec<u8>)>,
     smooth: Option<(Smooth, Flatten)>,
+    has_cells: bool,
     pub(super) grey: Vec<u8>,
     pub(super) flat: Vec<u8>,
     pub(super) cells: Cells,
+    /// Mean grey level of the last frame.
+    pub(super) mean_levels: f64,
 }
 
 impl Imprint {
-    pub(super) fn new(sensor: &Sensor, settings: &Settings) -> Self {
+    /// `with_cells`: whether [`Imprint::cells`] are wanted whatever the skin; a smooth one always has them.
+    pub(super) fn new(sensor: &Sensor, settings: &Settings, with_cells: bool) -> Self {
         let (camera_px, size) = (sensor.image_px, sensor.rectified_px());
         let wants_flat = sensor.skin == Skin::Fabric || settings.markers.finder == Finder::Threshold;
         let smooth = || match settings.imprint.illumination {
@@ -99,8 +103,10 @@ impl Imprint {
                 (table, vec![0; camera_px.area()])
             }),
             smooth: wants_flat.then(|| (smooth(), Flatten::new(FLATTEN.0, FLATTEN.1, FLATTEN.2))),
+            mean_levels: 0.0,
             grey: vec![0; size.area()],
             flat: vec![0; if wants_flat { size.area() } else { 0 }],
+            has_cells: with_cells || sensor.skin == Skin::Smooth,
             cells: Cells::new(camera_px, super::contact::CellMap::cell_px(sensor)),
         }
     }
@@ -111,15 +117,17 @@ impl Imprint {
         if got != self.camera_px {
             return Err(Reason::FrameSize { expected: self.camera_px, got });
         }
-        self.cells.run(&frame.pixels);
-        let mean_levels = self.mean_levels();
-        if mean_levels < self.dark_below_levels {
-            return Err(Reason::Dark { mean_levels });
-        }
-        let grey = self.warp.as_mut().map_or(&mut self.grey, |(_, upright)| upright);
+        let upright = self.warp.as_mut().map_or(&mut self.grey, |(_, upright)| upright);
         match &frame.pixels {
-            Pixels::Rgb(rgb) => grey_from_rgb(*rgb, &self.weights, self.flip, grey),
-            Pixels::Gray(gray) => grey_from_gray(*gray, self.flip, grey),
+            Pixels::Rgb(rgb) => grey_from_rgb(*rgb, &self.weights, self.flip, upright),
+            Pixels::Gray(gray) => grey_from_gray(*gray, self.flip, upright),
+        }
+        self.mean_levels = mean_levels(upright, got.width);
+        if self.mean_levels < self.dark_below_levels {
+            return Err(Reason::Dark { mean_levels: self.mean_levels });
+        }
+        if self.has_cells {
+            self.cells.run(&frame.pixels);
         }
         if let Some((table, upright)) = &self.warp {
             table.apply(upright, &mut self.grey);
@@ -148,13 +156,6 @@ impl Imprint {
         }
     }
 
-    /// Mean grey level of the last frame, by its cells.
-    pub(super) fn mean_levels(&self) -> f64 {
-        let means = self.cells.means_levels();
-        let sum: f64 = means.iter().map(|c| c.iter().map(|&v| f64::from(v)).sum::<f64>()).sum();
-        sum / (3 * means.len()).max(1) as f64
-    }
-
     /// Size of the rectified image.
     pub(super) fn size(&self) -> SizePx {
         self.size
@@ -164,4 +165,11 @@ impl Imprint {
     pub(super) fn seen(&self) -> Option<&Mask> {
         self.warp.as_ref().map(|(table, _)| table.valid())
     }
+}
+
+/// Mean of every fourth row.
+fn mean_levels(grey: &[u8], width: usize) -> f64 {
+    let rows = grey.chunks_exact(width).step_by(4);
+    let count = rows.len() * width;
+    rows.flat_map(|row| row.iter()).map(|&v| u64::from(v)).sum::<u64>() as f64 / count as f64
 }

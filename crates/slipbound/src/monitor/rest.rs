@@ -190,7 +190,7 @@ impl RestBuilder {
         sensor.check()?;
         let sensor = sensor.at_size(camera_px)?;
         sensor.check()?;
-        let imprint = Imprint::new(&sensor, settings);
+        let imprint = Imprint::new(&sensor, settings, true);
         let map = CellMap::new(&sensor, &imprint.cells);
         Ok(RestBuilder {
             detector: Detector::new(&sensor, &settings.markers),
@@ -233,7 +233,7 @@ impl RestBuilder {
             }
         };
         self.before = Some(now);
-        RestLook { mean_levels: Some(self.imprint.mean_levels()), change_levels, touched }
+        RestLook { mean_levels: Some(self.imprint.mean_levels), change_levels, touched }
     }
 
     /// Cells that a marker covers in the picture taken last.

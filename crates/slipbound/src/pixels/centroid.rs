@@ -12,19 +12,40 @@
 //!     +------------\________---> r
 //!                   -------       the ring, against slopes of light
 //! ```
+//!
+//! The weights are tabulated as whole numbers for assumed centres an eighth of a pixel apart (a quarter for large
+//! dots): a pull is a sum of products of integers, the same in any order. F is straight over half a pixel, so the
+//! step from the nearest assumed centre to the true one loses only what the stiffness is wrong by.
 
 use crate::image::SizePx;
 use crate::plane::Vec2;
 
-/// Table entries per squared pixel of distance.
-const STEPS_PER_PX2: f64 = 16.0;
+/// Assumed centres per pixel along each axis, and the half width of the window up to which there are so many: the
+/// tables of larger dots would leave the cache.
+const FINE: (usize, usize) = (8, 16);
+/// Assumed centres per pixel along each axis for larger dots.
+const COARSE: usize = 4;
+/// The largest tabulated weight.
+const FULL_WEIGHT: f64 = 8000.0;
+
+/// The weights for one assumed centre: w(r) dx and w(r) dy, row by row over the window.
+#[derive(Debug, Clone)]
+struct Phase {
+    along: Vec<i16>,
+    across: Vec<i16>,
+    along_sum: i64,
+    across_sum: i64,
+}
 
 /// The weights of one dot size.
 #[derive(Debug, Clone)]
 pub struct EdgeKernel {
     radius_px: f64,
-    reach_px: f64,
-    weight: Vec<f32>,
+    /// The window is `2 half + 1` pixels wide and high, about the whole pixel nearest to the assumed centre.
+    half: usize,
+    /// Assumed centres per pixel along each axis.
+    per_px: usize,
+    phases: Vec<Phase>,
 }
 
 impl EdgeKernel {
@@ -53,19 +74,16 @@ impl EdgeKernel {
             (0..steps).map(|i| (i as f64 + 0.5) / steps as f64 * outer).map(|r| w(r) * r * r * r).sum::<f64>()
         };
         let share = moment(&pull) / moment(&ring);
-        let entries = libm::ceil(outer * outer * STEPS_PER_PX2) as usize + 1;
-        let weight = (0..entries)
-            .map(|i| {
-                let r = ((i as f64 + 0.5) / STEPS_PER_PX2).sqrt();
-                (pull(r) - share * ring(r)) as f32
-            })
+        let weight = |r: f64| if r > outer { 0.0 } else { pull(r) - share * ring(r) };
+        let highest =
+            (0..1000).map(|i| f64::from(i) / 1000.0 * outer).map(|r| (weight(r) * r).abs()).fold(0.0, f64::max);
+        let half = (outer + 0.5).floor() as usize;
+        let per_px = if half <= FINE.1 { FINE.0 } else { COARSE };
+        let scaled = |r: f64| weight(r) * FULL_WEIGHT / highest;
+        let phases = (0..per_px * per_px)
+            .map(|i| Phase::new(half, offset(i % per_px, per_px), offset(i / per_px, per_px), scaled))
             .collect();
-        EdgeKernel { radius_px: radius, reach_px: outer, weight }
-    }
-
-    /// How far from the centre pixels are looked at.
-    pub fn reach_px(&self) -> f64 {
-        self.reach_px
+        EdgeKernel { radius_px: radius, half, per_px, phases }
     }
 
     /// Whether a dot centred here lies whole in the image, its rim included.
@@ -75,54 +93,59 @@ impl EdgeKernel {
         centre.x >= margin && centre.x <= x_max && centre.y >= margin && centre.y <= y_max
     }
 
-    /// The pull F at `centre`: positive x when brighter pixels lie at larger x. None where the border of the image
-    /// would cut the dot: there the rest of its rim pulls it inwards.
-    pub fn pull(&self, grey: &[u8], size: SizePx, centre: Vec2) -> Option<Vec2> {
+    /// The pull F near `centre`, and the assumed centre it is the pull at, within half a step of the table on each axis.
+    /// Positive x when brighter pixels lie at larger x. None where the border of the image would cut the dot: there
+    /// the rest of its rim pulls it inwards.
+    pub fn pull(&self, grey: &[u8], size: SizePx, centre: Vec2) -> Option<(Vec2, Vec2)> {
         if !self.holds(size, centre) {
             return None; // also when the centre is not a number
         }
-        let reach = self.reach_px;
-        let from = |c: f64| (c - reach).ceil().max(0.0) as usize;
-        let to = |c: f64, end: usize| ((c + reach).floor() as usize).min(end - 1);
-        let (left, right) = (from(centre.x), to(centre.x, size.width));
-        let (top, bottom) = (from(centre.y), to(centre.y, size.height));
+        let (column, phase_x, x) = nearest(centre.x, self.per_px);
+        let (row, phase_y, y) = nearest(centre.y, self.per_px);
+        let (at, phase) = (Vec2::new(x, y), &self.phases[phase_y * self.per_px + phase_x]);
+        let (half, side) = (self.half, 2 * self.half + 1);
+        // The part of the window inside the image, in window coordinates.
+        let part = |at: usize, end: usize| half.saturating_sub(at)..side.min(end + half - at);
+        let (columns, rows) = (part(column, size.width), part(row, size.height));
+        let whole = columns.len() == side && rows.len() == side;
+        let line = |y: usize| &grey[(row + y - half) * size.width + column + columns.start - half..][..columns.len()];
         // On a pixel grid the ring cancels a constant only roughly: take off the level of the window's rim first.
-        let rim = [top, bottom].map(|y| &grey[y * size.width..][left..=right]);
-        let rim_sum: u32 = rim.iter().flat_map(|row| row.iter()).map(|&v| u32::from(v)).sum();
-        let level = rim_sum as f32 / (2 * (right - left + 1)) as f32;
-        let (mut fx, mut fy) = (0.0f32, 0.0f32);
-        for y in top..=bottom {
-            let row = &grey[y * size.width..][left..=right];
-            let dy = (y as f64 - centre.y) as f32;
-            let first_dx = (left as f64 - centre.x) as f32;
-            let steps = STEPS_PER_PX2 as f32;
-            let (mut row_sum, mut row_x) = (0.0f32, 0.0f32);
-            for (i, &v) in row.iter().enumerate() {
-                let dx = first_dx + i as f32;
-                let index = ((dx * dx + dy * dy) * steps) as usize;
-                let pull = self.weight.get(index).copied().unwrap_or(0.0) * (f32::from(v) - level);
-                row_sum += pull;
-                row_x += pull * dx;
-            }
-            fx += row_x;
-            fy += row_sum * dy;
+        let rim = |y: usize| line(y).iter().map(|&v| u32::from(v)).sum::<u32>();
+        let level = f64::from(rim(rows.start) + rim(rows.end - 1)) / (2 * columns.len()) as f64;
+        let (mut fx, mut fy) = (0i64, 0i64);
+        let (mut weight_x, mut weight_y) = (phase.along_sum, phase.across_sum);
+        if !whole {
+            (weight_x, weight_y) = (0, 0);
         }
-        Some(Vec2::new(f64::from(fx), f64::from(fy)))
+        for y in rows {
+            let weights = y * side + columns.start..y * side + columns.end;
+            let (along, across) = (&phase.along[weights.clone()], &phase.across[weights]);
+            let (x_sum, y_sum) = row_pull(line(y), along, across);
+            fx += i64::from(x_sum);
+            fy += i64::from(y_sum);
+            if !whole {
+                weight_x += along.iter().map(|&w| i64::from(w)).sum::<i64>();
+                weight_y += across.iter().map(|&w| i64::from(w)).sum::<i64>();
+            }
+        }
+        let force = Vec2::new(fx as f64 - level * weight_x as f64, fy as f64 - level * weight_y as f64);
+        Some((force / FULL_WEIGHT, at))
     }
 
     /// How fast the pull grows when the assumed centre leaves the dot, by moving it half a pixel each way:
-    /// negative for a dark dot, positive for a bright one, per level and px. None at the border.
+    /// negative for a bright dot, positive for a dark one, per px. None at the border.
     pub fn stiffness(&self, grey: &[u8], size: SizePx, centre: Vec2) -> Option<f64> {
         let x = Vec2::new(0.5, 0.0);
         let y = Vec2::new(0.0, 0.5);
-        let along = self.pull(grey, size, centre + x)?.x - self.pull(grey, size, centre - x)?.x;
-        let across = self.pull(grey, size, centre + y)?.y - self.pull(grey, size, centre - y)?.y;
+        let pull = |at: Vec2| self.pull(grey, size, at).map(|(force, _)| force);
+        let along = pull(centre + x)?.x - pull(centre - x)?.x;
+        let across = pull(centre + y)?.y - pull(centre - y)?.y;
         Some((along + across) / 2.0)
     }
 
-    /// The stiffness on a round dark dot of one level of depth whose edge is as sharp as this kernel listens for.
+    /// The stiffness on a round dark dot of one level of depth whose edge has this blur.
     pub fn stiffness_of_a_disc(&self, edge_px: f64) -> f64 {
-        let side = 2 * self.reach_px.ceil() as usize + 5;
+        let side = 2 * self.half + 7;
         let (size, centre) = (SizePx::new(side, side), Vec2::new(1.0, 1.0) * (side / 2) as f64);
         let disc: Vec<u8> = (0..size.area())
             .map(|i| {
@@ -147,18 +170,55 @@ impl EdgeKernel {
     ) -> Option<Vec2> {
         let mut centre = start;
         for _ in 0..steps {
-            let mut step = self.pull(grey, size, centre)? / -stiffness;
+            let (force, at) = self.pull(grey, size, centre)?;
+            let mut step = force / -stiffness;
             let length = step.length();
             if length > longest_px {
                 step = step * (longest_px / length);
             }
-            centre += step;
-            if length < 0.004 {
-                break;
+            centre = at + step;
+            if length < 0.13 {
+                break; // the pull is straight from here to the centre
             }
         }
         Some(centre)
     }
+}
+
+impl Phase {
+    fn new(half: usize, dx: f64, dy: f64, weight: impl Fn(f64) -> f64) -> Self {
+        let side = 2 * half + 1;
+        let arm = |i: usize| Vec2::new((i % side) as f64 - half as f64 - dx, (i / side) as f64 - half as f64 - dy);
+        let table = |part: &dyn Fn(Vec2) -> f64| -> Vec<i16> {
+            (0..side * side).map(arm).map(|p| (weight(p.length()) * part(p)).round() as i16).collect()
+        };
+        let (along, across) = (table(&|p| p.x), table(&|p| p.y));
+        let sum = |table: &[i16]| table.iter().map(|&w| i64::from(w)).sum();
+        Phase { along_sum: sum(&along), across_sum: sum(&across), along, across }
+    }
+}
+
+/// Sums of products of a row of pixels with two rows of weights.
+fn row_pull(pixels: &[u8], along: &[i16], across: &[i16]) -> (i32, i32) {
+    let (mut x, mut y) = (0i32, 0i32);
+    for ((&v, &a), &b) in pixels.iter().zip(along).zip(across) {
+        let v = i32::from(i16::from(v));
+        x += v * i32::from(a);
+        y += v * i32::from(b);
+    }
+    (x, y)
+}
+
+/// The offset of a phase from its whole pixel, in -0.5..0.5 px, for `per_px` phases a pixel.
+fn offset(phase: usize, per_px: usize) -> f64 {
+    (phase as f64 + 0.5) / per_px as f64 - 0.5
+}
+
+/// The whole pixel, the phase and the assumed centre nearest to a coordinate, which must not be negative.
+fn nearest(v: f64, per_px: usize) -> (usize, usize, f64) {
+    let steps = ((v + 0.5) * per_px as f64).floor() as usize;
+    let (pixel, phase) = (steps / per_px, steps % per_px);
+    (pixel, phase, pixel as f64 + offset(phase, per_px))
 }
 
 #[cfg(test)]
@@ -182,14 +242,16 @@ mod tests {
     fn a_soft_disc_is_found_to_a_fiftieth_of_a_pixel_on_a_slope_of_light() {
         let size = SizePx::new(72, 70);
         for diameter in [4.0, 5.3, 8.0, 14.0] {
-            let kernel = EdgeKernel::new(diameter, 2.8 * diameter, 0.35);
+            let kernel = EdgeKernel::new(diameter, 2.8 * diameter, 0.3);
             for slope in [0.0, 1.5] {
                 for step in 0..10 {
                     let truth = Vec2::new(34.0 + 0.137 * f64::from(step), 33.0 + 0.293 * f64::from(step));
                     let grey = disc(size, truth, diameter / 2.0, slope);
                     let start = truth + Vec2::new(0.6, -0.5);
                     let stiffness = kernel.stiffness(&grey, size, start).expect("inside");
-                    let found = kernel.centre(&grey, size, start, stiffness, 1.0, 8).expect("inside");
+                    let rough = kernel.centre(&grey, size, start, stiffness, 1.0, 8).expect("inside");
+                    let stiffness = kernel.stiffness(&grey, size, rough).expect("inside");
+                    let found = kernel.centre(&grey, size, rough, stiffness, 1.0, 8).expect("inside");
                     let error = (found - truth).length();
                     assert!(error < 0.02, "diameter {diameter}, slope {slope}, {truth:?}: {error} px off");
                 }
@@ -198,13 +260,16 @@ mod tests {
     }
 
     #[test]
-    fn outside_the_image_there_is_no_pull() {
-        let size = SizePx::new(40, 40);
-        let kernel = EdgeKernel::new(8.0, 24.0, 0.35);
+    fn outside_the_image_there_is_no_pull_and_near_its_border_a_flat_image_has_none() {
+        let size = SizePx::new(60, 50);
+        let kernel = EdgeKernel::new(8.0, 24.0, 0.3);
         let grey = vec![100; size.area()];
         assert_eq!(kernel.pull(&grey, size, Vec2::new(4.4, 20.0)), None);
         assert_eq!(kernel.pull(&grey, size, Vec2::new(f64::NAN, 20.0)), None);
-        let flat = kernel.pull(&grey, size, Vec2::new(20.3, 19.6)).expect("inside");
-        assert!(flat.length() < 2.0, "a flat image pulls {flat:?}");
+        for place in [Vec2::new(30.3, 25.6), Vec2::new(4.6, 4.6), Vec2::new(54.4, 20.0), Vec2::new(30.0, 44.4)] {
+            let (force, at) = kernel.pull(&grey, size, place).expect("inside");
+            assert!(force.length() < 1e-9, "a flat image pulls {force:?} at {place:?}");
+            assert!((at - place).length() < 0.18);
+        }
     }
 }

@@ -92,7 +92,7 @@ impl Detector {
     /// Where the edge pulls a start to; None at the border or when it pulls out of the dot.
     fn pulled(&self, kernel: &EdgeKernel, imprint: &Imprint, start: Vec2, stiffness: f64) -> Option<Vec2> {
         let longest_px = 0.3 * self.radius_px;
-        let centre = kernel.centre(&imprint.grey, imprint.size(), start, stiffness, longest_px, 6)?;
+        let centre = kernel.centre(&imprint.grey, imprint.size(), start, stiffness, longest_px, 5)?;
         ((centre - start).length() < 0.6 * self.radius_px.max(2.0)).then_some(centre)
     }
 
