@@ -11,39 +11,40 @@ pub fn mask_above(values: &[f32], columns: usize, cell_px: usize, level: f32, ou
         return;
     }
     let size = out.size();
+    // Square `i` lies between the centres of cells i - 1 and i; the first and last reach the border of the image.
+    let square = |i: usize, cells: usize, end: usize| {
+        let centre = |cell: usize| (cell * cell_px + cell_px.div_ceil(2)).min(end); // first pixel at or past it
+        let from = if i == 0 { 0 } else { centre(i - 1) };
+        from..if i == cells { end } else { centre(i) }
+    };
     let half = (cell_px as f32 - 1.0) / 2.0;
     let per_px = 1.0 / cell_px as f32;
-    for y in 0..size.height {
-        let at = ((y as f32 - half) * per_px).clamp(0.0, (rows - 1) as f32);
-        let above = at as usize;
-        let below = (above + 1).min(rows - 1);
-        let share = at - above as f32;
-        let value = |column: usize| {
-            let (a, b) = (values[above * columns + column], values[below * columns + column]);
-            a + (b - a) * share
-        };
-        let words = out.row_mut(y);
-        let mut left = value(0);
-        if left >= level {
-            set_range(words, 0, (half.floor() as usize + 1).min(size.width));
-        }
-        for column in 1..columns {
-            let right = value(column);
-            let from_px = (column - 1) as f32 * cell_px as f32 + half;
-            let (first, end) = (from_px.ceil() as usize, ((from_px + cell_px as f32).ceil() as usize).min(size.width));
-            if left >= level && right >= level {
-                set_range(words, first, end);
-            } else if left >= level || right >= level {
-                for x in first..end {
-                    let v = left + (right - left) * ((x as f32 - from_px) * per_px);
+    for i in 0..=rows {
+        let (above, below) = (i.saturating_sub(1) * columns, i.min(rows - 1) * columns);
+        let ys = square(i, rows, size.height);
+        for j in 0..=columns {
+            let (left, right) = (j.saturating_sub(1), j.min(columns - 1));
+            let corners = [values[above + left], values[above + right], values[below + left], values[below + right]];
+            let reached = corners.iter().filter(|&&v| v >= level).count();
+            if reached == 0 {
+                continue;
+            }
+            let xs = square(j, columns, size.width);
+            for y in ys.clone() {
+                let words = out.row_mut(y);
+                if reached == 4 {
+                    set_range(words, xs.start, xs.end);
+                    continue;
+                }
+                let share = |px: usize, i: usize| (px as f32 - half) * per_px - (i as f32 - 1.0);
+                let down = share(y, i);
+                let (a, b) =
+                    (corners[0] + (corners[2] - corners[0]) * down, corners[1] + (corners[3] - corners[1]) * down);
+                for x in xs.clone() {
+                    let v = a + (b - a) * share(x, j);
                     words[x / 64] |= u64::from(v >= level) << (x % 64);
                 }
             }
-            left = right;
-        }
-        if left >= level {
-            let from = ((columns - 1) as f32 * cell_px as f32 + half).ceil() as usize;
-            set_range(words, from.min(size.width), size.width);
         }
     }
 }
