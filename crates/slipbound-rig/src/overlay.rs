@@ -148,7 +148,7 @@ impl Overlay {
             } else if m.in_reference {
                 let alpha = if m.in_contact { 1.0 } else { 0.55 };
                 let moved = m.now_from_reference();
-                self.arrow(m.reference, moved * self.magnification, 1.7 * width, MEASURED, alpha);
+                self.arrow(m.reference, moved * self.magnification, 2.3 * width, MEASURED, alpha);
             }
         }
         let Some(rigid) = rigid else { return };
@@ -191,7 +191,12 @@ impl Overlay {
         if by.length() < ARROW_SHOWN_PX || !by.is_finite() {
             return;
         }
-        let halo = if colour == SLIP { PAPER.with_alpha(0.85) } else { SLIP.with_alpha(0.45 * alpha) };
+        // Red lies on yellow: a wide halo would hide that both go the same way.
+        let halo = match colour {
+            SLIP => (1.8, PAPER.with_alpha(0.85)),
+            RIGID => (0.8, SLIP.with_alpha(0.35)),
+            _ => (1.8, SLIP.with_alpha(0.45 * alpha)),
+        };
         self.panel.arrow(from, from + by, width, colour.with_alpha(alpha), halo);
     }
 

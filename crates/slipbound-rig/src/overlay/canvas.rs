@@ -129,10 +129,10 @@ impl Canvas {
         }
     }
 
-    /// An arrow with its tip at `to`, and a thin halo round it.
-    pub fn arrow(&mut self, from: Vec2, to: Vec2, width: f64, colour: Colour, halo: Colour) {
+    /// An arrow with its tip at `to`, and a halo of a width and a colour round it.
+    pub fn arrow(&mut self, from: Vec2, to: Vec2, width: f64, colour: Colour, halo: (f32, Colour)) {
         let Some(path) = arrow_path(from, to, width) else { return };
-        self.stroke_path(&path, 1.8, halo);
+        self.stroke_path(&path, halo.0, halo.1);
         self.fill_path(&path, colour);
     }
 

@@ -121,7 +121,7 @@ pub(super) fn legend(canvas: &mut Canvas) {
                     canvas.rectangle(x + dx, middle as i32 + dy, w, h, colour);
                 }
             }
-            Sign::Arrow(colour, width) => canvas.arrow(from, to, width, colour, PAPER.with_alpha(0.85)),
+            Sign::Arrow(colour, width) => canvas.arrow(from, to, width, colour, (1.8, PAPER.with_alpha(0.85))),
             Sign::Dot(colour) => {
                 canvas.dot(centre, 9.0, PAPER);
                 canvas.dot(centre, 7.5, colour);
@@ -131,7 +131,7 @@ pub(super) fn legend(canvas: &mut Canvas) {
                 let tail = from + Vec2::new(6.0, 0.0);
                 canvas.dot(tail, 7.5, PAPER);
                 canvas.dot(tail, 6.0, RIGID);
-                canvas.arrow(tail, to, 5.0, RIGID, PAPER.with_alpha(0.6));
+                canvas.arrow(tail, to, 5.0, RIGID, (1.8, PAPER.with_alpha(0.6)));
             }
         }
         x += sign_px + 6;
