@@ -61,7 +61,7 @@ impl Default for ContactSettings {
             dilate_pitch: 25.0 / 15.2,
             hide_rest_edges: true,
             change_levels: 6.0,
-            smooth_close_pitch: 1.5,
+            smooth_close_pitch: 1.2,
             full_markers_count: 12,
             unsure_below_quality: 0.35,
         }

@@ -123,12 +123,12 @@ pub(crate) struct ShadingContact {
     rest_covered: Vec<bool>,
     covered: Vec<bool>,
     cover_radius_px: f64,
-    close_cells: usize,
     least_cells: usize,
     ratios: Vec<f32>,
     change: Vec<[f32; 4]>,
     scratch: Vec<[f32; 4]>,
     score: Vec<f32>,
+    widened: Vec<Vec<f32>>,
     work: Vec<f32>,
     stack: Vec<u32>,
 }
@@ -150,7 +150,7 @@ impl ShadingContact {
             rest_covered: rest_covered.to_vec(),
             covered: vec![false; count],
             cover_radius_px: cover_radius_px(sensor),
-            close_cells: (close_pitch * sensor.pitch_px / 2.0 / cell_px).round() as usize,
+            widened: vec![vec![0.0; count]; (close_pitch * sensor.pitch_px / 2.0 / cell_px).round() as usize + 1],
             least_cells: (least_px / (cell_px * cell_px)).ceil() as usize,
             ratios: Vec::with_capacity(count),
             change: vec![[0.0; 4]; count],
@@ -210,11 +210,11 @@ impl ShadingContact {
         })
     }
 
-    /// Greyscale closing: joins the lines that the rim of an object leaves into the region between them.
+    /// Greyscale closing with a disc: joins the lines that the rim of an object leaves into the region between them.
     fn close(&mut self) {
-        let (columns, k) = (self.map.columns, self.close_cells);
-        spread(&mut self.score, &mut self.work, columns, k, 0.0, |a, b| if a > b { a } else { b });
-        spread(&mut self.score, &mut self.work, columns, k, f32::MAX, |a, b| if a < b { a } else { b });
+        let (columns, widened) = (self.map.columns, &mut self.widened);
+        spread(&mut self.score, widened, columns, 0.0, |a, b| if a > b { a } else { b });
+        spread(&mut self.score, widened, columns, f32::MAX, |a, b| if a < b { a } else { b });
     }
 
     fn drop_small(&mut self, level: f32) {
@@ -255,28 +255,34 @@ impl ShadingContact {
     }
 }
 
-/// Maximum or minimum over the `2 k + 1` cells each way around every cell; `start` is what any value replaces.
+/// Maximum or minimum over a disc around every cell; its radius is one less than the number of `widened` scratch
+/// pictures. `start` is what any value replaces.
 fn spread(
     values: &mut [f32],
-    scratch: &mut [f32],
+    widened: &mut [Vec<f32>],
     columns: usize,
-    k: usize,
     start: f32,
     reduce: impl Fn(f32, f32) -> f32 + Copy,
 ) {
-    let rows = values.len() / columns;
+    let (rows, k) = (values.len() / columns, widened.len() - 1);
     let take = |to: &mut [f32], from: &[f32]| to.iter_mut().zip(from).for_each(|(t, &f)| *t = reduce(*t, f));
-    for (row, out) in values.chunks_exact(columns).zip(scratch.chunks_exact_mut(columns)) {
-        out.copy_from_slice(row);
-        for away in 1..=k.min(columns - 1) {
-            take(&mut out[away..], &row[..columns - away]);
-            take(&mut out[..columns - away], &row[away..]);
+    // widened[w]: over 2 w + 1 cells of the row.
+    widened[0].copy_from_slice(values);
+    for w in 1..=k {
+        let (narrower, wider) = widened.split_at_mut(w);
+        wider[0].copy_from_slice(&narrower[w - 1]);
+        let rows = values.chunks_exact(columns).zip(wider[0].chunks_exact_mut(columns));
+        for (row, out) in rows.filter(|_| w < columns) {
+            take(&mut out[w..], &row[..columns - w]);
+            take(&mut out[..columns - w], &row[w..]);
         }
     }
     for (y, out) in values.chunks_exact_mut(columns).enumerate() {
         out.fill(start);
         for near in y.saturating_sub(k)..=(y + k).min(rows - 1) {
-            take(out, &scratch[near * columns..][..columns]);
+            let away = near.abs_diff(y);
+            let w = ((k * k - away * away) as f64).sqrt().round() as usize;
+            take(out, &widened[w][near * columns..][..columns]);
         }
     }
 }
@@ -290,19 +296,20 @@ fn mean_above(values: &[f32], level: f32) -> f64 {
     if count == 0 { 0.0 } else { sum / f64::from(count) }
 }
 
-/// The rest picture of a finger that is already touched: a smooth surface (polynomial of degree 4 in both axes)
+/// The rest picture of a finger that is already touched: a smooth surface (a polynomial of degree 6)
 /// fitted to the cells so that the imprint, which is sharper than illumination can be, counts as outliers.
 pub(crate) fn illumination(cells: &mut [[f32; 3]], covered: &[bool], columns: usize) {
     let rows = cells.len() / columns;
-    const TERMS: usize = 15;
+    const DEGREE: usize = 6;
+    const TERMS: usize = (DEGREE + 1) * (DEGREE + 2) / 2;
     let basis = |i: usize| {
         let x = 2.0 * (i % columns) as f64 / (columns - 1).max(1) as f64 - 1.0;
         let y = 2.0 * (i / columns) as f64 / (rows - 1).max(1) as f64 - 1.0;
         let mut out = [0.0; TERMS];
         let mut k = 0;
-        for power in 0..=4 {
+        for power in 0..=DEGREE {
             for across in 0..=power {
-                out[k] = libm::pow(x, f64::from(power - across)) * libm::pow(y, f64::from(across));
+                out[k] = libm::pow(x, (power - across) as f64) * libm::pow(y, across as f64);
                 k += 1;
             }
         }
