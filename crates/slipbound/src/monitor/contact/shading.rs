@@ -5,6 +5,7 @@
 
 use crate::image::Mask;
 use crate::pixels::cells::Cells;
+use crate::pixels::components::Components;
 use crate::pixels::contour::mask_above;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
@@ -131,6 +132,7 @@ pub(crate) struct ShadingContact {
     widened: Vec<Vec<f32>>,
     work: Vec<f32>,
     stack: Vec<u32>,
+    components: Components,
 }
 
 impl ShadingContact {
@@ -158,6 +160,7 @@ impl ShadingContact {
             score: vec![0.0; count],
             work: vec![0.0; count],
             stack: Vec::with_capacity(count),
+            components: Components::new(sensor.rectified_px()),
             map,
         }
     }
@@ -191,6 +194,8 @@ impl ShadingContact {
         self.close();
         self.drop_small(change_levels);
         mask_above(&self.score, self.map.columns, self.map.cell_px, change_levels, region);
+        // The flat middle of an object changes less than its rim.
+        self.components.fill_holes(region);
         strength
     }
 

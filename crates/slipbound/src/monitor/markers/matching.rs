@@ -17,7 +17,7 @@ const NEIGHBOURS: usize = 8;
 const CONTRADICTION_PITCH: f64 = 0.6;
 /// How near a spot must be to where the neighbours went.
 const RECOVERY_PITCH: f64 = 0.4;
-/// Rounds of asking: each lets markers one neighbourhood further in be found.
+/// Rounds of asking: each reaches markers one neighbourhood further into a region where none is seen.
 const ROUNDS: usize = 4;
 
 const NO_SPOT: u32 = u32::MAX;
@@ -45,6 +45,9 @@ pub(super) struct Matching {
     match_of: Vec<u32>,
     pairs: Vec<Pair>,
     undone: Vec<bool>,
+    /// The round from which on a marker without a spot is believed to be where its neighbours told; 0 for never.
+    told: Vec<usize>,
+    round: usize,
     neighbours: Vec<[u32; NEIGHBOURS]>,
     neighbours_count: Vec<usize>,
 }
@@ -82,6 +85,8 @@ impl Matching {
             // Spots lie apart by 0.45 pitch: no more than nine of them within half a pitch of a place.
             pairs: Vec::with_capacity(9 * markers.len()),
             undone: vec![false; markers.len()],
+            told: vec![0; markers.len()],
+            round: 0,
             neighbours,
             neighbours_count,
         }
@@ -169,6 +174,7 @@ impl Matching {
 
     /// Undoes matches that contradict the neighbours, then finds markers where their neighbours went.
     pub(super) fn settle_with_neighbours(&mut self, markers: &[Marker]) {
+        self.round = 0;
         for i in 0..markers.len() {
             let far = |place: Vec2| (place - self.spots[self.match_of[i] as usize].position).length();
             self.undone[i] = self.match_of[i] != NO_SPOT
@@ -180,7 +186,8 @@ impl Matching {
                 self.match_of[i] = NO_SPOT;
             }
         }
-        for _ in 0..ROUNDS {
+        self.told.fill(0);
+        for round in 1..=ROUNDS {
             let mut asked = false;
             for i in 0..markers.len() {
                 if self.match_of[i] != NO_SPOT {
@@ -188,6 +195,8 @@ impl Matching {
                 }
                 if let Some(place) = self.where_neighbours_went(markers, i) {
                     self.predicted[i] = place;
+                    // Believed by others from the next round on.
+                    self.told[i] = if self.told[i] == 0 { round + 1 } else { self.told[i] };
                     asked = true;
                 }
             }
@@ -195,7 +204,14 @@ impl Matching {
                 return;
             }
             self.assign(RECOVERY_PITCH);
+            self.round = round + 1;
         }
+    }
+
+    /// Where a marker is: its spot, or where its neighbours have told in an earlier round of asking.
+    fn known(&self, marker: usize) -> Option<Vec2> {
+        let told = || (1..=self.round).contains(&self.told[marker]).then(|| self.predicted[marker]);
+        self.spot_of(marker).map(|s| s.position).or_else(told)
     }
 
     /// The spot of a marker.
@@ -219,15 +235,14 @@ impl Matching {
         Some(Vec2::new(x, y))
     }
 
-    /// Rest position plus the displacement of the matched neighbours, carried over by a plane fitted to it; None
+    /// Rest position plus the displacement of the neighbours whose place is known, carried over by a plane fitted to it; None
     /// with fewer than three of them.
     fn where_neighbours_went(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
         let here = markers[i].rest;
         let found = || {
             self.neighbours[i][..self.neighbours_count[i]].iter().filter_map(|&n| {
-                let spot = self.spot_of(n as usize)?;
                 let rest = markers[n as usize].rest;
-                Some((rest - here, spot.position - rest))
+                Some((rest - here, self.known(n as usize)? - rest))
             })
         };
         let (mut count, mut arm, mut shift) = (0.0, Vec2::ZERO, Vec2::ZERO);
