@@ -1,1 +1,38 @@
-//! Files, cameras and grippers for `slipbound`.
+//! Files, cameras and grippers for `slipbound`: everything that needs an operating system or a codec.
+//!
+//! | what | where |
+//! |---|---|
+//! | recordings as frames: image folders, MJPEG AVI, every other video through `ffmpeg` | [`source`] |
+//! | the fingers that are known, and files for others | [`sensors`] |
+//! | settings files, and how a mistake in one is told | [`config`] |
+//! | reports as JSON lines | [`report_json`] |
+//! | pictures of what was found | [`overlay`] |
+//! | Motion-JPEG AVI files | [`avi_writer`] |
+//!
+//! ```no_run
+//! use slipbound::monitor::{RestBuilder, Settings, SlipMonitor};
+//! use slipbound::port::{FrameBuffer, Next};
+//! use slipbound_rig::{sensors, source};
+//!
+//! let (sensor, settings) = (sensors::load("gelslim")?, Settings::default());
+//! let mut source = source::open("recording.avi")?;
+//! let mut buffer = FrameBuffer::default();
+//!
+//! source.next(&mut buffer)?; // the first frame, untouched, is the rest frame
+//! let mut builder = RestBuilder::new(&sensor, &settings, buffer.size)?;
+//! let kind = slipbound::monitor::RestKind::Unloaded;
+//! builder.add(&buffer.frame()?)?;
+//! let mut monitor = SlipMonitor::new(&sensor, &settings, builder.build(kind)?)?;
+//!
+//! while source.next(&mut buffer)? == Next::Frame {
+//!     println!("{:?}", monitor.step(&buffer.frame()?, None).state);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error + Send + Sync>>(())
+//! ```
+
+pub mod avi_writer;
+pub mod config;
+pub mod overlay;
+pub mod report_json;
+pub mod sensors;
+pub mod source;

@@ -9,12 +9,12 @@ mod rest;
 mod slip;
 
 pub use contact::ContactSettings;
-pub use imprint::ImprintSettings;
-pub use markers::MarkerSettings;
-pub use motion::MotionSettings;
+pub use imprint::{Illumination, ImprintSettings};
+pub use markers::{Finder, MarkerSettings};
+pub use motion::{Fit, MotionSettings, fit_most, fit_rigid, fit_similarity};
 pub use report::*;
-pub use rest::{Rest, RestBuilder, RestError, RestKind, RestLook, RestSettings};
-pub use slip::SlipSettings;
+pub use rest::{Rest, RestBuilder, RestChoice, RestError, RestKind, RestLook, RestSettings};
+pub use slip::{RigidField, SlipSettings};
 
 use crate::image::{Frame, Gray, Mask};
 use crate::port::GripSample;
@@ -63,4 +63,229 @@ pub trait Probe {
 
 impl Probe for () {
     fn after(&mut self, _: Step, _: &SlipMonitor) {}
+}
+
+impl Settings {
+    /// The paper as written. Where the default differs, ARCHITECTURE.md says why ("Deviations from the paper").
+    pub fn paper() -> Self {
+        Settings {
+            rest: RestSettings { average_count: 1, ..RestSettings::default() },
+            imprint: ImprintSettings { illumination: Illumination::Gaussian, ..ImprintSettings::default() },
+            contact: ContactSettings { hide_rest_edges: false, ..ContactSettings::default() },
+            markers: MarkerSettings {
+                finder: Finder::Threshold,
+                predict: false,
+                match_within_pitch: 7.0 / 15.2,
+                ask_neighbours: false,
+                ..MarkerSettings::default()
+            },
+            motion: MotionSettings { fit: Fit::Similarity, ..MotionSettings::default() },
+            slip: SlipSettings { field: RigidField::SmallAngle, ..SlipSettings::default() },
+        }
+    }
+
+    /// Checks every setting; the error names the first one that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        self.rest.check()?;
+        self.imprint.check()?;
+        self.contact.check()?;
+        self.markers.check()?;
+        self.motion.check()?;
+        self.slip.check()
+    }
+}
+
+/// Judges the frames of one finger. All memory is made by [`SlipMonitor::new`].
+#[derive(Debug, Clone)]
+pub struct SlipMonitor {
+    sensor: Sensor,
+    settings: Settings,
+    imprint: imprint::Imprint,
+    contact: contact::Contact,
+    markers: markers::Markers,
+    motion: motion::Motion,
+    slip: slip::Slip,
+    rest_seq: u64,
+    reference_seq: u64,
+    rebase_from: Option<u64>,
+    in_contact_count: u32,
+}
+
+impl SlipMonitor {
+    /// A monitor for a finger whose rest frame is known. Fails when a setting or a fact of the sensor cannot be.
+    pub fn new(sensor: &Sensor, settings: &Settings, rest: Rest) -> Result<Self, SettingError> {
+        settings.check()?;
+        let sensor = sensor.at_size(rest.size)?;
+        sensor.check()?;
+        let imprint = imprint::Imprint::new(&sensor, settings, false);
+        Ok(SlipMonitor {
+            contact: contact::Contact::new(&sensor, &settings.contact, &imprint, &rest),
+            markers: markers::Markers::new(&sensor, &settings.markers, &rest),
+            motion: motion::Motion::new(&sensor, &settings.motion),
+            slip: slip::Slip::new(&sensor, &settings.slip, rest.markers.len()),
+            rest_seq: rest.seq,
+            reference_seq: rest.seq,
+            rebase_from: None,
+            in_contact_count: 0,
+            imprint,
+            settings: settings.clone(),
+            sensor,
+        })
+    }
+
+    /// Judges one frame. Never fails: what cannot be judged says so in the report.
+    pub fn step(&mut self, frame: &Frame<'_>, grip: Option<GripSample>) -> SlipReport {
+        self.step_probed(frame, grip, &mut ())
+    }
+
+    /// The same, with somebody looking on.
+    pub fn step_probed(&mut self, frame: &Frame<'_>, grip: Option<GripSample>, probe: &mut dyn Probe) -> SlipReport {
+        if let Some(seq) = self.rebase_from.take() {
+            self.rebase(seq);
+        }
+        if let Err(reason) = self.imprint.take(frame) {
+            return self.unjudged(frame.seq, frame.time_ns, grip, reason);
+        }
+        probe.after(Step::Imprint, self);
+
+        self.contact.find(&self.imprint, self.markers.all.iter().map(|m| m.now));
+        probe.after(Step::Contact, self);
+
+        self.markers.track(&self.imprint);
+        self.in_contact_count = slip::mark_contact(&self.contact.region, &mut self.markers.all);
+        probe.after(Step::Markers, self);
+
+        if self.contact.touches {
+            self.motion.fit(&self.contact.region, &mut self.markers.all);
+        } else {
+            self.motion.clear();
+        }
+        probe.after(Step::Motion, self);
+
+        self.slip.judge(self.motion.motion.as_ref(), &mut self.markers.all);
+        probe.after(Step::Slip, self);
+
+        let report = self.report(frame, grip);
+        match report.state {
+            // The reference is taken anew after slip; the next frame is judged against this one.
+            SlipState::Incipient => self.rebase_from = Some(frame.seq),
+            SlipState::NoContact => self.return_to_rest(),
+            _ => {}
+        }
+        report
+    }
+
+    /// Takes the markers as they were last seen for the reference from now on, as after a slip or a grip step.
+    /// `seq`: the number of that frame. Displacement from rest is not touched.
+    pub fn rebase(&mut self, seq: u64) {
+        self.rebase_from = None;
+        self.reference_seq = seq;
+        for m in &mut self.markers.all {
+            m.reference = m.now;
+            m.in_reference = m.matched;
+        }
+    }
+
+    /// Reports a frame that did not arrive whole.
+    pub fn torn(&self, seq: u64, time_ns: Option<u64>) -> SlipReport {
+        self.unjudged(seq, time_ns, None, Reason::Torn)
+    }
+
+    /// Every marker of the rest frame as last seen, in the order of their numbers.
+    pub fn markers(&self) -> &[Marker] {
+        &self.markers.all
+    }
+
+    /// The contact region of the last frame, rectified; empty without contact.
+    pub fn contact_region(&self) -> &Mask {
+        &self.contact.region
+    }
+
+    /// The inner contact region of the last frame, rectified; empty without contact.
+    pub fn inner_region(&self) -> &Mask {
+        &self.motion.inner
+    }
+
+    /// The grey rectified picture of the last frame.
+    pub fn imprint(&self) -> Gray<'_> {
+        Gray::new(&self.imprint.grey, self.imprint.size()).expect("the picture has its own size")
+    }
+
+    /// The facts of the finger at the size of its frames.
+    pub fn sensor(&self) -> &Sensor {
+        &self.sensor
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Nothing touches: displacement counts from rest again.
+    fn return_to_rest(&mut self) {
+        self.reference_seq = self.rest_seq;
+        for m in &mut self.markers.all {
+            m.reference = m.rest;
+            m.in_reference = true;
+        }
+    }
+
+    fn counts(&self) -> MarkerCounts {
+        let matched = self.markers.matched_count;
+        MarkerCounts {
+            detected: self.markers.detected_count,
+            matched,
+            lost: self.markers.all.len() as u32 - matched,
+            inner: self.motion.inner_count,
+        }
+    }
+
+    fn report(&self, frame: &Frame<'_>, grip: Option<GripSample>) -> SlipReport {
+        let mm = self.sensor.mm_per_px();
+        let quality = self.contact.quality(self.in_contact_count);
+        let half_lost = 2 * self.markers.matched_count < self.markers.all.len() as u32;
+        let unsure = self.contact.unsure(quality) || self.motion.motion.is_none();
+        let (state, reason) = match () {
+            _ if half_lost => (SlipState::Unjudged, Some(Reason::MarkersLost)),
+            _ if !self.contact.touches => (SlipState::NoContact, None),
+            _ if unsure => (SlipState::Unsure, Some(Reason::ContactQuality)),
+            _ if self.slip.slips => (SlipState::Incipient, None),
+            _ => (SlipState::Stick, None),
+        };
+        let area_px = self.contact.area_px as f64;
+        SlipReport {
+            seq: frame.seq,
+            time_ns: frame.time_ns,
+            state,
+            reason,
+            contact: ContactReport { area_px, area_mm2: mm.map(|mm| area_px * mm * mm), quality },
+            markers: self.counts(),
+            reference_seq: self.reference_seq,
+            grip_n: grip.map(|g| g.force_n),
+            motion: self.motion.motion.map(|m| MotionReport {
+                reference_px: m.reference,
+                translation_px: m.translation,
+                translation_mm: mm.map(|mm| m.translation * mm),
+                rotation_rad: m.rotation_rad,
+                icr_px: m.centre_of_rotation(self.settings.motion.icr_min_rotation_rad),
+            }),
+            slip: self.slip.summary,
+        }
+    }
+
+    fn unjudged(&self, seq: u64, time_ns: Option<u64>, grip: Option<GripSample>, reason: Reason) -> SlipReport {
+        let none = self.sensor.mm_per_px().map(|_| 0.0);
+        SlipReport {
+            seq,
+            time_ns,
+            state: SlipState::Unjudged,
+            reason: Some(reason),
+            contact: ContactReport { area_mm2: none, ..ContactReport::default() },
+            markers: MarkerCounts { lost: self.markers.all.len() as u32, ..MarkerCounts::default() },
+            reference_seq: self.reference_seq,
+            grip_n: grip.map(|g| g.force_n),
+            motion: None,
+            slip: SlipSummary { max_mm: none, ..SlipSummary::default() },
+        }
+    }
 }

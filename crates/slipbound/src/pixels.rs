@@ -1,2 +1,18 @@
 //! Every loop over pixels in the house, one kernel a file. Plain functions on borrowed buffers; nothing allocates
 //! after the scratch of a kernel has been made.
+
+pub mod background;
+mod bits;
+mod border;
+pub mod canny;
+pub mod cells;
+pub mod centroid;
+pub mod components;
+pub mod contour;
+pub mod dots;
+pub mod flatten;
+pub mod gaussian;
+pub mod grey;
+pub mod morphology;
+pub mod threshold;
+pub mod warp;

@@ -217,28 +217,83 @@ impl Sensor {
         }
     }
 
-    /// Where a point of the rectified image lies in the camera image as delivered (before the flip is undone).
-    pub fn camera_from_rectified(&self, p: Vec2) -> Vec2 {
-        let unflip = |p: Vec2| {
-            let (w, h) = ((self.image_px.width - 1) as f64, (self.image_px.height - 1) as f64);
-            match self.flip {
-                Flip::None => p,
-                Flip::Vertical => Vec2::new(p.x, h - p.y),
-                Flip::Horizontal => Vec2::new(w - p.x, p.y),
-                Flip::Both => Vec2::new(w - p.x, h - p.y),
-            }
-        };
+    /// Where a point of the rectified image lies in the upright camera image, its flip undone.
+    pub fn upright_from_rectified(&self, p: Vec2) -> Vec2 {
         match &self.rectification {
-            None => unflip(p),
+            None => p,
             Some(r) => {
                 let inverse = r.homography.inverse().unwrap_or(Homography::IDENTITY);
-                unflip(inverse.apply(p + Vec2::new(r.crop_px[0] as f64, r.crop_px[1] as f64)))
+                inverse.apply(p + Vec2::new(r.crop_px[0] as f64, r.crop_px[1] as f64))
             }
         }
+    }
+
+    /// Where a point of the rectified image lies in the camera image as delivered.
+    pub fn camera_from_rectified(&self, p: Vec2) -> Vec2 {
+        let p = self.upright_from_rectified(p);
+        let (right, bottom) = ((self.image_px.width - 1) as f64, (self.image_px.height - 1) as f64);
+        let x = if matches!(self.flip, Flip::Horizontal | Flip::Both) { right - p.x } else { p.x };
+        let y = if matches!(self.flip, Flip::Vertical | Flip::Both) { bottom - p.y } else { p.y };
+        Vec2::new(x, y)
     }
 
     /// Millimetres per rectified pixel; None where the pitch in mm is unknown.
     pub fn mm_per_px(&self) -> Option<f64> {
         self.pitch_mm.map(|mm| mm / self.pitch_px)
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A smooth finger of 320x240 px with 10 px dots at 30 px.
+    pub(crate) fn smooth() -> Sensor {
+        Sensor {
+            name: "smooth".into(),
+            description: String::new(),
+            serial: None,
+            image_px: SizePx::new(320, 240),
+            flip: Flip::None,
+            grey_weights_rgb: [1.0 / 3.0; 3],
+            polarity: Polarity::Dark,
+            pitch_px: 30.0,
+            pitch_mm: Some(1.5),
+            marker_diameter_px: 10.0,
+            skin: Skin::Smooth,
+            edge_bands: Vec::new(),
+            rectification: None,
+        }
+    }
+
+    #[test]
+    fn a_finger_at_another_resolution_keeps_its_geometry() {
+        let homography = Homography([[0.8, -0.34, 41.0], [0.04, 0.84, -24.6], [-1.0e-4, -1.4e-3, 1.0]]);
+        let rectification = Some(Rectification { homography, crop_px: [50, 0, 270, 240] });
+        let small = Sensor { rectification, flip: Flip::Vertical, ..smooth() };
+        let large = small.at_size(SizePx::new(640, 480)).expect("same shape");
+        assert_eq!(large.rectified_px(), SizePx::new(440, 480));
+        assert_eq!(large.pitch_px, 60.0);
+        let p = Vec2::new(100.0, 80.0);
+        let double = |p: Vec2| p * 2.0 + Vec2::new(0.5, 0.5); // pixel centres at whole numbers
+        // The crop is cut at whole pixels: half a pixel of the small image is a whole one of the large.
+        let (there, here) =
+            (large.camera_from_rectified(p * 2.0 + Vec2::new(0.5, 0.5)), small.camera_from_rectified(p));
+        assert!((there - double(here)).length() < 1e-9, "{there:?} {here:?}");
+        let error = small.at_size(SizePx::new(640, 640)).expect_err("another shape");
+        assert_eq!(
+            error.to_string(),
+            "image_px: expected 320x240 or the same shape at another scale, got frames of 640x640"
+        );
+    }
+
+    #[test]
+    fn facts_that_cannot_be_are_refused_by_name() {
+        let wrong = Sensor { pitch_px: f64::NAN, ..smooth() };
+        assert_eq!(wrong.check().expect_err("NaN").key, "pitch_px");
+        let wrong = Sensor { grey_weights_rgb: [-0.5, 0.5, 0.5], ..smooth() };
+        assert_eq!(wrong.check().expect_err("negative").key, "grey_weights_rgb");
+        let wrong = Sensor { skin: Skin::Fabric, ..smooth() };
+        assert_eq!(wrong.check().expect_err("no bands").key, "edge_bands");
     }
 }

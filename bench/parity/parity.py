@@ -1,0 +1,282 @@
+"""Compares every pixel kernel of slipbound with OpenCV, on real and on drawn frames.
+
+Run from anywhere:  python bench/parity/parity.py
+Real frames come from the folder SLIPBOUND_DATA, or ../shared/data beside the project; without them only the drawn
+frames are judged, and a line says so. The environment variable SLIPBOUND_PARITY names a built example to use instead
+of `cargo run`. Exit code 1 when a kernel fails.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+PROJECT = Path(__file__).resolve().parents[2]
+# The rectification of one published GelSlim finger: camera image (flipped) to gel plane.
+GELSLIM = np.array([
+    [0.79809213, -0.33790120, 41.21788310],
+    [0.03669927, 0.84359564, -24.59355941],
+    [-0.00010275817, -0.00143881538, 1.0],
+])
+
+
+class Kernels:
+    """The example binary, one request at a time."""
+
+    def __init__(self):
+        built = os.environ.get("SLIPBOUND_PARITY")
+        command = [built] if built else ["cargo", "run", "--quiet", "--release", "-p", "slipbound", "--example", "parity"]
+        self.process = subprocess.Popen(command, cwd=PROJECT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    def request(self, kernel, numbers, *pictures):
+        height, width = pictures[0].shape[:2]
+        line = " ".join([kernel, str(width), str(height), *(repr(float(n)) for n in numbers)])
+        self.process.stdin.write(line.encode() + b"\n" + b"".join(np.ascontiguousarray(p).tobytes() for p in pictures))
+        self.process.stdin.flush()
+
+    def read(self, count, dtype):
+        size = count * np.dtype(dtype).itemsize
+        data = self.process.stdout.read(size)
+        if len(data) != size:
+            sys.exit("the example ended early: see its message above")
+        return np.frombuffer(data, dtype)
+
+    def picture(self, kernel, numbers, *pictures, dtype=np.uint8, shape=None):
+        self.request(kernel, numbers, *pictures)
+        shape = shape or pictures[0].shape[:2]
+        return self.read(shape[0] * shape[1], dtype).reshape(shape)
+
+    def components(self, mask):
+        self.request("components", [], mask)
+        count = int(self.read(1, "<f8")[0])
+        return self.read(7 * count, "<f8").reshape(count, 7)
+
+
+class Results:
+    """The worst difference of each kernel over all frames."""
+
+    def __init__(self):
+        self.rows = {}
+
+    def add(self, kernel, allowed, unit, difference):
+        row = self.rows.setdefault(kernel, {"allowed": allowed, "unit": unit, "frames": 0, "worst": 0.0})
+        row["frames"] += 1
+        row["worst"] = max(row["worst"], float(difference))
+
+    def levels(self, kernel, got, expected, allowed=1.0):
+        self.add(kernel, allowed, "levels", np.abs(got.astype(np.float64) - expected.astype(np.float64)).max())
+
+    def pixels(self, kernel, got, expected):
+        self.add(kernel, 0, "pixels", np.count_nonzero(got != expected))
+
+    def report(self):
+        print(f"{'kernel':38} {'frames':>6}  {'worst':>9} {'allowed':>8} unit    verdict")
+        failed = 0
+        for kernel, row in self.rows.items():
+            good = row["worst"] <= row["allowed"]
+            failed += not good
+            print(f"{kernel:38} {row['frames']:6}  {row['worst']:9.4g} {row['allowed']:8.4g} {row['unit']:7} "
+                  f"{'pass' if good else 'FAIL'}")
+        print(f"{len(self.rows) - failed} passed, {failed} failed")
+        return failed
+
+
+def real_frames():
+    """Up to 12 frames as (name, BGR), spread over the folders of the data."""
+    named = os.environ.get("SLIPBOUND_DATA")
+    folder = Path(named) if named else PROJECT.parent / "shared" / "data"
+    if not folder.is_dir():
+        print("real frames: SKIPPED, no SLIPBOUND_DATA and no ../shared/data")
+        return []
+    frames = []
+    for kind, count in [("gelsight-lift", 5), ("gelslim3-press", 3)]:
+        files = sorted((folder / kind).rglob("*.jpg"))
+        for file in files[:: max(1, len(files) // count)][:count]:
+            frames.append((file.name, cv2.imread(str(file))))
+    for kind, count in [("gelsight-mini-press", 2), ("gelsight-mini-wriggle", 2)]:
+        files = sorted((folder / kind).rglob("*.avi"))
+        for i in range(count if files else 0):
+            video = cv2.VideoCapture(str(files[i * (len(files) - 1) // max(1, count - 1)]))
+            for _ in range(60 + 40 * i):
+                frame = video.read()[1]
+            frames.append((kind, frame))
+    frames = [(name, frame) for name, frame in frames if frame is not None]
+    print(f"real frames: {len(frames)}")
+    return frames
+
+
+def drawn_frames():
+    """Five frames of dots on uneven light, with noise, texture and odd sizes."""
+    random = np.random.default_rng(20190501)
+    frames = []
+    for width, height, pitch in [(640, 480, 30), (327, 320, 15), (427, 320, 19), (101, 67, 11), (64, 129, 13)]:
+        y, x = np.mgrid[:height, :width].astype(np.float64)
+        light = 120 + 60 * np.sin(x / width * 2.1) - 40 * (y / height) ** 2
+        dots = np.zeros((height, width))
+        for cy in np.arange(pitch / 2, height, pitch):
+            for cx in np.arange(pitch / 2, width, pitch):
+                dx, dy = random.normal(0, 1.0, 2)
+                dots += 35 * (1 - np.tanh(np.hypot(x - cx - dx, y - cy - dy) - pitch / 5))
+        inside = np.hypot((x - width / 2) / width, (y - height / 2) / height) < 0.3
+        weave = np.where(inside, 25 * np.sign(np.sin(x * 1.1) * np.sin(y * 0.9)), 0)
+        planes = [light * tint - dots + weave + random.normal(0, 4, light.shape) for tint in (0.8, 1.0, 1.15)]
+        frame = np.clip(np.stack(planes, axis=2), 0, 255).astype(np.uint8)
+        if width == 101:
+            frame[10:30, 20:60] = random.integers(0, 256, (20, 40, 3), dtype=np.uint8)
+        frames.append((f"drawn {width}x{height}", frame))
+    return frames
+
+
+def judge_grey(kernels, results, bgr):
+    rgb = bgr[:, :, ::-1]
+    for number, weights in enumerate([(0, 0.5, 0.5), (0.3, 0.7, 0), (0.299, 0.587, 0.114)]):
+        flip = [None, 0, 1][number]
+        expected = cv2.transform(rgb, np.array([weights], np.float32)).reshape(rgb.shape[:2])
+        if flip is not None:
+            expected = cv2.flip(expected, flip)
+        results.levels("grey", kernels.picture("grey", [*weights, number], rgb), expected)
+
+
+def bilinear(src, points):
+    """Bilinear samples in float64, and whether their four pixels lie inside."""
+    height, width = src.shape
+    x, y = points
+    inside = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
+    left = np.clip(np.floor(x), 0, width - 2).astype(int)
+    top = np.clip(np.floor(y), 0, height - 2).astype(int)
+    fx, fy = x - left, y - top
+    at = lambda dx, dy: src[top + dy, left + dx].astype(np.float64)
+    above = at(0, 0) * (1 - fx) + at(1, 0) * fx
+    return (above * (1 - fy) + (at(0, 1) * (1 - fx) + at(1, 1) * fx) * fy), inside
+
+
+def judge_warp(kernels, results, grey):
+    height, width = grey.shape
+    scale = np.diag([width / 427, height / 320, 1.0])
+    forward = scale @ GELSLIM @ np.linalg.inv(scale)
+    crop = np.array([[1, 0, width * 50 // 427], [0, 1, 0], [0, 0, 1.0]])
+    back = np.linalg.inv(forward) @ crop
+    shape = (height, width - 2 * (width * 50 // 427))
+    got = kernels.picture("warp", [shape[1], shape[0], *back.flatten()], grey, shape=shape)
+    y, x = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
+    w = back[2, 0] * x + back[2, 1] * y + back[2, 2]
+    points = [(back[k, 0] * x + back[k, 1] * y + back[k, 2]) / w for k in (0, 1)]
+    exact, inside = bilinear(grey, points)
+    # A table of 1/128 px misses by up to 1/256 px each way: 1 level on a step of 255; rounding adds half a level.
+    results.levels("warp", got[inside], exact[inside], 1.5)
+    results.add("warp, mean", 0.3, "levels", np.abs(got[inside] - exact[inside]).mean())
+    cv = cv2.warpPerspective(grey, back, shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+    error = np.abs(cv[inside].astype(np.float64) - exact[inside])
+    judge_warp.cv2_worst = max(getattr(judge_warp, "cv2_worst", 0), error.max())
+    judge_warp.cv2_mean = max(getattr(judge_warp, "cv2_mean", 0), error.mean())
+    # Within half a step of the border either answer is right.
+    clear = (points[0] < -0.01) | (points[1] < -0.01) | (points[0] > width - 0.99) | (points[1] > height - 0.99)
+    results.add("warp, outside", 0, "pixels", np.count_nonzero(got[clear]))
+
+
+def judge_smooth(kernels, results, grey):
+    for side, sigma in [((5, 5), 1.1), ((31, 31), 31), ((25, 15), 21), ((91, 91), 15)]:
+        name = f"gaussian {side[0]}x{side[1]} sigma {sigma}"
+        results.levels(name, kernels.picture("gaussian", [*side, sigma], grey), cv2.GaussianBlur(grey, side, sigma))
+        got = kernels.picture("gaussian_f32", [*side, sigma], grey, dtype="<f4")
+        results.levels(name + ", f32", got, cv2.GaussianBlur(grey.astype(np.float32), side, sigma), 0.01)
+    for sigma in (10, 15, 30, 60):
+        side = 2 * (4 * sigma) + 1
+        exact = cv2.GaussianBlur(grey.astype(np.float64), (side, side), sigma)
+        got = kernels.picture("background", [sigma], grey)
+        name = f"background sigma {sigma}"
+        results.levels(name, got, exact, 4.0)
+        results.add(name + ", mean", 1.25, "levels", np.abs(got - exact).mean())
+    for offset, gain, bias in [(50, 2, 20), (90, 1.1, 20)]:
+        blurred = cv2.GaussianBlur(grey.astype(np.float32), (31, 31), 31)
+        expected = np.clip(np.rint((grey - blurred + offset) * gain + bias), 0, 255)
+        got = kernels.picture("flatten_gaussian", [31, 31, 31, offset, gain, bias], grey)
+        results.levels("gaussian 31x31, flatten", got, expected)
+        whole = np.rint(blurred).astype(np.uint8)
+        expected = np.clip(np.rint((grey.astype(np.float64) - whole + offset) * gain + bias), 0, 255)
+        results.levels("flatten", kernels.picture("flatten", [offset, gain, bias], grey, whole), expected)
+
+
+def judge_edges(kernels, results, grey):
+    height = grey.shape[0]
+    blurred = cv2.GaussianBlur(grey.astype(np.float32), (31, 31), 31)
+    flat = np.clip((grey - blurred + 50) * 2 + 20, 0, 255).astype(np.uint8)
+    for src in (flat, grey):
+        for low, high in [(90, 120), (50, 70), (20, 300), (0, 0), (2000, 2100)]:
+            got = kernels.picture("canny", [0, height, low, high], src)
+            results.pixels("canny", got, cv2.Canny(src, low, high))
+    split = height * 284 // 320
+    upper = kernels.picture("canny", [0, split, 90, 120], flat)
+    lower = kernels.picture("canny", [split, height, 50, 70], flat)
+    expected = np.vstack([cv2.Canny(flat[:split], 90, 120), cv2.Canny(flat[split:], 50, 70)])
+    results.pixels("canny, upper and lower band", upper | lower, expected)
+    return expected, flat
+
+
+def judge_masks(kernels, results, edges, flat):
+    names = {
+        "dilate": lambda m, k: cv2.dilate(m, k),
+        "erode": lambda m, k: cv2.erode(m, k),
+        "close": lambda m, k: cv2.morphologyEx(m, cv2.MORPH_CLOSE, k),
+        "open": lambda m, k: cv2.morphologyEx(m, cv2.MORPH_OPEN, k),
+    }
+    closed = cv2.morphologyEx(edges, cv2.MORPH_CLOSE, np.ones((6, 6), np.uint8))
+    dark = np.where(flat < 100, 255, 0).astype(np.uint8)
+    sides = [(1, 1), (2, 2), (3, 3), (5, 5), (6, 6), (11, 11), (4, 9), (7, 2)]
+    round_sides = [(4, 4), (5, 5), (15, 15), (24, 10), (25, 25), (45, 45), (1, 7), (150, 31)]
+    for operation, of_cv2 in names.items():
+        for mask in (edges, closed, dark):
+            for shape, round_, all_sides in [("rect", 0, sides), ("ellipse", 1, round_sides)]:
+                for side in all_sides:
+                    element = cv2.getStructuringElement(cv2.MORPH_ELLIPSE if round_ else cv2.MORPH_RECT, side)
+                    got = kernels.picture(operation, [round_, *side], mask)
+                    results.pixels(f"{operation}, {shape}", got, of_cv2(mask, element))
+    for mask in (edges, dark):
+        judge_components(kernels, results, mask)
+    levels = cv2.GaussianBlur(flat, (31, 31), 31)
+    for level in (0, 60, 90, 255):
+        expected = np.where(flat < level, 255, 0)
+        results.pixels("threshold", kernels.picture("below_level", [level], flat), expected)
+    got = kernels.picture("below_levels", [], flat, levels)
+    results.pixels("threshold, level image", got, np.where(flat < levels, 255, 0))
+
+
+def judge_components(kernels, results, mask):
+    _, labels, stats, centroids = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    left, top, width, height, area = stats[1:].T
+    expected = np.column_stack([area, left, top, left + width, top + height, centroids[1:]])
+    got = kernels.components(mask)
+    order = lambda rows: rows[np.lexsort(rows.T)]
+    worst = np.inf if got.shape != expected.shape else np.abs(order(got) - order(expected)).max(initial=0)
+    results.add("components", 1e-9, "px", worst)
+    small = np.isin(labels, 1 + np.flatnonzero(area < 20)) | (labels == 0)
+    got = kernels.picture("remove_small", [20], mask)
+    results.pixels("components, small removed", got, np.where(small, 0, mask))
+    # cv2 fills from outside: what it cannot reach, 4 ways, is a hole.
+    outside = cv2.copyMakeBorder(mask, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    cv2.floodFill(outside, None, (0, 0), 255, flags=4)
+    filled = mask | ~outside[1:-1, 1:-1]
+    results.pixels("components, holes filled", kernels.picture("fill_holes", [], mask), filled)
+
+
+def main():
+    cv2.setNumThreads(1)
+    frames = real_frames() + drawn_frames()
+    kernels, results = Kernels(), Results()
+    for _, bgr in frames:
+        grey = cv2.transform(bgr, np.array([[0.5, 0.5, 0]], np.float32)).reshape(bgr.shape[:2])
+        judge_grey(kernels, results, bgr)
+        judge_warp(kernels, results, grey)
+        judge_smooth(kernels, results, grey)
+        edges, flat = judge_edges(kernels, results, grey)
+        judge_masks(kernels, results, edges, flat)
+    print(f"cv2 {cv2.__version__} on {len(frames)} frames; for comparison, cv2.warpPerspective against float64 sampling: "
+          f"worst {judge_warp.cv2_worst:.3g}, mean {judge_warp.cv2_mean:.3g} levels")
+    sys.exit(1 if results.report() else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,15 @@
+//! One file a command.
+
+mod sensors;
+pub mod watch;
+
+use crate::args::{Args, Command};
+use crate::outcome::{Failure, Outcome};
+
+/// Runs the command asked for.
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    match &args.command {
+        Command::Watch(watch) => watch.run(),
+        Command::Sensors => sensors::run(),
+    }
+}

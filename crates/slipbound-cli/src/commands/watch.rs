@@ -1,0 +1,196 @@
+//! `slipbound watch`: judge every frame of a recording.
+//!
+//! ```text
+//!   SOURCE --read ahead--> rest --> monitor --step--> report --> JSON, overlay, timings, lines, summary
+//! ```
+
+mod outputs;
+mod recording;
+mod rest;
+mod summary;
+mod timings;
+
+use crate::outcome::{Failure, Outcome};
+use crate::terminal::Terminal;
+use anyhow::anyhow;
+use outputs::Outputs;
+use recording::{Arrived, Recording};
+use rest::RestArgument;
+use slipbound::events::SlipEvents;
+use slipbound::image::SizePx;
+use slipbound::monitor::{Settings, SlipMonitor};
+use slipbound::sensor::Sensor;
+use slipbound_rig::{config, sensors, source};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use summary::Summary;
+
+/// An overlay video of a recording without times is played at this rate.
+const OVERLAY_RATE_HZ: u32 = 10;
+
+/// The arguments of `slipbound watch`.
+#[derive(Debug, clap::Args)]
+pub struct Watch {
+    /// An image folder, a quoted pattern ('run/*.png'), an image or a video file
+    source: String,
+    /// The finger: a built-in name (see `slipbound sensors`) or a sensor file [default: by the size of the frames]
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    sensor: Option<String>,
+    /// The finger at rest: an image, or frames A up to but not B of SOURCE [default: found among the first frames]
+    #[arg(long, value_name = "IMAGE|A..B", value_parser = RestArgument::parse)]
+    rest: Option<RestArgument>,
+    /// Write a report of one JSON object a line; `-` is standard output
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+    /// Put the displacement and slip of every marker into the report
+    #[arg(long, requires = "json")]
+    markers: bool,
+    /// Draw every frame with what was found on it: PNG pictures in a folder, or a video
+    #[arg(long, value_name = "FOLDER|FILE.avi")]
+    overlay: Option<PathBuf>,
+    /// Settings that replace the defaults; `paper` stands for the paper as written
+    #[arg(long, value_name = "FILE.toml|paper")]
+    settings: Option<String>,
+    /// Write how many microseconds each step took, one JSON object a line
+    #[arg(long, value_name = "FILE")]
+    timings: Option<PathBuf>,
+    /// What the finger is called in the report
+    #[arg(long, value_name = "NAME", default_value = "finger")]
+    finger: String,
+}
+
+impl Watch {
+    /// Judges the recording from its first frame to its last.
+    pub fn run(&self) -> Result<Outcome, Failure> {
+        let settings = match &self.settings {
+            Some(file) => config::load_settings(file).map_err(Failure::arguments)?,
+            None => Settings::default(),
+        };
+        let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
+        let mut recording = self.open()?;
+        let mut terminal = Terminal::with_bar(recording.frames_count(), self.json_on_stdout());
+
+        let found = rest::find(self, &mut recording, &settings, |size| self.sensor_for(size, sensor.as_ref()))?;
+        found.notes.iter().for_each(|note| terminal.note(note));
+        let mut monitor = SlipMonitor::new(&found.sensor, &settings, found.rest).map_err(Failure::arguments)?;
+        let origin = outputs::Origin {
+            clock: recording.clock(),
+            rest: found.origin,
+            note: found.report_note,
+            rate_hz: recording.rate_hz().unwrap_or(OVERLAY_RATE_HZ),
+        };
+        let mut outputs = Outputs::open(self, origin, &monitor)?;
+
+        let mut summary = Summary::new();
+        let ended = self.judge(&mut recording, &mut monitor, &mut outputs, &mut summary, &mut terminal);
+        terminal.clear_bar();
+        if matches!(ended, Err(Failure::ReaderLeft)) {
+            return ended.map(|()| Outcome::Done);
+        }
+        let closed = outputs.close();
+        for line in summary.lines() {
+            terminal.say(&line)?;
+        }
+        ended.and(closed)?;
+        Ok(if summary.torn_count() > 0 { Outcome::DataLost } else { Outcome::Done })
+    }
+
+    /// The loop: a frame in, its report out to everyone who wants it.
+    fn judge(
+        &self,
+        recording: &mut Recording,
+        monitor: &mut SlipMonitor,
+        outputs: &mut Outputs,
+        summary: &mut Summary,
+        terminal: &mut Terminal,
+    ) -> Result<(), Failure> {
+        let interrupted = interruption()?;
+        let mut events = SlipEvents::new();
+        loop {
+            let arrived = recording.next();
+            if interrupted.load(Ordering::Relaxed) {
+                let frames_count = summary.frames_count();
+                return Err(anyhow!("interrupted after {frames_count} frames; what was judged is kept").into());
+            }
+            let frame = recording.frame();
+            outputs.stopwatch.restart();
+            let report = match arrived? {
+                Arrived::Whole => {
+                    let frame = frame.frame().map_err(|e| Failure::work(&self.source, e))?;
+                    monitor.step_probed(&frame, None, &mut outputs.stopwatch)
+                }
+                Arrived::Torn(reason) => {
+                    terminal.note(&summary::torn_line(&self.source, frame, &reason));
+                    monitor.torn(frame.seq, frame.time_ns)
+                }
+                Arrived::Over => {
+                    return match events.end() {
+                        Some(event) => terminal.say(&summary.event(&event)),
+                        None => Ok(()),
+                    };
+                }
+            };
+            outputs.write(frame, &report, monitor)?;
+            summary.see(&report, frame);
+            if let Some(event) = events.see(&report) {
+                terminal.say(&summary.event(&event))?;
+            }
+            terminal.advance();
+        }
+    }
+
+    /// Opens the source, for a second time if need be.
+    fn open(&self) -> Result<Recording, Failure> {
+        source::open(&self.source).map(Recording::new).map_err(|e| match e {
+            source::Error::Missing { .. } | source::Error::Pattern { .. } | source::Error::NoImages { .. } => {
+                Failure::arguments(e)
+            }
+            other => Failure::Work(other.into()),
+        })
+    }
+
+    /// The finger asked for, or the only built-in one whose frames have just this size.
+    fn sensor_for(&self, frames: SizePx, asked: Option<&Sensor>) -> Result<(Sensor, Option<String>), Failure> {
+        if let Some(sensor) = asked {
+            return Ok((sensor.clone(), None));
+        }
+        let mut fitting = Vec::new();
+        for name in sensors::names() {
+            let sensor = sensors::load(name).map_err(Failure::arguments)?;
+            if sensor.image_px == frames {
+                fitting.push(sensor);
+            }
+        }
+        match fitting.as_slice() {
+            [only] => {
+                let note = format!("no --sensor given: took {} for its frames of {frames}", only.name);
+                Ok((only.clone(), Some(note)))
+            }
+            several => {
+                let (names, why) = match several.len() {
+                    0 => (sensors::names().collect::<Vec<_>>(), "no built-in finger has"),
+                    _ => (several.iter().map(|s| s.name.as_str()).collect(), "more than one built-in finger has"),
+                };
+                let names = names.join(", ");
+                Err(Failure::Arguments(anyhow!(
+                    "{}: expected --sensor, got none, and {why} frames of {frames}: {names}",
+                    self.source
+                )))
+            }
+        }
+    }
+
+    fn json_on_stdout(&self) -> bool {
+        self.json.as_ref().is_some_and(|path| path.as_os_str() == "-")
+    }
+}
+
+/// Set when the user presses Ctrl-C: the frame at hand is finished, then the loop ends.
+fn interruption() -> Result<Arc<AtomicBool>, Failure> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let raised = flag.clone();
+    ctrlc::set_handler(move || raised.store(true, Ordering::Relaxed))
+        .map_err(|e| Failure::work("cannot listen for Ctrl-C", e))?;
+    Ok(flag)
+}

@@ -1,0 +1,114 @@
+//! Where a frame's report goes: JSON lines, overlay, timings.
+
+use super::Watch;
+use super::timings::{Stopwatch, Timings};
+use crate::outcome::Failure;
+use slipbound::monitor::{Reason, SlipMonitor, SlipReport};
+use slipbound::port::{Clock, FrameBuffer};
+use slipbound_rig::overlay::{self, Overlay, OverlayWriter};
+use slipbound_rig::report_json::{Header, ReportJson, RestOrigin};
+use std::fs::File;
+use std::io::{self, ErrorKind, Write};
+use std::path::PathBuf;
+
+/// What the report's header says beyond arguments, finger and settings.
+pub struct Origin {
+    /// Whose clock.
+    pub clock: Clock,
+    /// What rest was made from.
+    pub rest: RestOrigin,
+    /// What a reader should know.
+    pub note: Option<String>,
+    /// Frames per second, for a video to be played at.
+    pub rate_hz: u32,
+}
+
+/// Everyone who wants a report.
+pub struct Outputs {
+    /// Looks on while a frame is judged.
+    pub stopwatch: Stopwatch,
+    json: Option<Json>,
+    overlay: Option<(Overlay, OverlayWriter)>,
+    timings: Option<Timings>,
+}
+
+/// The report as JSON lines.
+struct Json {
+    path: PathBuf,
+    lines: ReportJson<Box<dyn Write>>,
+    markers: bool,
+}
+
+impl Outputs {
+    /// Creates the files asked for.
+    pub fn open(args: &Watch, origin: Origin, monitor: &SlipMonitor) -> Result<Self, Failure> {
+        let json = match &args.json {
+            None => None,
+            Some(path) => {
+                let header = Header {
+                    finger: &args.finger,
+                    sensor: monitor.sensor(),
+                    settings: monitor.settings(),
+                    source: &args.source,
+                    clock: origin.clock,
+                    rest: origin.rest,
+                    note: origin.note,
+                };
+                let failed = |e| cannot_write(path, e);
+                let to: Box<dyn Write> = match args.json_on_stdout() {
+                    true => Box::new(io::stdout()),
+                    false => Box::new(File::create(path).map_err(failed)?),
+                };
+                let lines = ReportJson::new(to, &header).map_err(failed)?;
+                Some(Json { path: path.clone(), lines, markers: args.markers })
+            }
+        };
+        let overlay = match &args.overlay {
+            None => None,
+            Some(to) => {
+                let overlay = Overlay::new(monitor.sensor());
+                let writer = OverlayWriter::create(to, &overlay, origin.rate_hz).map_err(cannot_draw)?;
+                Some((overlay, writer))
+            }
+        };
+        let timings = match &args.timings {
+            None => None,
+            Some(path) => Some(Timings::create(path).map_err(|e| cannot_write(path, e))?),
+        };
+        Ok(Outputs { stopwatch: Stopwatch::new(), json, overlay, timings })
+    }
+
+    /// Writes the report of a frame.
+    pub fn write(&mut self, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) -> Result<(), Failure> {
+        if let Some(timings) = &mut self.timings {
+            let written = timings.write(report, &self.stopwatch);
+            written.map_err(|e| cannot_write(timings.path(), e))?;
+        }
+        if let Some(json) = &mut self.json {
+            let markers = json.markers.then(|| monitor.markers());
+            json.lines.frame(report, markers).map_err(|e| cannot_write(&json.path, e))?;
+        }
+        if let Some((overlay, writer)) = &mut self.overlay {
+            let whole = frame.frame().ok().filter(|_| report.reason != Some(Reason::Torn));
+            overlay.draw(whole.as_ref(), report, monitor);
+            writer.push(overlay, report.seq).map_err(cannot_draw)?;
+        }
+        Ok(())
+    }
+
+    /// Finishes the files.
+    pub fn close(self) -> Result<(), Failure> {
+        self.overlay.map_or(Ok(()), |(_, writer)| writer.finish().map_err(cannot_draw))
+    }
+}
+
+fn cannot_draw(e: overlay::Error) -> Failure {
+    Failure::Work(e.into())
+}
+
+fn cannot_write(path: &std::path::Path, e: io::Error) -> Failure {
+    if path.as_os_str() == "-" && e.kind() == ErrorKind::BrokenPipe {
+        return Failure::ReaderLeft;
+    }
+    Failure::work(format!("{}: cannot write", path.display()), e)
+}

@@ -1,0 +1,42 @@
+//! How a command can end.
+
+use std::error::Error;
+use std::fmt::Display;
+
+/// A command that came to its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Everything was done.
+    Done,
+    /// Everything was done that could be, but frames were torn.
+    DataLost,
+}
+
+/// A command that did not.
+#[derive(Debug)]
+pub enum Failure {
+    /// What was asked for cannot be.
+    Arguments(anyhow::Error),
+    /// Something failed on the way.
+    Work(anyhow::Error),
+    /// Whoever read our output closed it: no reason to complain.
+    ReaderLeft,
+}
+
+impl Failure {
+    /// A failure of what was asked for.
+    pub fn arguments(e: impl Error + Send + Sync + 'static) -> Self {
+        Failure::Arguments(e.into())
+    }
+
+    /// A failure on the way, with what was being done.
+    pub fn work(doing: impl Display, e: impl Error + Send + Sync + 'static) -> Self {
+        Failure::Work(anyhow::Error::new(e).context(doing.to_string()))
+    }
+}
+
+impl From<anyhow::Error> for Failure {
+    fn from(e: anyhow::Error) -> Self {
+        Failure::Work(e)
+    }
+}

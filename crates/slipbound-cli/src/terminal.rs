@@ -1,0 +1,78 @@
+//! What a person reads: lines, a progress bar, complaints.
+
+use crate::outcome::Failure;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::process::ExitCode;
+
+/// Says on standard error what went wrong, once, and passes on the exit code.
+pub fn complain(e: &anyhow::Error, code: ExitCode) -> ExitCode {
+    let mut text = String::new();
+    for cause in e.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}"); // most errors of ours tell their cause themselves
+        }
+    }
+    let _ = writeln!(io::stderr(), "slipbound: {text}"); // with standard error gone nobody listens
+    code
+}
+
+/// Lines for a person, above a progress bar if standard error is a terminal.
+#[derive(Debug)]
+pub struct Terminal {
+    bar: ProgressBar,
+    to_stderr: bool,
+}
+
+impl Terminal {
+    /// Lines on standard output, no bar.
+    pub fn plain() -> Self {
+        Terminal { bar: ProgressBar::hidden(), to_stderr: false }
+    }
+
+    /// Lines, and a bar for this many frames. `to_stderr`: standard output belongs to somebody else.
+    pub fn with_bar(frames_count: Option<u64>, to_stderr: bool) -> Self {
+        if !io::stderr().is_terminal() {
+            return Terminal { bar: ProgressBar::hidden(), to_stderr };
+        }
+        let bar = ProgressBar::with_draw_target(frames_count, ProgressDrawTarget::stderr_with_hz(10));
+        let looks = match frames_count {
+            Some(_) => "{bar:40} {pos}/{len} frames, {eta} left",
+            None => "{spinner} {pos} frames",
+        };
+        bar.set_style(ProgressStyle::with_template(looks).unwrap_or_else(|_| ProgressStyle::default_bar()));
+        Terminal { bar, to_stderr }
+    }
+
+    /// One frame further.
+    pub fn advance(&self) {
+        self.bar.inc(1);
+    }
+
+    /// Takes the bar away.
+    pub fn clear_bar(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    /// A line.
+    pub fn say(&mut self, line: &str) -> Result<(), Failure> {
+        let to_stderr = self.to_stderr;
+        let written = self.bar.suspend(|| match to_stderr {
+            true => writeln!(io::stderr(), "{line}"),
+            false => writeln!(io::stdout(), "{line}"),
+        });
+        match written {
+            Err(e) if e.kind() == ErrorKind::BrokenPipe => Err(Failure::ReaderLeft),
+            other => other.map_err(|e| Failure::work("cannot write", e)),
+        }
+    }
+
+    /// A line that is not part of the result, on standard error.
+    pub fn note(&self, line: &str) {
+        self.bar.suspend(|| {
+            let _ = writeln!(io::stderr(), "slipbound: {line}"); // with standard error gone nobody listens
+        });
+    }
+}

@@ -1,0 +1,150 @@
+//! The strips above and below the panels: verdict in words, legend.
+
+use super::canvas::{Canvas, Colour, Text};
+use super::{CONTACT, INNER, LOST, MEASURED, PAPER, RIGID, SLIP, SLIPPING};
+use slipbound::monitor::{SlipKind, SlipMonitor, SlipReport, SlipState};
+use slipbound::plane::Vec2;
+
+/// Height of the strip with the verdict.
+pub(super) const HEAD_PX: usize = 76;
+/// Height of the strip with the legend.
+pub(super) const LEGEND_PX: usize = 40;
+
+const WORDS: Colour = Colour::new(236, 239, 243);
+const QUIET: Colour = Colour::new(160, 168, 178);
+
+/// State, frame and the numbers behind them.
+pub(super) fn head(canvas: &mut Canvas, report: &SlipReport, monitor: &SlipMonitor) {
+    let (name, colour) = badge(report.state);
+    let width = Text::Large.width(name) + 28;
+    canvas.rectangle(12, 10, width, 32, colour);
+    canvas.text((26, 14), Text::Large, PAPER, name);
+    let time = report.time_ns.map_or_else(String::new, |ns| format!("   {:.3} s", ns as f64 / 1e9));
+    let mut line = format!("frame {}{time}", report.seq);
+    if let Some(reason) = &report.reason {
+        line += &format!("   {reason}");
+    }
+    if let Some(kind) = report.slip.kind.filter(|_| report.slip.markers_over > 0) {
+        line += match kind {
+            SlipKind::Translation => "   object slides",
+            SlipKind::Rotation => "   object turns",
+            SlipKind::Both => "   object turns and slides",
+        };
+        if let Some(direction_rad) = report.slip.direction_rad {
+            line += &format!(" towards {:.0} deg", direction_rad.to_degrees());
+        }
+    }
+    canvas.text((12 + width + 16, 14), Text::Large, WORDS, &line);
+    if report.state != SlipState::Unjudged {
+        canvas.text((14, 50), Text::Small, QUIET, &numbers(report, monitor));
+    }
+}
+
+/// The second line: contact, motion, slip, markers.
+fn numbers(report: &SlipReport, monitor: &SlipMonitor) -> String {
+    let mut parts = Vec::new();
+    parts.push(match report.contact.area_mm2 {
+        Some(mm2) => format!("contact {mm2:.1} mm2"),
+        None => format!("contact {:.0} px", report.contact.area_px),
+    });
+    parts.push(format!("quality {:.2}", report.contact.quality));
+    if let Some(motion) = &report.motion {
+        let (shift, unit) = match motion.translation_mm {
+            Some(mm) => (mm.length(), "mm"),
+            None => (motion.translation_px.length(), "px"),
+        };
+        parts.push(format!("moved {shift:.2} {unit}, turned {:+.2} deg", motion.rotation_rad.to_degrees()));
+    }
+    let in_contact = monitor.markers().iter().filter(|m| m.in_contact).count();
+    let slip = &report.slip;
+    parts.push(format!("slipping {} of {in_contact} markers, most {:.2} pitch", slip.markers_over, slip.max_pitch));
+    parts.push(format!("matched {}, lost {}", report.markers.matched, report.markers.lost));
+    parts.push(format!("reference: frame {}", report.reference_seq));
+    parts.join("  |  ")
+}
+
+fn badge(state: SlipState) -> (&'static str, Colour) {
+    match state {
+        SlipState::NoContact => ("NO CONTACT", Colour::new(92, 102, 116)),
+        SlipState::Unsure => ("UNSURE", Colour::new(196, 138, 20)),
+        SlipState::Stick => ("STICK", Colour::new(28, 140, 66)),
+        SlipState::Incipient => ("INCIPIENT SLIP", SLIPPING),
+        SlipState::Gross => ("GROSS SLIP", RIGID),
+        SlipState::Unjudged => ("UNJUDGED", Colour::new(74, 78, 86)),
+    }
+}
+
+/// What a panel shows and how much its arrows are magnified.
+pub(super) fn caption(panel: &mut Canvas, text: &str) {
+    panel.rectangle(6, 6, Text::Small.width(text) + 8, Text::Small.height() + 4, SLIP.with_alpha(0.6));
+    panel.text((10, 8), Text::Small, PAPER, text);
+}
+
+/// Stands where the panels are when the frame has no picture that could be rectified.
+pub(super) fn no_picture(canvas: &mut Canvas) {
+    let size = canvas.size();
+    let text = "no picture of this frame";
+    let left = (size.width as i32 - Text::Large.width(text)) / 2;
+    canvas.text((left, size.height as i32 / 2), Text::Large, QUIET, text);
+}
+
+/// Sign and name of everything that is drawn.
+pub(super) fn legend(canvas: &mut Canvas) {
+    let size = canvas.size();
+    let middle = size.height as f64 - LEGEND_PX as f64 / 2.0;
+    let top = size.height as i32 - LEGEND_PX as i32 / 2 - Text::Small.height() / 2;
+    let entries = [
+        (Sign::Patch(CONTACT), "contact"),
+        (Sign::Patch(INNER), "inner"),
+        (Sign::Arrow(MEASURED, 4.4), "measured"),
+        (Sign::Arrow(RIGID, 2.8), "rigid"),
+        (Sign::Reference, "reference point"),
+        (Sign::Dot(MEASURED), "ICR"),
+        (Sign::Arrow(SLIP, 2.8), "slip"),
+        (Sign::Dot(SLIPPING), "slipping"),
+        (Sign::Ring(LOST), "lost"),
+    ];
+    let words: i32 = entries.iter().map(|(_, word)| Text::Small.width(word)).sum();
+    let sign_px = 34;
+    let room = size.width as i32 - 24 - words - entries.len() as i32 * (sign_px + 6);
+    let gap = (room / entries.len() as i32).clamp(4, 60);
+    let mut x = 14;
+    for (sign, word) in entries {
+        let (from, to) = (Vec2::new(f64::from(x), middle), Vec2::new(f64::from(x + sign_px), middle));
+        let centre = (from + to) / 2.0;
+        match sign {
+            Sign::Patch(colour) => {
+                canvas.rectangle(x + 6, middle as i32 - 8, sign_px - 10, 16, colour.with_alpha(0.35));
+                for (dx, dy, w, h) in
+                    [(6, -8, sign_px - 10, 2), (6, 6, sign_px - 10, 2), (6, -8, 2, 16), (sign_px - 6, -8, 2, 16)]
+                {
+                    canvas.rectangle(x + dx, middle as i32 + dy, w, h, colour);
+                }
+            }
+            Sign::Arrow(colour, width) => canvas.arrow(from, to, width, colour, (1.8, PAPER.with_alpha(0.85))),
+            Sign::Dot(colour) => {
+                canvas.dot(centre, 9.0, PAPER);
+                canvas.dot(centre, 7.5, colour);
+            }
+            Sign::Ring(colour) => canvas.ring(centre, 6.0, 1.8, colour),
+            Sign::Reference => {
+                let tail = from + Vec2::new(6.0, 0.0);
+                canvas.dot(tail, 7.5, PAPER);
+                canvas.dot(tail, 6.0, RIGID);
+                canvas.arrow(tail, to, 5.0, RIGID, (1.8, PAPER.with_alpha(0.6)));
+            }
+        }
+        x += sign_px + 6;
+        canvas.text((x, top), Text::Small, WORDS, word);
+        x += Text::Small.width(word) + gap;
+    }
+}
+
+/// How an entry of the legend looks.
+enum Sign {
+    Patch(Colour),
+    Arrow(Colour, f64),
+    Dot(Colour),
+    Ring(Colour),
+    Reference,
+}

@@ -1,0 +1,98 @@
+//! Overlay pictures into a folder or a video.
+
+use super::Overlay;
+use crate::avi_writer::{self, AviWriter};
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use std::fs::{self, File};
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+
+/// JPEG quality of the video: thin coloured lines stay clean.
+const JPEG_QUALITY: u8 = 92;
+
+/// A picture that cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The video cannot be written.
+    #[error(transparent)]
+    Avi(#[from] avi_writer::Error),
+    /// A folder or picture cannot be written.
+    #[error("{}: cannot write: {source}", path.display())]
+    Write {
+        /// The folder or file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// An encoder refused the picture.
+    #[error("{}: cannot encode frame {seq}: {why}", path.display())]
+    Encode {
+        /// The file.
+        path: PathBuf,
+        /// The frame's number.
+        seq: u64,
+        /// Its reason.
+        why: String,
+    },
+}
+
+/// Writes one picture a frame: `000057.png` in a folder, or a Motion-JPEG AVI.
+#[derive(Debug)]
+pub struct OverlayWriter {
+    path: PathBuf,
+    video: Option<AviWriter>,
+    jpeg: Vec<u8>,
+}
+
+impl OverlayWriter {
+    /// `to`: a name that ends in `.avi`, or a folder, made if it is not there. `rate_hz`: at which a video is played.
+    pub fn create(to: &Path, overlay: &Overlay, rate_hz: u32) -> Result<Self, Error> {
+        let is_video = to.extension().is_some_and(|e| e.eq_ignore_ascii_case("avi"));
+        let video = match is_video {
+            true => Some(AviWriter::create(to, overlay.size(), rate_hz)?),
+            false => {
+                fs::create_dir_all(to).map_err(|source| Error::Write { path: to.to_owned(), source })?;
+                None
+            }
+        };
+        Ok(OverlayWriter { path: to.to_owned(), video, jpeg: Vec::new() })
+    }
+
+    /// Writes the picture drawn last as that of frame `seq`.
+    pub fn push(&mut self, overlay: &Overlay, seq: u64) -> Result<(), Error> {
+        let (rgb, size) = (overlay.rgb(), overlay.size());
+        let Some(video) = &mut self.video else {
+            let path = self.path.join(format!("{seq:06}.png"));
+            return write_png(&path, &rgb, size.width as u32, size.height as u32, seq);
+        };
+        self.jpeg.clear();
+        let mut encoder = Encoder::new(&mut self.jpeg, JPEG_QUALITY);
+        encoder.set_sampling_factor(SamplingFactor::F_2_1); // what players expect of Motion-JPEG
+        encoder.encode(&rgb, size.width as u16, size.height as u16, ColorType::Rgb).map_err(|e| Error::Encode {
+            path: self.path.clone(),
+            seq,
+            why: e.to_string(),
+        })?;
+        Ok(video.push(&self.jpeg)?)
+    }
+
+    /// Finishes a video.
+    pub fn finish(self) -> Result<(), Error> {
+        Ok(self.video.map_or(Ok(()), AviWriter::finish)?)
+    }
+}
+
+fn write_png(path: &Path, rgb: &[u8], width: u32, height: u32, seq: u64) -> Result<(), Error> {
+    let failed = |source| Error::Write { path: path.to_owned(), source };
+    let mut encoder = png::Encoder::new(BufWriter::new(File::create(path).map_err(failed)?), width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_compression(png::Compression::Fast);
+    let written = encoder.write_header().and_then(|mut w| {
+        w.write_image_data(rgb)?;
+        w.finish()
+    });
+    written.map_err(|e| match e {
+        png::EncodingError::IoError(source) => failed(source),
+        other => Error::Encode { path: path.to_owned(), seq, why: other.to_string() },
+    })
+}

@@ -1,0 +1,294 @@
+//! Reports as JSON, one object a line: a header, then a line a frame. `docs/report.schema.json` is the schema.
+//!
+//! A line is flushed as soon as it is written, so what was judged is kept when a later frame fails. Numbers of a
+//! frame have at most 4 decimals; what is not a number is null. Readers must ignore keys they do not know.
+
+use serde::Serialize;
+use serde_json::ser::Formatter;
+use slipbound::monitor::{Marker, RestKind, Settings, SlipReport};
+use slipbound::port::Clock;
+use slipbound::sensor::Sensor;
+use std::io::{self, Write};
+
+/// Grows when a reader of the old lines could misread the new ones; new keys alone do not count.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// What is said once, in the first line.
+#[derive(Debug, Clone, Serialize)]
+pub struct Header<'a> {
+    /// Which finger of the hand.
+    pub finger: &'a str,
+    /// The facts of the finger at the size of its frames.
+    pub sensor: &'a Sensor,
+    /// All settings.
+    pub settings: &'a Settings,
+    /// Where the frames came from, as the user named it.
+    pub source: &'a str,
+    /// Whose clock `time_ns` is from.
+    pub clock: Clock,
+    /// What the rest frame was made from.
+    pub rest: RestOrigin,
+    /// What a reader should know before trusting the lines.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
+}
+
+/// What the rest frame was made from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct RestOrigin {
+    /// How it was come by.
+    pub kind: RestOriginKind,
+    /// The frames of the source that were averaged: from, to (exclusive); None when it came from another file.
+    pub frames: Option<[u64; 2]>,
+}
+
+/// How the rest frame was come by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RestOriginKind {
+    /// Found among the first frames: nothing touched the finger.
+    Unloaded,
+    /// Found among the first frames: something touched the finger already.
+    InContact,
+    /// Named by the user.
+    Given,
+}
+
+impl From<RestKind> for RestOriginKind {
+    fn from(kind: RestKind) -> Self {
+        match kind {
+            RestKind::Unloaded => RestOriginKind::Unloaded,
+            RestKind::InContact => RestOriginKind::InContact,
+        }
+    }
+}
+
+/// The header as it is written.
+#[derive(Serialize)]
+struct HeaderLine<'a> {
+    format: &'static str,
+    format_version: u32,
+    software_version: &'static str,
+    #[serde(flatten)]
+    header: &'a Header<'a>,
+}
+
+/// A frame as it is written.
+#[derive(Serialize)]
+struct FrameLine<'a> {
+    finger: &'a str,
+    frame: u64,
+    #[serde(flatten)]
+    report: &'a SlipReport,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    field: Option<Field<'a>>,
+}
+
+/// All markers, `[id, x_px, y_px, dx_px, dy_px, slip_x_px, slip_y_px, inner, over]` each.
+struct Field<'a>(&'a [Marker]);
+
+impl Serialize for Field<'_> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.0.iter().map(|m| {
+            let moved = m.now_from_rest();
+            (m.id, m.now.x, m.now.y, moved.x, moved.y, m.slip.x, m.slip.y, u8::from(m.inner), u8::from(m.over))
+        }))
+    }
+}
+
+/// Writes the lines.
+#[derive(Debug)]
+pub struct ReportJson<W> {
+    to: W,
+    finger: String,
+    frames_count: u64,
+    line: Vec<u8>,
+}
+
+impl<W: Write> ReportJson<W> {
+    /// Writes the header.
+    pub fn new(mut to: W, header: &Header<'_>) -> io::Result<Self> {
+        let line = HeaderLine {
+            format: "slipbound-report",
+            format_version: FORMAT_VERSION,
+            software_version: env!("CARGO_PKG_VERSION"),
+            header,
+        };
+        let mut bytes = serde_json::to_vec(&line)?;
+        bytes.push(b'\n');
+        to.write_all(&bytes)?;
+        to.flush()?;
+        Ok(ReportJson { to, finger: header.finger.to_owned(), frames_count: 0, line: Vec::new() })
+    }
+
+    /// Writes the line of the next frame; with `markers` also where each of them is.
+    pub fn frame(&mut self, report: &SlipReport, markers: Option<&[Marker]>) -> io::Result<()> {
+        let line = FrameLine { finger: &self.finger, frame: self.frames_count, report, field: markers.map(Field) };
+        self.line.clear();
+        line.serialize(&mut serde_json::Serializer::with_formatter(&mut self.line, FourDecimals))?;
+        self.line.push(b'\n');
+        self.to.write_all(&self.line)?;
+        self.to.flush()?;
+        self.frames_count += 1;
+        Ok(())
+    }
+}
+
+/// Rounds every number to 4 decimals; `serde_json` itself writes null for what is not finite.
+struct FourDecimals;
+
+impl Formatter for FourDecimals {
+    fn write_f64<W: ?Sized + Write>(&mut self, writer: &mut W, value: f64) -> io::Result<()> {
+        let rounded = (value * 1e4).round() / 1e4 + 0.0; // + 0.0 takes the sign off a zero
+        // Whole numbers without a decimal point, as most are; beyond 2^53 the shortest form has an exponent.
+        if rounded.fract() == 0.0 && rounded.abs() < 9e15 {
+            write!(writer, "{}", rounded as i64)
+        } else {
+            write!(writer, "{}", if rounded.is_finite() { rounded } else { value })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Value;
+    use slipbound::monitor::{ContactReport, MarkerCounts, MotionReport, Reason, SlipKind, SlipState, SlipSummary};
+    use slipbound::plane::Vec2;
+
+    fn report() -> SlipReport {
+        SlipReport {
+            seq: 7,
+            time_ns: Some(280_000_000),
+            state: SlipState::Incipient,
+            reason: None,
+            contact: ContactReport { area_px: 31.0, area_mm2: None, quality: 0.123456 },
+            markers: MarkerCounts { detected: 65, matched: 64, lost: 1, inner: 20 },
+            reference_seq: 3,
+            grip_n: Some(10.0),
+            motion: Some(MotionReport {
+                reference_px: Vec2::new(1.00004, -0.00004),
+                translation_px: Vec2::new(1e-9, 2.5),
+                translation_mm: None,
+                rotation_rad: f64::NAN,
+                icr_px: None,
+            }),
+            slip: SlipSummary {
+                markers_over: 9,
+                max_pitch: 0.33336,
+                max_mm: None,
+                kind: Some(SlipKind::Both),
+                direction_rad: Some(-1.5),
+            },
+        }
+    }
+
+    fn marker() -> Marker {
+        Marker {
+            id: 4,
+            rest: Vec2::new(10.0, 20.0),
+            reference: Vec2::new(10.0, 20.0),
+            now: Vec2::new(11.5, 19.0),
+            matched: true,
+            in_reference: true,
+            in_contact: true,
+            inner: true,
+            slip: Vec2::new(0.25, f64::INFINITY),
+            over: false,
+        }
+    }
+
+    fn header<'a>(sensor: &'a Sensor, settings: &'a Settings) -> Header<'a> {
+        let rest = RestOrigin { kind: RestOriginKind::InContact, frames: Some([0, 6]) };
+        let (source, note) = ("a folder", Some("starts in contact".into()));
+        Header { finger: "left", sensor, settings, source, clock: Clock::Unknown, rest, note }
+    }
+
+    fn lines() -> Vec<String> {
+        let (sensor, settings) = (crate::sensors::load("gelslim").expect("built in"), Settings::default());
+        let mut out = Vec::new();
+        let mut json = ReportJson::new(&mut out, &header(&sensor, &settings)).expect("writes");
+        json.frame(&report(), None).expect("writes");
+        json.frame(&report(), Some(&[marker()])).expect("writes");
+        let reason = Some(Reason::Torn);
+        let torn = SlipReport { state: SlipState::Unjudged, reason, motion: None, time_ns: None, ..report() };
+        json.frame(&torn, None).expect("writes");
+        String::from_utf8(out).expect("UTF-8").lines().map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn a_frame_is_the_line_that_was_agreed() {
+        let expected = r#"{"finger":"left","frame":0,"seq":7,"time_ns":280000000,"state":"incipient","reason":null,"#
+            .to_owned()
+            + r#""contact":{"area_px":31,"area_mm2":null,"quality":0.1235},"#
+            + r#""markers":{"detected":65,"matched":64,"lost":1,"inner":20},"reference_seq":3,"grip_n":10,"#
+            + r#""motion":{"reference_px":[1,0],"translation_px":[0,2.5],"translation_mm":null,"rotation_rad":null,"icr_px":null},"#
+            + r#""slip":{"markers_over":9,"max_pitch":0.3334,"max_mm":null,"kind":"both","direction_rad":-1.5}}"#;
+        assert_eq!(lines()[1], expected);
+    }
+
+    #[test]
+    fn markers_are_short_rows() {
+        let line: Value = serde_json::from_str(&lines()[2]).expect("JSON");
+        assert_eq!(line["field"].to_string(), "[[4,11.5,19,1.5,-1,0.25,null,1,0]]");
+        assert_eq!(line["frame"], 1);
+    }
+
+    #[test]
+    fn the_header_says_what_made_the_lines() {
+        let line: Value = serde_json::from_str(&lines()[0]).expect("JSON");
+        assert_eq!((&line["format"], &line["format_version"]), (&"slipbound-report".into(), &1.into()));
+        assert_eq!(line["software_version"], env!("CARGO_PKG_VERSION"));
+        assert_eq!(line["sensor"]["rectification"]["homography"][2][0], -0.00010275817, "not rounded");
+        assert_eq!(line["rest"].to_string(), r#"{"frames":[0,6],"kind":"in_contact"}"#);
+        assert_eq!((&line["clock"], &line["note"]), (&"unknown".into(), &"starts in contact".into()));
+        let (sensor, settings) = (crate::sensors::load("gelslim").expect("built in"), Settings::default());
+        assert_eq!(serde_json::from_value::<Sensor>(line["sensor"].clone()).expect("a sensor"), sensor);
+        assert_eq!(serde_json::from_value::<Settings>(line["settings"].clone()).expect("settings"), settings);
+    }
+
+    fn schema() -> jsonschema::Validator {
+        let text = include_str!("../../../docs/report.schema.json");
+        jsonschema::validator_for(&serde_json::from_str(text).expect("JSON")).expect("a schema")
+    }
+
+    #[test]
+    fn the_published_schema_takes_what_is_written() {
+        let schema = schema();
+        for line in lines() {
+            let line: Value = serde_json::from_str(&line).expect("JSON");
+            let faults: Vec<String> = schema.iter_errors(&line).map(|e| e.to_string()).collect();
+            assert!(faults.is_empty(), "{line}: {faults:?}");
+        }
+    }
+
+    #[test]
+    fn the_published_schema_refuses_what_is_not_written() {
+        let schema = schema();
+        let lines = lines();
+        for (line, pointer, value) in [
+            (0, "/clock", Value::from("noon")),
+            (0, "/format_version", Value::from(2)),
+            (0, "/rest/kind", Value::from("warm")),
+            (0, "/settings", Value::Null),
+            (1, "/state", Value::from("slipping")),
+            (1, "/contact/quality", Value::from(1.5)),
+            (1, "/contact/area_px", Value::Null),
+            (1, "/motion/translation_px", Value::from("none")),
+            (1, "/markers/lost", Value::from(-1)),
+            (1, "/time_ns", Value::from("now")),
+            (1, "/slip/kind", Value::from("none")),
+            (2, "/field/0/7", Value::from(2)),
+            (2, "/field/0", Value::from(vec![1, 2])),
+        ] {
+            let mut line: Value = serde_json::from_str(&lines[line]).expect("JSON");
+            *line.pointer_mut(pointer).expect("there") = value.clone();
+            assert!(!schema.is_valid(&line), "{pointer} = {value} passed");
+        }
+        for key in ["finger", "state", "slip", "motion", "time_ns"] {
+            let mut line: Value = serde_json::from_str(&lines[1]).expect("JSON");
+            line.as_object_mut().expect("an object").remove(key);
+            assert!(!schema.is_valid(&line), "a line without {key} passed");
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! What can go wrong with a source, one variant a cause.
+
+use std::io;
+use std::path::PathBuf;
+
+/// A source that cannot be opened or cannot go on. Every text names the file, what was expected and what was got.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Nothing is there.
+    #[error("{}: expected a folder, an image, a video or a pattern that matches images; there is no such file", path.display())]
+    Missing {
+        /// What was asked for.
+        path: PathBuf,
+    },
+    /// A pattern with a fault in it.
+    #[error("{pattern}: expected a file pattern (`*`, `?`, `[...]`), got a fault at sign {at}: {why}")]
+    Pattern {
+        /// The pattern.
+        pattern: String,
+        /// Where in it, counted from 0.
+        at: usize,
+        /// What is wrong there.
+        why: String,
+    },
+    /// A folder or pattern without a single image.
+    #[error("{}: expected images (.jpg, .jpeg, .png), got none among {others_count} other files", path.display())]
+    NoImages {
+        /// The folder or pattern.
+        path: PathBuf,
+        /// How many files of other kinds were passed over.
+        others_count: usize,
+    },
+    /// The operating system refused.
+    #[error("{}: cannot read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Its reason.
+        source: io::Error,
+    },
+    /// An AVI file whose structure cannot be followed up to the first frame.
+    #[error("{}: expected {expected} in the AVI file, got {got}", path.display())]
+    Avi {
+        /// The file.
+        path: PathBuf,
+        /// What should stand there.
+        expected: &'static str,
+        /// What stands there.
+        got: String,
+    },
+    /// A codec that needs the program `ffmpeg`, which is not installed.
+    #[error(
+        "{}: decoding {codec} needs the program `ffmpeg`, which is not on the PATH; \
+         install it (Debian, Ubuntu: `apt install ffmpeg`; macOS: `brew install ffmpeg`; Windows: \
+         `winget install ffmpeg`) or convert the video to an MJPEG AVI elsewhere",
+        path.display()
+    )]
+    FfmpegMissing {
+        /// The video.
+        path: PathBuf,
+        /// What is known of its codec.
+        codec: String,
+    },
+    /// `ffmpeg` is there but could not be started.
+    #[error("{}: cannot start `ffmpeg`: {source}", path.display())]
+    FfmpegStart {
+        /// The video.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// `ffmpeg` gave up.
+    #[error("{}: expected a frame from `ffmpeg`, got {got}; it says: {stderr}", path.display())]
+    Ffmpeg {
+        /// The video.
+        path: PathBuf,
+        /// What came instead of a frame.
+        got: String,
+        /// The end of what it wrote to its standard error.
+        stderr: String,
+    },
+}

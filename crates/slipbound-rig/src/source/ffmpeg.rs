@@ -1,0 +1,259 @@
+//! Every other codec, through the installed program `ffmpeg`: `ffmpeg -i FILE ... -c:v ppm -f image2pipe -`.
+//!
+//! Each frame comes as a PPM picture, so its size is the program's own word, whatever the container said; one
+//! thread and the bit-exact flags make the pixels the same on every run of one version of the program.
+
+use super::avi::stamp;
+use super::riff::{Survey, Video};
+use super::{Error, Rate};
+use slipbound::image::SizePx;
+use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
+use std::ffi::OsString;
+use std::io::{self, BufRead, BufReader, ErrorKind, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
+use std::thread::JoinHandle;
+
+/// How much of the end of the program's messages is kept.
+const STDERR_BYTES: usize = 2000;
+/// Width and height beyond which a picture is taken for damaged: the largest a sensor file may state.
+const MAX_SIDE_PX: usize = 8192;
+
+/// The frames of a video as `ffmpeg` decodes them. The program is ended and reaped when this is dropped.
+#[derive(Debug)]
+pub struct Ffmpeg {
+    path: PathBuf,
+    rate: Option<Rate>,
+    frames_count: Option<u64>,
+    /// What the file lacks at its end, to be told there.
+    lacks: Option<String>,
+    running: Option<Running>,
+    seq: u64,
+}
+
+/// The program while it runs.
+#[derive(Debug)]
+struct Running {
+    child: Child,
+    stdout: BufReader<ChildStdout>,
+    stderr: Option<JoinHandle<String>>,
+}
+
+/// Options that pass every frame once. The first is of ffmpeg 5.1 and later, the second of those before.
+const EVERY_FRAME_ONCE: [&str; 2] = ["-fps_mode", "-vsync"];
+
+impl Ffmpeg {
+    /// Starts the program on a video. `avi` is what our own reading of an AVI file found; for other containers
+    /// the rate is asked of `ffprobe`, and without it there is no time.
+    pub(super) fn open(path: &Path, avi: Option<(Video, Survey)>) -> Result<Self, Error> {
+        let codec = avi.as_ref().map_or("this kind of video".into(), |(v, _)| format!("the codec {}", v.codec_name()));
+        let running = start(path, EVERY_FRAME_ONCE[0]).map_err(|source| match source.kind() {
+            ErrorKind::NotFound => Error::FfmpegMissing { path: path.to_owned(), codec },
+            _ => Error::FfmpegStart { path: path.to_owned(), source },
+        })?;
+        let (rate, frames_count, lacks) = match avi {
+            Some((video, survey)) => (Some(video.rate), Some(survey.frames_count), survey.cut),
+            None => {
+                let (rate, count) = probe(path);
+                (rate, count, None)
+            }
+        };
+        Ok(Ffmpeg { path: path.to_owned(), rate, frames_count, lacks, running: Some(running), seq: 0 })
+    }
+
+    /// The program has nothing more to give: all is well, or it says why not.
+    fn finish(&mut self, got: Option<String>) -> Result<Next, SourceError> {
+        let Some(mut running) = self.running.take() else {
+            return Ok(Next::End);
+        };
+        if got.is_some() {
+            running.stop();
+        }
+        let (status, stderr) = running.reap().map_err(|source| Error::Read { path: self.path.clone(), source })?;
+        if self.seq == 0 && stderr.contains(&EVERY_FRAME_ONCE[0][1..]) {
+            let again = start(&self.path, EVERY_FRAME_ONCE[1]);
+            self.running = Some(again.map_err(|source| Error::FfmpegStart { path: self.path.clone(), source })?);
+            return Ok(Next::Silent);
+        }
+        let failed = match (status.success(), self.seq) {
+            (false, _) => Some(format!("{status}")),
+            (true, 0) => Some("none".into()),
+            _ => None,
+        };
+        if let Some(got) = got.or(failed) {
+            let stderr = if stderr.is_empty() { "nothing".into() } else { stderr };
+            return Err(Error::Ffmpeg { path: self.path.clone(), got, stderr }.into());
+        }
+        match self.lacks.take().or_else(|| (!stderr.is_empty()).then(|| format!("ffmpeg says: {stderr}"))) {
+            Some(reason) => Ok(Next::Torn { reason }),
+            None => Ok(Next::End),
+        }
+    }
+}
+
+impl FrameSource for Ffmpeg {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        stamp(into, self.rate, self.seq);
+        into.encoded.clear();
+        loop {
+            let Some(running) = &mut self.running else {
+                return Ok(Next::End);
+            };
+            match read_ppm(&mut running.stdout, into) {
+                Ok(true) => {
+                    self.seq += 1;
+                    return Ok(Next::Frame);
+                }
+                Ok(false) => match self.finish(None)? {
+                    Next::Silent => {} // an older version, started again with its own option
+                    over => return Ok(over),
+                },
+                Err(e) => return self.finish(Some(e.to_string())),
+            }
+        }
+    }
+
+    fn frames_count(&self) -> Option<u64> {
+        self.frames_count
+    }
+}
+
+impl Running {
+    /// Waits for the program to end; its exit status and last messages on one line.
+    fn reap(&mut self) -> io::Result<(ExitStatus, String)> {
+        let status = self.child.wait()?;
+        let stderr = self.stderr.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
+        Ok((status, stderr))
+    }
+}
+
+impl Running {
+    /// Ends the program; it may have ended by itself.
+    fn stop(&mut self) {
+        let _ = self.child.kill(); // fails only when it is over already
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.stop();
+        let _ = self.reap(); // nobody is left to tell
+    }
+}
+
+/// `file:` keeps a name from being read as an option or a protocol.
+fn file_argument(path: &Path) -> OsString {
+    let mut argument = OsString::from("file:");
+    argument.push(path);
+    argument
+}
+
+fn start(path: &Path, every_frame_once: &str) -> io::Result<Running> {
+    let mut child = Command::new("ffmpeg")
+        .args(["-nostdin", "-hide_banner", "-loglevel", "error", "-threads", "1", "-flags", "+bitexact", "-i"])
+        .arg(file_argument(path))
+        .args(["-map", "0:v:0", every_frame_once, "passthrough", "-an", "-sn", "-dn"])
+        .args(["-sws_flags", "bitexact+accurate_rnd+full_chroma_int", "-pix_fmt", "rgb24"])
+        .args(["-threads", "1", "-flags", "+bitexact", "-c:v", "ppm", "-f", "image2pipe", "-"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()?;
+    let missing = || io::Error::other("no pipe to the program");
+    let stdout = BufReader::with_capacity(1 << 20, child.stdout.take().ok_or_else(missing)?);
+    let stderr = child.stderr.take().ok_or_else(missing)?;
+    Ok(Running { child, stdout, stderr: Some(std::thread::spawn(move || last_words(stderr))) })
+}
+
+/// Reads all that the program says and keeps the end of it, on one line.
+fn last_words(stderr: ChildStderr) -> String {
+    let mut kept: Vec<u8> = Vec::new();
+    let mut reader = BufReader::new(stderr);
+    while let Ok(bytes) = reader.fill_buf() {
+        if bytes.is_empty() {
+            break;
+        }
+        let count = bytes.len();
+        kept.extend_from_slice(bytes);
+        reader.consume(count);
+        let excess = kept.len().saturating_sub(STDERR_BYTES);
+        kept.drain(..excess);
+    }
+    String::from_utf8_lossy(&kept).lines().map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join("; ")
+}
+
+/// Rate and number of frames as `ffprobe` tells them; nothing when it is not there or does not know. What is wrong
+/// with the file is left for `ffmpeg` to say.
+fn probe(path: &Path) -> (Option<Rate>, Option<u64>) {
+    let asked = Command::new("ffprobe")
+        .args(["-v", "quiet", "-select_streams", "v:0", "-show_entries", "stream=avg_frame_rate,nb_frames"])
+        .args(["-of", "default=noprint_wrappers=1"])
+        .arg(file_argument(path))
+        .stdin(Stdio::null())
+        .output();
+    let text = asked.map(|o| String::from_utf8_lossy(&o.stdout).into_owned()).unwrap_or_default();
+    let value = |key: &str| text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
+    let rate = value("avg_frame_rate")
+        .and_then(|r| r.split_once('/'))
+        .and_then(|(frames, seconds)| Some(Rate { frames: frames.parse().ok()?, seconds: seconds.parse().ok()? }));
+    (rate, value("nb_frames").and_then(|n| n.parse().ok()))
+}
+
+/// Reads one binary PPM picture; false at the end of the stream.
+fn read_ppm(from: &mut impl BufRead, into: &mut FrameBuffer) -> io::Result<bool> {
+    if from.fill_buf()?.is_empty() {
+        return Ok(false);
+    }
+    let mut words = [0usize; 3];
+    let wrong = |got: &[u8]| io::Error::other(format!("a PPM header `{}`", got.escape_ascii()));
+    let magic = word(from)?;
+    if magic != b"P6" {
+        return Err(wrong(&magic));
+    }
+    for number in &mut words {
+        let text = word(from)?;
+        *number = std::str::from_utf8(&text).ok().and_then(|t| t.parse().ok()).ok_or_else(|| wrong(&text))?;
+    }
+    let [width, height, white] = words;
+    if white != 255 || width == 0 || height == 0 || width > MAX_SIDE_PX || height > MAX_SIDE_PX {
+        return Err(io::Error::other(format!("a picture of {width}x{height} with white at {white}")));
+    }
+    into.size = SizePx::new(width, height);
+    into.format = PixelFormat::Rgb;
+    into.pixels.resize(3 * into.size.area(), 0);
+    from.read_exact(&mut into.pixels)?;
+    Ok(true)
+}
+
+/// The bytes up to the next blank or line end, which is taken too; at most 16.
+fn word(from: &mut impl Read) -> io::Result<Vec<u8>> {
+    let mut word = Vec::new();
+    let mut byte = [0];
+    while word.len() < 16 {
+        from.read_exact(&mut byte)?;
+        if byte[0].is_ascii_whitespace() {
+            break;
+        }
+        word.push(byte[0]);
+    }
+    Ok(word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ppm_pictures_follow_each_other() {
+        let mut stream: &[u8] = b"P6\n2 1\n255\nabcdefP6\n1 1\n255\nxyzP6\n9 9\n255\n.";
+        let mut frame = FrameBuffer::default();
+        assert!(read_ppm(&mut stream, &mut frame).expect("first"));
+        assert_eq!((frame.size, frame.pixels.as_slice()), (SizePx::new(2, 1), &b"abcdef"[..]));
+        assert!(read_ppm(&mut stream, &mut frame).expect("second"));
+        assert_eq!((frame.size, frame.pixels.as_slice()), (SizePx::new(1, 1), &b"xyz"[..]));
+        assert!(read_ppm(&mut stream, &mut frame).is_err(), "a cut picture");
+        assert!(!read_ppm(&mut &b""[..], &mut frame).expect("the end"));
+        assert!(read_ppm(&mut &b"P6\n99999 1\n255\n"[..], &mut frame).is_err(), "a size beyond reason");
+        assert!(read_ppm(&mut &b"GIF89a"[..], &mut frame).is_err());
+    }
+}

@@ -1,0 +1,112 @@
+//! Videos that the program `ffmpeg` decodes. Without it on this machine there is nothing to test here.
+
+use slipbound::image::SizePx;
+use slipbound::port::{Clock, FrameBuffer, Next};
+use slipbound_rig::source::{self, Error};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Ten frames of ffmpeg's own test picture; None where there is no ffmpeg.
+fn video(dir: &Path, name: &str, codec: &[&str]) -> Option<PathBuf> {
+    let path = dir.join(name);
+    let made = Command::new("ffmpeg")
+        .args(["-v", "error", "-f", "lavfi", "-i", "testsrc=size=64x48:rate=20:duration=0.5", "-c:v"])
+        .args(codec)
+        .arg(&path)
+        .status();
+    match made {
+        Ok(status) => {
+            assert!(status.success());
+            Some(path)
+        }
+        Err(_) => {
+            eprintln!("no ffmpeg here: not tested");
+            None
+        }
+    }
+}
+
+/// Pixels of all whole frames, and the reasons of torn ones.
+fn drain(path: &Path) -> (Vec<Vec<u8>>, Vec<String>) {
+    let mut source = source::open(path.to_str().expect("UTF-8")).expect("opens");
+    let mut frame = FrameBuffer::default();
+    let (mut frames, mut torn) = (Vec::new(), Vec::new());
+    loop {
+        match source.next(&mut frame).expect("no final error") {
+            Next::Frame => {
+                assert_eq!((frame.seq, frame.size), (frames.len() as u64, SizePx::new(64, 48)));
+                assert_eq!((frame.time_ns, frame.clock), (Some(frame.seq * 50_000_000), Clock::Assumed));
+                frames.push(frame.pixels.clone());
+            }
+            Next::Torn { reason } => torn.push(reason),
+            Next::Silent => {}
+            Next::End => return (frames, torn),
+        }
+    }
+}
+
+#[test]
+fn every_frame_comes_once_and_the_same_each_time() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (name, codec) in
+        [("a.avi", ["mpeg4", "-q:v", "2"]), ("b.mp4", ["mpeg4", "-q:v", "2"]), ("c.mkv", ["ffv1", "-level", "3"])]
+    {
+        let Some(path) = video(dir.path(), name, &codec) else { return };
+        let (frames, torn) = drain(&path);
+        assert_eq!((frames.len(), torn.len()), (10, 0), "{name}: {torn:?}");
+        assert_eq!(drain(&path).0, frames, "{name}");
+    }
+}
+
+#[test]
+fn a_cut_avi_gives_what_is_there_and_says_so() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let Some(path) = video(dir.path(), "a.avi", &["mpeg4"]) else { return };
+    let whole = fs::read(&path).expect("reads");
+    fs::write(&path, &whole[..whole.len() * 3 / 4]).expect("writes");
+    let (frames, torn) = drain(&path);
+    assert!((1..10).contains(&frames.len()), "{} frames", frames.len());
+    assert_eq!(torn.len(), 1, "{torn:?}");
+    assert!(torn[0].contains("the file ends at byte"), "{}", torn[0]);
+}
+
+#[test]
+fn what_is_no_video_is_refused_in_ffmpegs_words() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let Some(_) = video(dir.path(), "a.avi", &["mpeg4"]) else { return };
+    let path = dir.path().join("notes.mp4");
+    fs::write(&path, "no video at all, but a good many words of text").expect("writes");
+    let mut source = source::open(path.to_str().expect("UTF-8")).expect("ffmpeg starts");
+    let error = source.next(&mut FrameBuffer::default()).expect_err("refused");
+    let error = error.downcast::<Error>().expect("ours");
+    assert!(matches!(*error, Error::Ffmpeg { .. }));
+    let text = error.to_string();
+    assert!(text.contains("notes.mp4") && text.contains("Invalid data"), "{text}");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn the_program_is_gone_when_the_source_is() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let Some(_) = video(dir.path(), "a.avi", &["mpeg4"]) else { return };
+    let path = dir.path().join("long.mkv");
+    let made = Command::new("ffmpeg")
+        .args(["-v", "error", "-f", "lavfi", "-i", "testsrc=size=640x480:rate=25:duration=20", "-c:v", "mpeg4"])
+        .arg(&path)
+        .status();
+    assert!(made.expect("runs").success());
+    let mut source = source::open(path.to_str().expect("UTF-8")).expect("opens");
+    assert_eq!(source.next(&mut FrameBuffer::default()).expect("reads"), Next::Frame);
+    let children = || {
+        let ours = |pid: &str| {
+            let command = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+            String::from_utf8_lossy(&command).contains("long.mkv")
+        };
+        let all = fs::read_dir("/proc").expect("a process list");
+        all.filter(|e| ours(&e.as_ref().expect("listed").file_name().to_string_lossy())).count()
+    };
+    assert_eq!(children(), 1);
+    drop(source);
+    assert_eq!(children(), 0);
+}

@@ -1,0 +1,154 @@
+//! The overlay of a finger drawn by numbers: every sign is there in its colour, and nowhere else.
+
+use slipbound::image::{Frame, Gray, Pixels, SizePx};
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
+use slipbound::plane::Vec2;
+use slipbound_rig::overlay::{Overlay, OverlayWriter};
+use slipbound_rig::sensors;
+use slipbound_rig::source;
+use std::fs;
+
+const SIZE: SizePx = SizePx::new(320, 240);
+
+/// Dots of 11 px on a grid of 30.8 px. With contact, a patch in the middle is shaded and its dots move by `moved`.
+fn imprint(contact: bool, moved: impl Fn(Vec2) -> Vec2) -> Vec<u8> {
+    let middle = Vec2::new(160.0, 120.0);
+    let touched = |p: Vec2| contact && (p - middle).length() < 80.0;
+    let mut dots = Vec::new();
+    for row in 0..7 {
+        for column in 0..10 {
+            let at = Vec2::new(20.0 + 30.8 * f64::from(column), 27.0 + 30.8 * f64::from(row));
+            dots.push(if touched(at) { at + moved(at - middle) } else { at });
+        }
+    }
+    let mut pixels = Vec::with_capacity(SIZE.area());
+    for y in 0..SIZE.height {
+        for x in 0..SIZE.width {
+            let p = Vec2::new(x as f64, y as f64);
+            let shade = if touched(p) { 45.0 * libm::sin(p.x / 5.0) } else { 0.0 };
+            let nearest = dots.iter().map(|d| (p - *d).length()).fold(f64::INFINITY, f64::min);
+            let cover = (6.0 - nearest).clamp(0.0, 1.0);
+            pixels.push(((140.0 + shade) * (1.0 - cover) + 30.0 * cover) as u8);
+        }
+    }
+    pixels
+}
+
+fn frame(pixels: &[u8], seq: u64) -> Frame<'_> {
+    Frame { pixels: Pixels::Gray(Gray::new(pixels, SIZE).expect("whole")), seq, time_ns: None }
+}
+
+/// A monitor that has just seen the patch turn by 0.12 rad while its rim, but for the inner 55 px, stays behind.
+fn slipping() -> (SlipMonitor, Vec<u8>, SlipReport) {
+    let sensor = sensors::load("gelsight_mini_wide").expect("built in");
+    let settings = Settings::default();
+    let mut builder = RestBuilder::new(&sensor, &settings, SIZE).expect("valid");
+    let rest = imprint(false, |_| Vec2::ZERO);
+    builder.add(&frame(&rest, 0)).expect("bright");
+    let mut monitor =
+        SlipMonitor::new(&sensor, &settings, builder.build(RestKind::Unloaded).expect("dots")).expect("ok");
+    let mut last = None;
+    for seq in 1..=20 {
+        let share = seq as f64 / 20.0;
+        let pixels = imprint(true, |arm| {
+            let inner = if arm.length() < 55.0 { 1.0 } else { 0.0 };
+            (arm.turned() * 0.16 + Vec2::new(6.0, 0.0)) * (share * inner)
+        });
+        let report = monitor.step(&frame(&pixels, seq), None);
+        let slips = report.state == SlipState::Incipient;
+        last = Some((pixels, report));
+        if slips {
+            break;
+        }
+    }
+    let (pixels, report) = last.expect("twenty frames");
+    (monitor, pixels, report)
+}
+
+/// Pixels of just this colour in the left and in the right half.
+fn count(overlay: &Overlay, rgb: [u8; 3]) -> [usize; 2] {
+    let width = overlay.size().width;
+    let mut counts = [0, 0];
+    let picture = overlay.rgb();
+    let panels = &picture[3 * width * 76..picture.len() - 3 * width * 40];
+    for (i, pixel) in panels.chunks_exact(3).enumerate() {
+        counts[usize::from(i % width > width / 2)] += usize::from(pixel == rgb);
+    }
+    counts
+}
+
+const YELLOW: [u8; 3] = [255, 222, 0];
+const RED: [u8; 3] = [232, 28, 36];
+const BLACK: [u8; 3] = [0, 0, 0];
+const PURPLE: [u8; 3] = [150, 30, 200];
+
+#[test]
+fn every_sign_is_drawn_in_its_panel() {
+    let (monitor, pixels, report) = slipping();
+    assert_eq!(report.state, SlipState::Incipient, "{report:?}");
+    let mut overlay = Overlay::new(monitor.sensor());
+    assert_eq!(overlay.size(), SizePx::new(2 * 960 + 8, 76 + 720 + 40));
+    overlay.draw(Some(&frame(&pixels, report.seq)), &report, &monitor);
+    for (colour, what, [left, right]) in [
+        (YELLOW, "measured displacement", [true, false]),
+        (RED, "rigid displacement", [true, false]),
+        (PURPLE, "slipping markers", [false, true]),
+    ] {
+        let seen = count(&overlay, colour);
+        assert_eq!(seen.map(|n| n > 100), [left, right], "{what}: {seen:?} pixels");
+    }
+    assert!(count(&overlay, BLACK)[1] > 300, "slip field: {:?}", count(&overlay, BLACK));
+    let slipping = monitor.markers().iter().filter(|m| m.over).count();
+    let purple = count(&overlay, PURPLE)[1];
+    assert!(purple < slipping * 700 && purple > slipping * 60, "{purple} purple pixels for {slipping} markers");
+
+    let again = overlay.rgb();
+    overlay.draw(Some(&frame(&pixels, report.seq)), &report, &monitor);
+    assert_eq!(overlay.rgb(), again, "nothing of the picture before shows through");
+}
+
+#[test]
+fn what_is_not_judged_has_no_arrows() {
+    let (monitor, pixels, report) = slipping();
+    let mut overlay = Overlay::new(monitor.sensor());
+    overlay.draw(Some(&frame(&pixels, report.seq)), &report, &monitor);
+    let torn = monitor.torn(report.seq + 1, None);
+    overlay.draw(None, &torn, &monitor);
+    for colour in [YELLOW, RED, PURPLE, BLACK] {
+        assert_eq!(count(&overlay, colour), [0, 0], "{colour:?}");
+    }
+    let small = [9; 32 * 32];
+    let other =
+        Frame { pixels: Pixels::Gray(Gray::new(&small, SizePx::new(32, 32)).expect("whole")), seq: 0, time_ns: None };
+    overlay.draw(Some(&other), &torn, &monitor);
+    assert_eq!(count(&overlay, YELLOW), [0, 0]);
+}
+
+#[test]
+fn pictures_go_into_a_folder_or_a_video() {
+    let (monitor, pixels, report) = slipping();
+    let mut overlay = Overlay::new(monitor.sensor());
+    overlay.draw(Some(&frame(&pixels, report.seq)), &report, &monitor);
+    let dir = tempfile::tempdir().expect("a folder");
+    let (folder, video) = (dir.path().join("new/folder"), dir.path().join("video.AVI"));
+    for to in [&folder, &video] {
+        let mut writer = OverlayWriter::create(to, &overlay, 25).expect("creates");
+        for seq in [7, 8] {
+            writer.push(&overlay, seq).expect("writes");
+        }
+        writer.finish().expect("finishes");
+    }
+    let names: Vec<_> = fs::read_dir(&folder).expect("there").map(|e| e.expect("listed").file_name()).collect();
+    assert_eq!(names.len(), 2);
+    assert!(folder.join("000007.png").exists());
+    for (to, exact) in [(&folder, true), (&video, false)] {
+        let mut source = source::open(to.to_str().expect("UTF-8")).expect("opens");
+        let mut read = slipbound::port::FrameBuffer::default();
+        for _ in 0..2 {
+            assert_eq!(source.next(&mut read).expect("reads"), slipbound::port::Next::Frame);
+            assert_eq!(read.size, overlay.size());
+            assert_eq!(read.pixels == overlay.rgb(), exact);
+        }
+        assert_eq!(source.next(&mut read).expect("reads"), slipbound::port::Next::End);
+    }
+}

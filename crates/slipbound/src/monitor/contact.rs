@@ -1,0 +1,250 @@
+//! Step 1: imprint -> contact region.
+//!
+//! ```text
+//!   fabric skin: the pressed weave has edges           smooth gel: shading has left the rest picture
+//!   flat --Canny--> edges --close, erode, dilate-->    cells - rest cells --fill, close, outline-->
+//!                                      \_____ region _____/
+//! ```
+
+mod shading;
+
+pub(super) use shading::CellMap;
+pub(super) use shading::{cover_radius_px, illumination, roughness_levels};
+
+use super::imprint::Imprint;
+use super::rest::{Rest, RestKind};
+use crate::image::Mask;
+use crate::pixels::canny::Canny;
+use crate::pixels::morphology::{Element, Morphology};
+use crate::plane::Vec2;
+use crate::sensor::{EdgeBand, Sensor, SettingError, Skin, within};
+use serde::{Deserialize, Serialize};
+use shading::ShadingContact;
+
+/// Settings of step 1. Lengths are in marker pitches, areas in shares of the rectified image.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ContactSettings {
+    /// Contact begins when the region is larger than this. The released code: 3072 of 327 x 320 px.
+    pub on_area_fraction: f64,
+    /// Contact ends when the region is smaller than this. The released code: 600 px.
+    pub off_area_fraction: f64,
+    /// Contact begins with this many frames in a row above the area. The released code: 4.
+    pub on_frames_count: u32,
+    /// Fabric: side of the square that joins edges. The released code: 6 px at a pitch of 15.2 px.
+    pub close_pitch: f64,
+    /// Fabric: side of the square that removes what is thinner, markers among it. The released code: 11 px.
+    pub erode_pitch: f64,
+    /// Fabric: diameter of the ellipse that gives the region its size back. The released code: 25 px.
+    pub dilate_pitch: f64,
+    /// Fabric: whether what looks like contact in the rest frame (a scratch, a reflex) is left out from then on.
+    pub hide_rest_edges: bool,
+    /// Smooth gel: change of a cell's colour, in its most changed channel, that counts as contact.
+    pub change_levels: f64,
+    /// Smooth gel: gaps of this width inside the region are closed; the rim of a flat object shows, its middle hardly.
+    pub smooth_close_pitch: f64,
+    /// Markers in contact at which the patch is large enough for full quality.
+    pub full_markers_count: u32,
+    /// Below this quality the state is `unsure`.
+    pub unsure_below_quality: f64,
+}
+
+impl Default for ContactSettings {
+    fn default() -> Self {
+        let released_px = 327.0 * 320.0;
+        ContactSettings {
+            on_area_fraction: 3072.0 / released_px,
+            off_area_fraction: 600.0 / released_px,
+            on_frames_count: 4,
+            close_pitch: 6.0 / 15.2,
+            erode_pitch: 11.0 / 15.2,
+            dilate_pitch: 25.0 / 15.2,
+            hide_rest_edges: true,
+            change_levels: 6.0,
+            smooth_close_pitch: 1.2,
+            full_markers_count: 12,
+            unsure_below_quality: 0.35,
+        }
+    }
+}
+
+impl ContactSettings {
+    pub(super) fn check(&self) -> Result<(), SettingError> {
+        within("contact.on_area_fraction", self.on_area_fraction, 0.0, 1.0)?;
+        within("contact.off_area_fraction", self.off_area_fraction, 0.0, self.on_area_fraction)?;
+        within("contact.on_frames_count", f64::from(self.on_frames_count), 1.0, 1000.0)?;
+        within("contact.close_pitch", self.close_pitch, 0.0, 10.0)?;
+        within("contact.erode_pitch", self.erode_pitch, 0.0, 10.0)?;
+        within("contact.dilate_pitch", self.dilate_pitch, 0.0, 10.0)?;
+        within("contact.change_levels", self.change_levels, 0.5, 255.0)?;
+        within("contact.smooth_close_pitch", self.smooth_close_pitch, 0.0, 10.0)?;
+        within("contact.full_markers_count", f64::from(self.full_markers_count), 1.0, 1000.0)?;
+        within("contact.unsure_below_quality", self.unsure_below_quality, 0.0, 1.0)
+    }
+}
+
+/// The contact region of a fabric skin: the paper's edges and morphology.
+#[derive(Debug, Clone)]
+struct TextureContact {
+    bands: Vec<EdgeBand>,
+    canny: Canny,
+    morphology: Morphology,
+    close: Element,
+    erode: Element,
+    dilate: Element,
+    edges: Mask,
+    work: Mask,
+    hidden: Option<Mask>,
+}
+
+impl TextureContact {
+    fn new(sensor: &Sensor, settings: &ContactSettings) -> Self {
+        let size = sensor.rectified_px();
+        let side = |pitch: f64| (pitch * sensor.pitch_px).round().max(1.0) as usize;
+        TextureContact {
+            bands: sensor.edge_bands.clone(),
+            canny: Canny::new(size),
+            morphology: Morphology::new(size),
+            close: Element::rect(side(settings.close_pitch), side(settings.close_pitch)),
+            erode: Element::rect(side(settings.erode_pitch), side(settings.erode_pitch)),
+            dilate: Element::ellipse(side(settings.dilate_pitch), side(settings.dilate_pitch)),
+            edges: Mask::new(size),
+            work: Mask::new(size),
+            hidden: None,
+        }
+    }
+
+    /// Writes the region; returns the share of edge pixels in it.
+    fn find(&mut self, flat: &[u8], seen: Option<&Mask>, region: &mut Mask) -> f64 {
+        let size = region.size();
+        let mut from = 0;
+        for band in &self.bands {
+            let to = (band.rows_to_fraction * size.height as f64).round() as usize;
+            self.canny.run(flat, from..to, band.low_levels, band.high_levels, &mut self.edges);
+            from = to;
+        }
+        let edges = self.edges.words_mut();
+        if let Some(seen) = seen {
+            edges.iter_mut().zip(seen.words()).for_each(|(e, s)| *e &= s);
+        }
+        if let Some(hidden) = &self.hidden {
+            edges.iter_mut().zip(hidden.words()).for_each(|(e, h)| *e &= !h);
+        }
+        self.morphology.close(&self.edges, &self.close, &mut self.work);
+        self.morphology.erode(&self.work, &self.erode, region);
+        self.morphology.dilate(region, &self.dilate, &mut self.work);
+        region.copy_from(&self.work);
+        let inside: u32 = self.edges.words().iter().zip(region.words()).map(|(e, r)| (e & r).count_ones()).sum();
+        f64::from(inside) / region.area_px().max(1) as f64
+    }
+
+    /// Leaves out from now on what looks like contact in this picture of a finger at rest.
+    fn hide(&mut self, flat: &[u8], seen: Option<&Mask>) {
+        let mut region = Mask::new(self.edges.size());
+        self.find(flat, seen, &mut region);
+        self.hidden = (region.area_px() > 0).then_some(region);
+    }
+}
+
+#[derive(Debug, Clone)]
+enum Skinned {
+    Texture(Box<TextureContact>),
+    Shading(Box<ShadingContact>),
+}
+
+/// Share of edge pixels in a pressed weave at which its strength is full: threads of three to six pixels give one
+/// edge pixel in five.
+const FULL_EDGE_SHARE: f64 = 0.2;
+
+/// Step 1, with its memory of whether something touches.
+#[derive(Debug, Clone)]
+pub(super) struct Contact {
+    settings: ContactSettings,
+    skinned: Skinned,
+    frames_above_count: u32,
+    /// Whether something touches.
+    pub(super) touches: bool,
+    /// The region; empty while nothing touches.
+    pub(super) region: Mask,
+    /// Its area in px.
+    pub(super) area_px: usize,
+    /// How strong the imprint is, 0 to 1: full at twice the level that counts as contact.
+    pub(super) strength: f64,
+}
+
+impl Contact {
+    pub(super) fn new(sensor: &Sensor, settings: &ContactSettings, imprint: &Imprint, rest: &Rest) -> Self {
+        let size = sensor.rectified_px();
+        let skinned = match sensor.skin {
+            Skin::Fabric => {
+                let mut texture = TextureContact::new(sensor, settings);
+                if settings.hide_rest_edges && rest.kind == RestKind::Unloaded {
+                    texture.hide(&rest.flat, imprint.seen());
+                }
+                Skinned::Texture(Box::new(texture))
+            }
+            Skin::Smooth => {
+                let least_px = settings.off_area_fraction * size.area() as f64;
+                let (cells, covered) = (&rest.cells, &rest.cells_covered);
+                let close = settings.smooth_close_pitch;
+                let shading = ShadingContact::new(sensor, &imprint.cells, cells, covered, close, least_px);
+                Skinned::Shading(Box::new(shading))
+            }
+        };
+        Contact {
+            settings: settings.clone(),
+            skinned,
+            frames_above_count: 0,
+            touches: rest.kind == RestKind::InContact,
+            region: Mask::new(size),
+            area_px: 0,
+            strength: 0.0,
+        }
+    }
+
+    /// Finds the region in a frame. `markers`: where markers were last seen, px.
+    pub(super) fn find(&mut self, imprint: &Imprint, markers: impl Iterator<Item = Vec2>) {
+        self.strength = match &mut self.skinned {
+            Skinned::Texture(texture) => {
+                texture.find(&imprint.flat, imprint.seen(), &mut self.region) / FULL_EDGE_SHARE
+            }
+            Skinned::Shading(shading) => {
+                let level = self.settings.change_levels;
+                shading.find(&imprint.cells, markers, level as f32, &mut self.region) / (2.0 * level)
+            }
+        }
+        .min(1.0);
+        self.area_px = self.region.area_px();
+        let share = self.area_px as f64 / self.region.size().area() as f64;
+        let above = share > self.settings.on_area_fraction;
+        self.frames_above_count = if above { self.frames_above_count + 1 } else { 0 };
+        if self.touches {
+            self.touches = share >= self.settings.off_area_fraction;
+        } else {
+            self.touches = self.frames_above_count >= self.settings.on_frames_count;
+        }
+        if !self.touches {
+            self.region.clear();
+            self.area_px = 0;
+            self.strength = 0.0;
+        }
+    }
+
+    /// Quality of the patch, 0 to 1: the smaller of its share of markers and its strength.
+    pub(super) fn quality(&self, markers_in_contact_count: u32) -> f64 {
+        let markers = f64::from(markers_in_contact_count) / f64::from(self.settings.full_markers_count);
+        markers.min(self.strength).min(1.0)
+    }
+
+    pub(super) fn unsure(&self, quality: f64) -> bool {
+        quality < self.settings.unsure_below_quality
+    }
+}
+
+/// How much of the picture looks like pressed weave, without any rest frame: for fabric skins only.
+pub(super) fn texture_share(sensor: &Sensor, settings: &ContactSettings, imprint: &Imprint) -> f64 {
+    let mut texture = TextureContact::new(sensor, settings);
+    let mut region = Mask::new(imprint.size());
+    texture.find(&imprint.flat, imprint.seen(), &mut region);
+    region.area_px() as f64 / imprint.size().area() as f64
+}

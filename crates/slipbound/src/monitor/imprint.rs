@@ -1,0 +1,175 @@
+//! Step 0: camera frame -> imprint: grey, rectified, and (where a later step wants it) with flat illumination.
+//!
+//! ```text
+//!   camera frame --weights, flip--> grey, upright --warp--> grey, rectified --minus background--> flat
+//!        \--block means--> cells: coarse colour, for the contact region of smooth gels
+//! ```
+//! Pixels are rectified, not only marker positions: contact region, markers and pictures share one geometry.
+
+use super::{Finder, Reason, Settings};
+use crate::image::{Frame, Mask, Pixels, SizePx};
+use crate::pixels::background::Background;
+use crate::pixels::cells::Cells;
+use crate::pixels::flatten::Flatten;
+use crate::pixels::gaussian::Gaussian;
+use crate::pixels::grey::{GreyWeights, grey_from_gray, grey_from_rgb};
+use crate::pixels::warp::WarpTable;
+use crate::sensor::{Flip, Sensor, SettingError, Skin, within};
+use serde::{Deserialize, Serialize};
+
+/// What is taken off as illumination.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Illumination {
+    /// A wide smooth computed on a decimated image: the same to a few grey levels, a tenth of the time.
+    Decimated,
+    /// The released code's Gaussian: 31 x 31 px with sigma 31 px at a pitch of 15.2 px.
+    Gaussian,
+}
+
+/// Settings of step 0.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImprintSettings {
+    /// A frame whose mean grey level is below this is not judged.
+    pub dark_below_levels: f64,
+    /// What is taken off as illumination before edges are sought.
+    pub illumination: Illumination,
+}
+
+impl Default for ImprintSettings {
+    fn default() -> Self {
+        ImprintSettings { dark_below_levels: 12.0, illumination: Illumination::Decimated }
+    }
+}
+
+impl ImprintSettings {
+    pub(super) fn check(&self) -> Result<(), SettingError> {
+        within("imprint.dark_below_levels", self.dark_below_levels, 0.0, 128.0)
+    }
+}
+
+/// Flat = (grey - background + 50) * 2 + 20, clipped: as in the released code.
+const FLATTEN: (f64, f64, f64) = (50.0, 2.0, 20.0);
+
+#[derive(Debug, Clone)]
+enum Smooth {
+    Decimated(Background, Vec<u8>),
+    Gaussian(Gaussian, Vec<f32>),
+}
+
+/// Step 0, with its pictures and scratch.
+#[derive(Debug, Clone)]
+pub(super) struct Imprint {
+    camera_px: SizePx,
+    size: SizePx,
+    flip: Flip,
+    weights: GreyWeights,
+    dark_below_levels: f64,
+    warp: Option<(WarpTable, Vec<u8>)>,
+    smooth: Option<(Smooth, Flatten)>,
+    has_cells: bool,
+    pub(super) grey: Vec<u8>,
+    pub(super) flat: Vec<u8>,
+    pub(super) cells: Cells,
+    /// Mean grey level of the last frame.
+    pub(super) mean_levels: f64,
+}
+
+impl Imprint {
+    /// `with_cells`: whether [`Imprint::cells`] are wanted whatever the skin; a smooth one always has them.
+    pub(super) fn new(sensor: &Sensor, settings: &Settings, with_cells: bool) -> Self {
+        let (camera_px, size) = (sensor.image_px, sensor.rectified_px());
+        let wants_flat = sensor.skin == Skin::Fabric || settings.markers.finder == Finder::Threshold;
+        let smooth = || match settings.imprint.illumination {
+            Illumination::Decimated => {
+                // A Gaussian cut at 31 px with sigma 31 px weighs almost evenly: its own sigma is 0.58 pitch.
+                Smooth::Decimated(Background::new(size, 0.58 * sensor.pitch_px), vec![0; size.area()])
+            }
+            Illumination::Gaussian => {
+                let side = (31.0 / 15.2 * sensor.pitch_px / 2.0).round() as usize * 2 + 1;
+                let gaussian = Gaussian::new(size, [side, side], 31.0 / 15.2 * sensor.pitch_px);
+                Smooth::Gaussian(gaussian, vec![0.0; size.area()])
+            }
+        };
+        Imprint {
+            camera_px,
+            size,
+            flip: sensor.flip,
+            weights: GreyWeights::new(sensor.grey_weights_rgb),
+            dark_below_levels: settings.imprint.dark_below_levels,
+            warp: sensor.rectification.as_ref().map(|_| {
+                let table = WarpTable::new(size, camera_px, |p| sensor.upright_from_rectified(p));
+                (table, vec![0; camera_px.area()])
+            }),
+            smooth: wants_flat.then(|| (smooth(), Flatten::new(FLATTEN.0, FLATTEN.1, FLATTEN.2))),
+            mean_levels: 0.0,
+            grey: vec![0; size.area()],
+            flat: vec![0; if wants_flat { size.area() } else { 0 }],
+            has_cells: with_cells || sensor.skin == Skin::Smooth,
+            cells: Cells::new(camera_px, super::contact::CellMap::cell_px(sensor)),
+        }
+    }
+
+    /// Takes a frame in; says why not when it cannot be judged.
+    pub(super) fn take(&mut self, frame: &Frame<'_>) -> Result<(), Reason> {
+        let got = frame.pixels.size();
+        if got != self.camera_px {
+            return Err(Reason::FrameSize { expected: self.camera_px, got });
+        }
+        let upright = self.warp.as_mut().map_or(&mut self.grey, |(_, upright)| upright);
+        match &frame.pixels {
+            Pixels::Rgb(rgb) => grey_from_rgb(*rgb, &self.weights, self.flip, upright),
+            Pixels::Gray(gray) => grey_from_gray(*gray, self.flip, upright),
+        }
+        self.mean_levels = mean_levels(upright, got.width);
+        if self.mean_levels < self.dark_below_levels {
+            return Err(Reason::Dark { mean_levels: self.mean_levels });
+        }
+        if self.has_cells {
+            self.cells.run(&frame.pixels);
+        }
+        if let Some((table, upright)) = &self.warp {
+            table.apply(upright, &mut self.grey);
+        }
+        self.flatten();
+        Ok(())
+    }
+
+    /// Replaces the grey picture, by an average of several for one.
+    pub(super) fn put_grey(&mut self, grey: impl Iterator<Item = u8>) {
+        self.grey.iter_mut().zip(grey).for_each(|(out, v)| *out = v);
+        self.flatten();
+    }
+
+    fn flatten(&mut self) {
+        match &mut self.smooth {
+            None => {}
+            Some((Smooth::Decimated(background, out), flatten)) => {
+                background.apply(&self.grey, out);
+                flatten.from_u8(&self.grey, out, &mut self.flat);
+            }
+            Some((Smooth::Gaussian(gaussian, out), flatten)) => {
+                gaussian.to_f32(&self.grey, out);
+                flatten.from_f32(&self.grey, out, &mut self.flat);
+            }
+        }
+    }
+
+    /// Size of the rectified image.
+    pub(super) fn size(&self) -> SizePx {
+        self.size
+    }
+
+    /// Which rectified pixels the camera sees; None when it sees all of them.
+    pub(super) fn seen(&self) -> Option<&Mask> {
+        self.warp.as_ref().map(|(table, _)| table.valid())
+    }
+}
+
+/// Mean of every fourth row.
+fn mean_levels(grey: &[u8], width: usize) -> f64 {
+    let rows = grey.chunks_exact(width).step_by(4);
+    let count = rows.len() * width;
+    rows.flat_map(|row| row.iter()).map(|&v| u64::from(v)).sum::<u64>() as f64 / count as f64
+}

@@ -1,0 +1,166 @@
+//! Step 2: imprint -> marker positions, matched to the markers at rest; displacement.
+//!
+//! ```text
+//!   grey --spots--> places that look like a marker --match--> markers of the rest frame --edge pull--> sub-pixel
+//!                                                    |
+//!                        predicted by its own motion, then by its neighbours'; lost ones coast with them
+//! ```
+
+mod detect;
+mod matching;
+mod threshold;
+
+pub(super) use detect::{Detector, RestMarker};
+
+use super::Marker;
+use super::imprint::Imprint;
+use super::rest::Rest;
+use crate::plane::Vec2;
+use crate::sensor::{Sensor, SettingError, within};
+use matching::Matching;
+use serde::{Deserialize, Serialize};
+
+/// How markers are found in a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Finder {
+    /// Peaks of dot-sized contrast, then the pull of the dot's edge: sub-pixel, for dots of any regularity.
+    Edges,
+    /// The paper: a threshold on the flat image, morphology, centres of the blobs.
+    Threshold,
+}
+
+/// Settings of step 2.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MarkerSettings {
+    /// How markers are found.
+    pub finder: Finder,
+    /// A marker of the rest frame has at least this contrast.
+    pub birth_min_levels: f64,
+    /// And at least this share of the median marker's contrast.
+    pub birth_contrast_fraction: f64,
+    /// A known marker is recognised down to this share of its own contrast at rest.
+    pub keep_contrast_fraction: f64,
+    /// Whether a marker's next place is predicted from its last motion. The released code looks where it last was.
+    pub predict: bool,
+    /// A spot this near to the predicted place is the marker. The released code: 7 px at a pitch of 15.2 px.
+    pub match_within_pitch: f64,
+    /// Whether markers not found that way are sought where their neighbours went, and whether a match that
+    /// contradicts all neighbours is undone.
+    pub ask_neighbours: bool,
+}
+
+impl Default for MarkerSettings {
+    fn default() -> Self {
+        MarkerSettings {
+            finder: Finder::Edges,
+            birth_min_levels: 4.0,
+            birth_contrast_fraction: 0.2,
+            keep_contrast_fraction: 0.3,
+            predict: true,
+            match_within_pitch: 0.3,
+            ask_neighbours: true,
+        }
+    }
+}
+
+impl MarkerSettings {
+    pub(super) fn check(&self) -> Result<(), SettingError> {
+        within("markers.birth_min_levels", self.birth_min_levels, 0.5, 128.0)?;
+        within("markers.birth_contrast_fraction", self.birth_contrast_fraction, 0.0, 1.0)?;
+        within("markers.keep_contrast_fraction", self.keep_contrast_fraction, 0.05, 1.0)?;
+        within("markers.match_within_pitch", self.match_within_pitch, 0.01, 0.5)
+    }
+}
+
+/// What is known of a marker beyond what [`Marker`] shows.
+#[derive(Debug, Clone, Copy)]
+struct Track {
+    rest: RestMarker,
+    /// Motion from the last frame but one to the last, px; zero when either was missed.
+    step: Vec2,
+}
+
+/// Step 2, with its memory and scratch.
+#[derive(Debug, Clone)]
+pub(super) struct Markers {
+    settings: MarkerSettings,
+    detector: Detector,
+    matching: Matching,
+    tracks: Vec<Track>,
+    pub(super) all: Vec<Marker>,
+    pub(super) detected_count: u32,
+    pub(super) matched_count: u32,
+}
+
+impl Markers {
+    pub(super) fn new(sensor: &Sensor, settings: &MarkerSettings, rest: &Rest) -> Self {
+        let at_rest = &rest.markers;
+        let mut detector = Detector::new(sensor, settings);
+        detector.learn(&rest.flat);
+        let all: Vec<Marker> = at_rest
+            .iter()
+            .enumerate()
+            .map(|(id, m)| Marker {
+                id: id as u32,
+                rest: m.position,
+                reference: m.position,
+                now: m.position,
+                matched: true,
+                in_reference: true,
+                in_contact: false,
+                inner: false,
+                slip: Vec2::ZERO,
+                over: false,
+            })
+            .collect();
+        Markers {
+            settings: settings.clone(),
+            detector,
+            matching: Matching::new(sensor, &all),
+            tracks: at_rest.iter().map(|&rest| Track { rest, step: Vec2::ZERO }).collect(),
+            detected_count: 0,
+            matched_count: all.len() as u32,
+            all,
+        }
+    }
+
+    /// Finds every marker in a frame.
+    pub(super) fn track(&mut self, imprint: &Imprint) {
+        let weakest = self.tracks.iter().map(|t| t.rest.response_levels).fold(f32::MAX, f32::min);
+        let keep = self.settings.keep_contrast_fraction as f32;
+        let spots = self.detector.spots(imprint, f64::from(keep * weakest));
+        self.detected_count = spots.len() as u32;
+        let m = &mut self.matching;
+        m.take_spots(spots);
+        m.least_response(self.tracks.iter().map(|t| keep * t.rest.response_levels));
+
+        // Where is each? Its own motion goes on, or it stands still: whichever explains the spots better.
+        let still = self.all.iter().map(|m| m.now);
+        let moving = self.all.iter().zip(&self.tracks).map(|(m, t)| m.now + t.step);
+        let reach = self.settings.match_within_pitch;
+        if self.settings.predict && m.misfit(moving.clone(), reach) <= m.misfit(still.clone(), reach) {
+            m.predict(moving);
+        } else {
+            m.predict(still);
+        }
+        m.assign(reach);
+        if self.settings.ask_neighbours {
+            m.settle_with_neighbours(&self.all);
+        }
+
+        self.matched_count = 0;
+        for i in 0..self.all.len() {
+            let (before, known_before) = (self.all[i].now, self.all[i].matched);
+            let spot = self.matching.spot_of(i);
+            let whole = spot.and_then(|spot| self.detector.refine(imprint, spot, &self.tracks[i].rest));
+            let found = whole.or_else(|| self.matching.cut(&self.all, i, imprint.size()));
+            let marker = &mut self.all[i];
+            marker.matched = found.is_some();
+            marker.now = found.unwrap_or_else(|| self.matching.expected(i));
+            self.matched_count += u32::from(marker.matched);
+            self.tracks[i].step = if marker.matched && known_before { marker.now - before } else { Vec2::ZERO };
+        }
+    }
+}

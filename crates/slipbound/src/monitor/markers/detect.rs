@@ -1,0 +1,168 @@
+//! Markers in one picture: spots, their sub-pixel centres, and the markers of the rest frame.
+
+use super::super::imprint::Imprint;
+use super::threshold::ThresholdFinder;
+use super::{Finder, MarkerSettings};
+use crate::image::Mask;
+use crate::pixels::centroid::EdgeKernel;
+use crate::pixels::dots::{DotFinder, Spot};
+use crate::plane::Vec2;
+use crate::sensor::Sensor;
+
+/// A marker as the rest frame shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct RestMarker {
+    /// Sub-pixel position.
+    pub(crate) position: Vec2,
+    /// Contrast against its surroundings.
+    pub(crate) response_levels: f32,
+    /// Whether its edge is ragged, so that the wide kernel is used.
+    ragged: bool,
+    /// How fast the pull of its edge grows off centre; 0 where even the wide kernel finds no edge.
+    stiffness: f64,
+    /// From the coarse spot to the position: what to add when its edge is not used.
+    offset: Vec2,
+}
+
+/// Finds markers, without memory of earlier pictures.
+#[derive(Debug, Clone)]
+pub(crate) struct Detector {
+    settings: MarkerSettings,
+    dots: DotFinder,
+    threshold: Option<Box<ThresholdFinder>>,
+    sharp: EdgeKernel,
+    wide: EdgeKernel,
+    ragged_below_ratio: f64,
+    radius_px: f64,
+    expected_count: usize,
+}
+
+impl Detector {
+    pub(crate) fn new(sensor: &Sensor, settings: &MarkerSettings) -> Self {
+        let (size, diameter_px, pitch_px) = (sensor.rectified_px(), sensor.marker_diameter_px, sensor.pitch_px);
+        let sharp = EdgeKernel::new(diameter_px, pitch_px, 0.25);
+        let wide = EdgeKernel::new(diameter_px, pitch_px, 0.6);
+        // On a round dot the sharp kernel pulls this much harder than the wide one.
+        let round_ratio = sharp.stiffness_of_a_disc(1.0) / wide.stiffness_of_a_disc(1.0);
+        Detector {
+            settings: settings.clone(),
+            dots: DotFinder::new(size, diameter_px, pitch_px, sensor.polarity),
+            threshold: (settings.finder == Finder::Threshold).then(|| Box::new(ThresholdFinder::new(size, pitch_px))),
+            ragged_below_ratio: 0.8 * round_ratio,
+            sharp,
+            wide,
+            radius_px: diameter_px / 2.0,
+            expected_count: (size.area() as f64 / (pitch_px * pitch_px)).round() as usize,
+        }
+    }
+
+    /// Spots of at least this contrast, strongest first.
+    pub(crate) fn spots(&mut self, imprint: &Imprint, min_levels: f64) -> &[Spot] {
+        match &mut self.threshold {
+            None => self.dots.run(&imprint.grey, min_levels as f32),
+            Some(threshold) => threshold.run(&imprint.flat),
+        }
+    }
+
+    /// Learns what a finder needs of the rest picture: the paper's local thresholds.
+    pub(crate) fn learn(&mut self, flat_at_rest: &[u8]) {
+        if let Some(threshold) = &mut self.threshold {
+            threshold.learn(flat_at_rest);
+        }
+    }
+
+    /// The sub-pixel place of a marker whose spot was found; None where the border of the image cuts it: what is
+    /// left of its rim would pull it inwards.
+    pub(crate) fn refine(&self, imprint: &Imprint, spot: &Spot, rest: &RestMarker) -> Option<Vec2> {
+        let coarse = spot.position + rest.offset;
+        if self.threshold.is_some() {
+            return Some(coarse);
+        }
+        if !self.sharp.holds(imprint.size(), coarse) {
+            return None;
+        }
+        if rest.stiffness == 0.0 {
+            return Some(coarse);
+        }
+        let contrast = f64::from(spot.response_levels / rest.response_levels).clamp(0.4, 2.5);
+        let kernel = if rest.ragged { &self.wide } else { &self.sharp };
+        Some(self.pulled(kernel, imprint, spot.position, rest.stiffness * contrast).unwrap_or(coarse))
+    }
+
+    /// Where the edge pulls a start to; None at the border or when it pulls out of the dot.
+    fn pulled(&self, kernel: &EdgeKernel, imprint: &Imprint, start: Vec2, stiffness: f64) -> Option<Vec2> {
+        let longest_px = 0.3 * self.radius_px;
+        let centre = kernel.centre(&imprint.grey, imprint.size(), start, stiffness, longest_px, 5)?;
+        ((centre - start).length() < 0.6 * self.radius_px.max(2.0)).then_some(centre)
+    }
+
+    /// The markers of a rest frame, in reading order: row by row of the image, not of the grid.
+    pub(crate) fn markers_at_rest(&mut self, imprint: &Imprint) -> Vec<RestMarker> {
+        self.learn(&imprint.flat);
+        let spots = self.spots(imprint, self.settings.birth_min_levels).to_vec();
+        // Strongest first: half of the markers that fit into the image are surely markers.
+        let typical = spots.get((self.expected_count / 2).min(spots.len().saturating_sub(1)));
+        let least = typical.map_or(0.0, |s| s.response_levels * self.settings.birth_contrast_fraction as f32);
+        let mut markers: Vec<RestMarker> = spots
+            .iter()
+            .filter(|s| s.response_levels >= least)
+            .filter(|s| self.whole(imprint, s.position))
+            .map(|s| self.at_rest(imprint, s))
+            .collect();
+        markers
+            .sort_unstable_by(|a, b| a.position.y.total_cmp(&b.position.y).then(a.position.x.total_cmp(&b.position.x)));
+        markers
+    }
+
+    fn at_rest(&self, imprint: &Imprint, spot: &Spot) -> RestMarker {
+        let start = spot.position;
+        let bare = RestMarker {
+            position: start,
+            response_levels: spot.response_levels,
+            ragged: false,
+            stiffness: 0.0,
+            offset: Vec2::ZERO,
+        };
+        if self.threshold.is_some() {
+            return bare;
+        }
+        let settled = |ragged: bool| self.settle(imprint, start, ragged).map(|(p, s)| (ragged, p, s));
+        let sharp = settled(false);
+        let wide = settled(true);
+        let is_round = |sharp: f64, wide: f64| sharp / wide >= self.ragged_below_ratio;
+        let chosen = match (sharp, wide) {
+            (Some(s), Some(w)) => Some(if is_round(s.2, w.2) { s } else { w }),
+            (s, w) => w.or(s),
+        };
+        chosen.map_or(bare, |(ragged, position, stiffness)| RestMarker {
+            position,
+            ragged,
+            stiffness,
+            offset: position - start,
+            ..bare
+        })
+    }
+
+    /// The centre that a kernel pulls to from a spot, and the stiffness there.
+    fn settle(&self, imprint: &Imprint, start: Vec2, ragged: bool) -> Option<(Vec2, f64)> {
+        let kernel = if ragged { &self.wide } else { &self.sharp };
+        let stiffness = |at: Vec2| kernel.stiffness(&imprint.grey, imprint.size(), at).filter(|s| *s != 0.0);
+        let rough = stiffness(start)?;
+        let centre = self.pulled(kernel, imprint, start, rough)?;
+        // Once more at the centre itself, where the pull is straight.
+        let fine = stiffness(centre).filter(|s| s * rough > 0.0)?;
+        Some((self.pulled(kernel, imprint, centre, fine).unwrap_or(centre), fine))
+    }
+
+    /// Whether a marker there lies whole in the part of the image that the camera sees.
+    fn whole(&self, imprint: &Imprint, centre: Vec2) -> bool {
+        let seen = |seen: &Mask| {
+            (0..8).all(|k| {
+                let angle = f64::from(k) * std::f64::consts::FRAC_PI_4;
+                let p = centre + Vec2::new(libm::cos(angle), libm::sin(angle)) * (self.radius_px + 1.0);
+                seen.get(p.x.round() as isize, p.y.round() as isize)
+            })
+        };
+        self.sharp.holds(imprint.size(), centre) && imprint.seen().is_none_or(seen)
+    }
+}

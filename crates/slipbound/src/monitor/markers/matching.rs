@@ -1,0 +1,297 @@
+//! Which spot is which marker.
+//!
+//! Three rules, in this order: a spot near the predicted place is the marker, nearest pairs first; a match that
+//! contradicts all neighbours is undone; a marker without a spot is sought where its neighbours went. A marker
+//! still without a spot is expected there, and coasts with them.
+
+use super::super::Marker;
+use crate::image::SizePx;
+use crate::pixels::dots::Spot;
+use crate::plane::Vec2;
+use crate::sensor::Sensor;
+
+/// Neighbours asked for the motion of a marker.
+const NEIGHBOURS: usize = 8;
+/// A match is undone when it is further from what the neighbours say than this: a swap with the next marker is a
+/// whole pitch off, the gradient at the rim of a slipping contact less than half of one.
+const CONTRADICTION_PITCH: f64 = 0.6;
+/// How near a spot must be to where the neighbours went.
+const RECOVERY_PITCH: f64 = 0.4;
+/// Rounds of asking: each reaches markers one neighbourhood further into a region where none is seen.
+const ROUNDS: usize = 4;
+
+const NO_SPOT: u32 = u32::MAX;
+
+#[derive(Debug, Clone, Copy)]
+struct Pair {
+    distance_squared: f64,
+    marker: u32,
+    spot: u32,
+}
+
+/// Matches spots to markers; owns all scratch.
+#[derive(Debug, Clone)]
+pub(super) struct Matching {
+    pitch_px: f64,
+    radius_px: f64,
+    bucket_px: f64,
+    buckets: SizePx,
+    bucket_start: Vec<u32>,
+    bucket_spots: Vec<u32>,
+    spots: Vec<Spot>,
+    spot_taken: Vec<bool>,
+    least_response: Vec<f32>,
+    predicted: Vec<Vec2>,
+    match_of: Vec<u32>,
+    pairs: Vec<Pair>,
+    undone: Vec<bool>,
+    /// The round from which on a marker without a spot is believed to be where its neighbours told; 0 for never.
+    told: Vec<usize>,
+    round: usize,
+    neighbours: Vec<[u32; NEIGHBOURS]>,
+    neighbours_count: Vec<usize>,
+}
+
+impl Matching {
+    pub(super) fn new(sensor: &Sensor, markers: &[Marker]) -> Self {
+        let (size, pitch_px) = (sensor.rectified_px(), sensor.pitch_px);
+        let bucket_px = 0.5 * pitch_px;
+        let along = |px: usize| (px as f64 / bucket_px).ceil() as usize + 1;
+        let buckets = SizePx::new(along(size.width), along(size.height));
+        let most_spots = size.area() / 4 + size.width + size.height;
+        let mut neighbours = vec![[0; NEIGHBOURS]; markers.len()];
+        let mut neighbours_count = vec![0; markers.len()];
+        let mut order: Vec<(f64, u32)> = Vec::new();
+        for (i, m) in markers.iter().enumerate() {
+            order.clear();
+            let others = markers.iter().filter(|o| o.id != m.id);
+            order.extend(others.map(|o| ((o.rest - m.rest).length_squared(), o.id)));
+            order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            neighbours_count[i] = order.len().min(NEIGHBOURS);
+            neighbours[i].iter_mut().zip(&order).for_each(|(n, o)| *n = o.1);
+        }
+        Matching {
+            pitch_px,
+            radius_px: sensor.marker_diameter_px / 2.0,
+            bucket_px,
+            buckets,
+            bucket_start: vec![0; buckets.area() + 1],
+            bucket_spots: Vec::with_capacity(most_spots),
+            spots: Vec::with_capacity(most_spots),
+            spot_taken: Vec::with_capacity(most_spots),
+            least_response: vec![0.0; markers.len()],
+            predicted: vec![Vec2::ZERO; markers.len()],
+            match_of: vec![NO_SPOT; markers.len()],
+            // Spots lie apart by 0.45 pitch: no more than nine of them within half a pitch of a place.
+            pairs: Vec::with_capacity(9 * markers.len()),
+            undone: vec![false; markers.len()],
+            told: vec![0; markers.len()],
+            round: 0,
+            neighbours,
+            neighbours_count,
+        }
+    }
+
+    /// Takes the spots of a frame; every marker is unmatched again.
+    pub(super) fn take_spots(&mut self, spots: &[Spot]) {
+        self.spots.clear();
+        self.spots.extend_from_slice(spots);
+        self.spot_taken.clear();
+        self.spot_taken.resize(spots.len(), false);
+        self.match_of.fill(NO_SPOT);
+        // A counting sort: each entry first counts its bucket, then says where it ends, and, once the spots have been
+        // put in from behind, where it begins.
+        self.bucket_start.fill(0);
+        for spot in &self.spots {
+            let bucket = self.bucket(spot.position);
+            self.bucket_start[bucket] += 1;
+        }
+        let mut end = 0;
+        for start in &mut self.bucket_start {
+            end += *start;
+            *start = end;
+        }
+        self.bucket_spots.clear();
+        self.bucket_spots.resize(spots.len(), 0);
+        for i in (0..spots.len()).rev() {
+            let bucket = self.bucket(self.spots[i].position);
+            self.bucket_start[bucket] -= 1;
+            self.bucket_spots[self.bucket_start[bucket] as usize] = i as u32;
+        }
+    }
+
+    /// The least contrast of a spot that may be marker `i`.
+    pub(super) fn least_response(&mut self, least: impl Iterator<Item = f32>) {
+        self.least_response.iter_mut().zip(least).for_each(|(l, v)| *l = v);
+    }
+
+    /// Where each marker is looked for.
+    pub(super) fn predict(&mut self, places: impl Iterator<Item = Vec2>) {
+        self.predicted.iter_mut().zip(places).for_each(|(p, v)| *p = v);
+    }
+
+    /// How badly places explain the spots: sum of squared distances to the nearest spot, cut at the reach.
+    pub(super) fn misfit(&self, places: impl Iterator<Item = Vec2>, reach_pitch: f64) -> f64 {
+        let reach_px = reach_pitch * self.pitch_px;
+        places
+            .map(|place| {
+                let mut best = reach_px * reach_px;
+                self.near(place, |_, distance_squared| best = best.min(distance_squared));
+                best
+            })
+            .sum()
+    }
+
+    /// Matches markers without a spot to free spots within reach of their predicted place, nearest pairs first.
+    pub(super) fn assign(&mut self, reach_pitch: f64) {
+        let reach_px = reach_pitch * self.pitch_px;
+        let mut pairs = std::mem::take(&mut self.pairs);
+        pairs.clear();
+        for marker in 0..self.match_of.len() {
+            if self.match_of[marker] != NO_SPOT {
+                continue;
+            }
+            self.near(self.predicted[marker], |spot, distance_squared| {
+                let strong = self.spots[spot as usize].response_levels >= self.least_response[marker];
+                if strong && !self.spot_taken[spot as usize] && distance_squared <= reach_px * reach_px {
+                    pairs.push(Pair { distance_squared, marker: marker as u32, spot });
+                }
+            });
+        }
+        pairs.sort_unstable_by(|a, b| {
+            let ids = |p: &Pair| (p.marker, p.spot);
+            a.distance_squared.total_cmp(&b.distance_squared).then(ids(a).cmp(&ids(b)))
+        });
+        for pair in &pairs {
+            let (marker, spot) = (pair.marker as usize, pair.spot as usize);
+            if self.match_of[marker] == NO_SPOT && !self.spot_taken[spot] {
+                self.match_of[marker] = pair.spot;
+                self.spot_taken[spot] = true;
+            }
+        }
+        self.pairs = pairs;
+    }
+
+    /// Undoes matches that contradict the neighbours, then finds markers where their neighbours went.
+    pub(super) fn settle_with_neighbours(&mut self, markers: &[Marker]) {
+        self.round = 0;
+        for i in 0..markers.len() {
+            let far = |place: Vec2| (place - self.spots[self.match_of[i] as usize].position).length();
+            self.undone[i] = self.match_of[i] != NO_SPOT
+                && self.where_neighbours_went(markers, i).is_some_and(|p| far(p) > CONTRADICTION_PITCH * self.pitch_px);
+        }
+        for i in 0..markers.len() {
+            if self.undone[i] {
+                self.spot_taken[self.match_of[i] as usize] = false;
+                self.match_of[i] = NO_SPOT;
+            }
+        }
+        self.told.fill(0);
+        for round in 1..=ROUNDS {
+            let mut asked = false;
+            for i in 0..markers.len() {
+                if self.match_of[i] != NO_SPOT {
+                    continue;
+                }
+                if let Some(place) = self.where_neighbours_went(markers, i) {
+                    self.predicted[i] = place;
+                    // Believed by others from the next round on.
+                    self.told[i] = if self.told[i] == 0 { round + 1 } else { self.told[i] };
+                    asked = true;
+                }
+            }
+            if !asked {
+                return;
+            }
+            self.assign(RECOVERY_PITCH);
+            self.round = round + 1;
+        }
+    }
+
+    /// Where a marker is: its spot, or where its neighbours have told in an earlier round of asking.
+    fn known(&self, marker: usize) -> Option<Vec2> {
+        let told = || (1..=self.round).contains(&self.told[marker]).then(|| self.predicted[marker]);
+        self.spot_of(marker).map(|s| s.position).or_else(told)
+    }
+
+    /// The spot of a marker.
+    pub(super) fn spot_of(&self, marker: usize) -> Option<&Spot> {
+        self.spots.get(self.match_of[marker] as usize)
+    }
+
+    /// Where a marker without a spot is believed to be.
+    pub(super) fn expected(&self, marker: usize) -> Vec2 {
+        self.predicted[marker]
+    }
+
+    /// Where a marker is whose spot the border of the image cuts: along the border its own place, across it where
+    /// its neighbours went. None without spot or neighbours.
+    pub(super) fn cut(&self, markers: &[Marker], marker: usize, size: SizePx) -> Option<Vec2> {
+        let own = self.spot_of(marker)?.position;
+        let told = self.where_neighbours_went(markers, marker)?;
+        let near = |v: f64, end: usize| v < self.radius_px + 0.5 || v > end as f64 - 1.5 - self.radius_px;
+        let x = if near(own.x, size.width) { told.x } else { own.x };
+        let y = if near(own.y, size.height) { told.y } else { own.y };
+        Some(Vec2::new(x, y))
+    }
+
+    /// Rest position plus the displacement of the neighbours whose place is known, carried over by a plane fitted to it; None
+    /// with fewer than three of them.
+    fn where_neighbours_went(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
+        let here = markers[i].rest;
+        let found = || {
+            self.neighbours[i][..self.neighbours_count[i]].iter().filter_map(|&n| {
+                let rest = markers[n as usize].rest;
+                Some((rest - here, self.known(n as usize)? - rest))
+            })
+        };
+        let (mut count, mut arm, mut shift) = (0.0, Vec2::ZERO, Vec2::ZERO);
+        for (a, d) in found() {
+            count += 1.0;
+            arm += a;
+            shift += d;
+        }
+        if count < 3.0 {
+            return None;
+        }
+        let (arm, shift) = (arm / count, shift / count);
+        // Least squares for the slope of the displacement, held down where the neighbours cannot tell it.
+        let ridge = 0.5 * self.pitch_px * self.pitch_px;
+        let (mut xx, mut xy, mut yy) = (ridge, 0.0, ridge);
+        let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
+        for (a, d) in found() {
+            let (a, d) = (a - arm, d - shift);
+            xx += a.x * a.x;
+            xy += a.x * a.y;
+            yy += a.y * a.y;
+            by_x += d * a.x;
+            by_y += d * a.y;
+        }
+        let det = xx * yy - xy * xy;
+        let slope_x = (by_x * yy - by_y * xy) / det;
+        let slope_y = (by_y * xx - by_x * xy) / det;
+        Some(here + shift - slope_x * arm.x - slope_y * arm.y)
+    }
+
+    fn bucket(&self, p: Vec2) -> usize {
+        let index = |v: f64, end: usize| ((v / self.bucket_px).max(0.0) as usize).min(end - 1);
+        index(p.y, self.buckets.height) * self.buckets.width + index(p.x, self.buckets.width)
+    }
+
+    /// Calls back with every spot in the nine buckets around a place: all within half a pitch, and some beyond.
+    fn near(&self, place: Vec2, mut see: impl FnMut(u32, f64)) {
+        if !place.is_finite() {
+            return;
+        }
+        let index = |v: f64, end: usize| ((v / self.bucket_px).max(0.0) as usize).min(end - 1);
+        let (column, row) = (index(place.x, self.buckets.width), index(place.y, self.buckets.height));
+        for row in row.saturating_sub(1)..=(row + 1).min(self.buckets.height - 1) {
+            for column in column.saturating_sub(1)..=(column + 1).min(self.buckets.width - 1) {
+                let b = row * self.buckets.width + column;
+                for &spot in &self.bucket_spots[self.bucket_start[b] as usize..self.bucket_start[b + 1] as usize] {
+                    see(spot, (self.spots[spot as usize].position - place).length_squared());
+                }
+            }
+        }
+    }
+}

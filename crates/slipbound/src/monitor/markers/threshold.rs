@@ -1,0 +1,76 @@
+//! The paper's marker finder: flat image -> dark blobs, by local thresholds learned from the rest frame.
+
+use crate::image::{Mask, SizePx};
+use crate::pixels::components::Components;
+use crate::pixels::dots::Spot;
+use crate::pixels::morphology::{Element, Morphology};
+use crate::pixels::threshold::{below_level, below_levels};
+use crate::plane::Vec2;
+
+/// Where the rest image, closed, is below the first level, a marker is what is below the second (released code).
+const LOCAL_LEVELS: [(u8, u8); 3] = [(70, 80), (40, 50), (10, 20)];
+/// Elsewhere a marker is what is below this.
+const LEVEL: u8 = 90;
+
+#[derive(Debug, Clone)]
+pub(super) struct ThresholdFinder {
+    levels: Vec<u8>,
+    morphology: Morphology,
+    components: Components,
+    mask: Mask,
+    work: Mask,
+    join: Element,
+    grow: Element,
+    around: Element,
+    least_area_px: usize,
+    spots: Vec<Spot>,
+}
+
+impl ThresholdFinder {
+    pub(super) fn new(size: SizePx, pitch_px: f64) -> Self {
+        // Sides in px of the released code, at its pitch of 15.2 px.
+        let side = |px: f64| (px / 15.2 * pitch_px).round().max(1.0) as usize;
+        ThresholdFinder {
+            levels: vec![LEVEL; size.area()],
+            morphology: Morphology::new(size),
+            components: Components::new(size),
+            mask: Mask::new(size),
+            work: Mask::new(size),
+            join: Element::rect(side(2.0), side(2.0)),
+            grow: Element::rect(side(5.0), side(5.0)),
+            around: Element::ellipse(side(45.0), side(45.0)),
+            least_area_px: (9.0 * (pitch_px / 15.2) * (pitch_px / 15.2)).round() as usize,
+            spots: Vec::with_capacity(size.area() / 4 + size.width + size.height),
+        }
+    }
+
+    /// Makes the local thresholds.
+    pub(super) fn learn(&mut self, flat_at_rest: &[u8]) {
+        let width = self.mask.size().width;
+        self.levels.fill(LEVEL);
+        for (below, level) in LOCAL_LEVELS {
+            below_level(flat_at_rest, below, &mut self.mask);
+            self.morphology.close(&self.mask, &self.around, &mut self.work);
+            for (i, out) in self.levels.iter_mut().enumerate() {
+                if self.work.get((i % width) as isize, (i / width) as isize) {
+                    *out = level;
+                }
+            }
+        }
+    }
+
+    /// The blobs of a frame. Their contrast is not measured: all have the same.
+    pub(super) fn run(&mut self, flat: &[u8]) -> &[Spot] {
+        below_levels(flat, &self.levels, &mut self.mask);
+        self.morphology.close(&self.mask, &self.join, &mut self.work);
+        self.morphology.dilate(&self.work, &self.grow, &mut self.mask);
+        self.spots.clear();
+        for blob in self.components.label(&self.mask) {
+            if blob.area_px >= self.least_area_px {
+                self.spots
+                    .push(Spot { position: Vec2::new(blob.centroid_px.x, blob.centroid_px.y), response_levels: 1.0 });
+            }
+        }
+        &self.spots
+    }
+}

@@ -1,0 +1,246 @@
+//! Step 3: contact region + marker displacement -> rigid motion of the inner region.
+//!
+//! ```text
+//!    contact region        eroded: inner region       mean of the inner markers = reference point
+//!      .-######-.             ........                 + rotation about it: measured against the reference
+//!      ##########   ------>   ..####..   ------>       frame, fitted by least squares, without scale
+//!      '-######-'             ........
+//! ```
+
+use super::Marker;
+use crate::image::Mask;
+use crate::pixels::morphology::{Element, Morphology};
+use crate::plane::{RigidMotion, Vec2};
+use crate::sensor::{Sensor, SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// What is fitted to the inner markers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fit {
+    /// Rotation and translation, by least squares over those inner markers that agree: when slip has come in from
+    /// the rim further than the erosion reaches, its markers are outvoted instead of averaged in.
+    RobustRigid,
+    /// Rotation and translation, by least squares over all inner markers.
+    Rigid,
+    /// Rotation, translation and scale, of which the scale is thrown away: `estimateRigidTransform` of the paper.
+    Similarity,
+}
+
+/// Settings of step 3.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MotionSettings {
+    /// What is fitted.
+    pub fit: Fit,
+    /// Diameters of the ellipse that erodes the contact region to the inner one, in pitches, tried in this order
+    /// until enough markers lie inside. The released code: 25, 15, 5 and 1 px at a pitch of 15.2 px.
+    pub erode_pitch: [f64; 4],
+    /// Fewest markers in the inner region.
+    pub inner_markers_count: u32,
+    /// Rotations smaller than this have no centre.
+    pub icr_min_rotation_rad: f64,
+}
+
+impl Default for MotionSettings {
+    fn default() -> Self {
+        MotionSettings {
+            fit: Fit::RobustRigid,
+            erode_pitch: [25.0 / 15.2, 15.0 / 15.2, 5.0 / 15.2, 1.0 / 15.2],
+            inner_markers_count: 4,
+            icr_min_rotation_rad: 0.005,
+        }
+    }
+}
+
+impl MotionSettings {
+    pub(super) fn check(&self) -> Result<(), SettingError> {
+        for pitch in self.erode_pitch {
+            within("motion.erode_pitch", pitch, 0.0, 10.0)?;
+        }
+        within("motion.inner_markers_count", f64::from(self.inner_markers_count), 2.0, 100.0)?;
+        within("motion.icr_min_rotation_rad", self.icr_min_rotation_rad, 0.0, 1.0)
+    }
+}
+
+/// Step 3, with its scratch.
+#[derive(Debug, Clone)]
+pub(super) struct Motion {
+    settings: MotionSettings,
+    pitch_px: f64,
+    elements: [Element; 4],
+    morphology: Morphology,
+    pub(super) inner: Mask,
+    pub(super) motion: Option<RigidMotion>,
+    pub(super) inner_count: u32,
+}
+
+impl Motion {
+    pub(super) fn new(sensor: &Sensor, settings: &MotionSettings) -> Self {
+        let size = sensor.rectified_px();
+        Motion {
+            settings: settings.clone(),
+            pitch_px: sensor.pitch_px,
+            elements: settings.erode_pitch.map(|pitch| {
+                let side = (pitch * sensor.pitch_px).round().max(1.0) as usize;
+                Element::ellipse(side, side)
+            }),
+            morphology: Morphology::new(size),
+            inner: Mask::new(size),
+            motion: None,
+            inner_count: 0,
+        }
+    }
+
+    /// No contact: no inner region and no motion.
+    pub(super) fn clear(&mut self) {
+        self.inner.clear();
+        self.motion = None;
+        self.inner_count = 0;
+    }
+
+    /// Fits the motion since the reference frame; marks the inner markers.
+    pub(super) fn fit(&mut self, contact: &Mask, markers: &mut [Marker]) {
+        self.motion = None;
+        for element in &self.elements {
+            self.morphology.erode(contact, element, &mut self.inner);
+            self.inner_count = 0;
+            for m in markers.iter_mut() {
+                let (x, y) = (m.now.x.round() as isize, m.now.y.round() as isize);
+                m.inner = m.matched && m.in_reference && self.inner.get(x, y);
+                self.inner_count += u32::from(m.inner);
+            }
+            if self.inner_count >= self.settings.inner_markers_count {
+                let inner = markers.iter().filter(|m| m.inner).map(|m| (m.reference, m.now));
+                self.motion = match self.settings.fit {
+                    Fit::RobustRigid => fit_most(inner, self.pitch_px),
+                    Fit::Rigid => fit_rigid(inner),
+                    Fit::Similarity => fit_similarity(inner),
+                };
+                return;
+            }
+        }
+    }
+}
+
+/// Scales, in pitches, within which markers count as agreeing; from wide to narrow, so that the fit slides into the
+/// motion of most of them. The last is a third of the slip threshold.
+const AGREEMENT_PITCH: [f64; 9] = [1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1];
+
+/// Weighted sums of a set of point pairs, from which each fit follows in closed form.
+struct Moments {
+    from: Vec2,
+    to: Vec2,
+    cos: f64,
+    sin: f64,
+    spread: f64,
+}
+
+impl Moments {
+    /// None when the weights are all zero.
+    fn of(pairs: impl Iterator<Item = (Vec2, Vec2, f64)> + Clone) -> Option<Moments> {
+        let (mut weight, mut from, mut to) = (0.0, Vec2::ZERO, Vec2::ZERO);
+        for (a, b, w) in pairs.clone() {
+            weight += w;
+            from += a * w;
+            to += b * w;
+        }
+        if weight <= 0.0 {
+            return None;
+        }
+        let mut moments = Moments { from: from / weight, to: to / weight, cos: 0.0, sin: 0.0, spread: 0.0 };
+        for (a, b, w) in pairs {
+            let (a, b) = (a - moments.from, b - moments.to);
+            moments.cos += w * a.dot(b);
+            moments.sin += w * a.cross(b);
+            moments.spread += w * a.length_squared();
+        }
+        Some(moments)
+    }
+
+    fn motion(&self, rotation_rad: f64) -> RigidMotion {
+        RigidMotion { reference: self.from, translation: self.to - self.from, rotation_rad }
+    }
+
+    fn rigid(&self) -> RigidMotion {
+        self.motion(libm::atan2(self.sin, self.cos))
+    }
+}
+
+/// The rigid motion that takes the first points to the second with least squared error: the reference point is the
+/// mean of the first, the translation the mean displacement, the rotation that between the centred sets. None
+/// without points.
+pub fn fit_rigid(pairs: impl Iterator<Item = (Vec2, Vec2)> + Clone) -> Option<RigidMotion> {
+    Moments::of(pairs.map(|(a, b)| (a, b, 1.0))).map(|m| m.rigid())
+}
+
+/// The angle of the least-squares similarity as the paper reads it: arcsin of the lower left entry of its matrix,
+/// with the scale left in. None without points.
+pub fn fit_similarity(pairs: impl Iterator<Item = (Vec2, Vec2)> + Clone) -> Option<RigidMotion> {
+    let moments = Moments::of(pairs.map(|(a, b)| (a, b, 1.0)))?;
+    let lower_left = if moments.spread > 0.0 { moments.sin / moments.spread } else { 0.0 };
+    Some(moments.motion(libm::asin(lower_left.clamp(-1.0, 1.0))))
+}
+
+/// The rigid motion of most pairs: least squares with the weights of Geman and McClure, from wide to narrow scale.
+/// `pitch_px` is the marker pitch. None without points.
+pub fn fit_most(pairs: impl Iterator<Item = (Vec2, Vec2)> + Clone, pitch_px: f64) -> Option<RigidMotion> {
+    let all = fit_rigid(pairs.clone())?;
+    let mut motion = all;
+    for scale_pitch in AGREEMENT_PITCH {
+        let scale_squared = (scale_pitch * pitch_px) * (scale_pitch * pitch_px);
+        let last = motion;
+        let weighed = pairs.clone().map(move |(a, b)| {
+            let t = 1.0 + (b - last.apply(a)).length_squared() / scale_squared;
+            (a, b, 1.0 / (t * t))
+        });
+        motion = Moments::of(weighed)?.rigid();
+    }
+    // The same motion, told of the mean of all inner markers: the paper's reference point.
+    let translation = motion.displacement(all.reference);
+    Some(RigidMotion { reference: all.reference, translation, ..motion })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid() -> impl Iterator<Item = Vec2> + Clone {
+        (0..30).map(|i| Vec2::new(40.0 + f64::from(i % 6) * 15.0, 70.0 + f64::from(i / 6) * 15.0))
+    }
+
+    #[test]
+    fn the_fit_returns_the_motion_it_was_shown() {
+        let truth =
+            RigidMotion { reference: Vec2::new(10.0, 20.0), translation: Vec2::new(3.0, -7.5), rotation_rad: 0.4 };
+        let fitted = fit_rigid(grid().map(|p| (p, truth.apply(p)))).expect("points");
+        assert!((fitted.rotation_rad - 0.4).abs() < 1e-12);
+        for p in grid() {
+            assert!((fitted.apply(p) - truth.apply(p)).length() < 1e-9);
+        }
+        let (a, b) = (truth.centre_of_rotation(0.01).expect("turns"), fitted.centre_of_rotation(0.01).expect("turns"));
+        assert!((a - b).length() < 1e-8);
+    }
+
+    /// Fault 4 of the released code: squeezing 10 % of scale into the fit bends the angle; the rigid fit keeps it.
+    #[test]
+    fn a_dilation_bends_the_angle_of_the_similarity_but_not_of_the_rigid_fit() {
+        let turn = RigidMotion { reference: Vec2::ZERO, translation: Vec2::ZERO, rotation_rad: 0.2 };
+        let pairs = grid().map(|p| (p, turn.apply(p) * 1.1));
+        let rigid = fit_rigid(pairs.clone()).expect("points");
+        let similar = fit_similarity(pairs).expect("points");
+        assert!((rigid.rotation_rad - 0.2).abs() < 1e-12);
+        assert!((similar.rotation_rad - libm::asin(1.1 * libm::sin(0.2))).abs() < 1e-12);
+    }
+
+    /// A third of the markers lags by 0.4 pitch: least squares spreads the lag over all, the robust fit does not.
+    #[test]
+    fn markers_that_lag_are_outvoted() {
+        let truth = RigidMotion { reference: Vec2::ZERO, translation: Vec2::new(8.0, 2.0), rotation_rad: 0.05 };
+        let lag = |p: Vec2| if p.x < 60.0 { Vec2::new(6.0, 0.0) } else { Vec2::ZERO };
+        let pairs = grid().map(|p| (p, truth.apply(p) - lag(p)));
+        let error = |m: RigidMotion| (m.apply(Vec2::new(100.0, 100.0)) - truth.apply(Vec2::new(100.0, 100.0))).length();
+        assert!(error(fit_most(pairs.clone(), 15.0).expect("points")) < 0.1);
+        assert!(error(fit_rigid(pairs).expect("points")) > 0.5);
+    }
+}

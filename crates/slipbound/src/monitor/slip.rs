@@ -1,0 +1,160 @@
+//! Step 4: measured minus rigid displacement -> slip field and verdict.
+//!
+//! ```text
+//!    measured (yellow)  -  rigid (red)  =  slip field (black)     over the threshold: purple
+//!       ---->                ------>          <--                 more than N of them: incipient slip
+//! ```
+
+use super::{Marker, SlipKind, SlipSummary};
+use crate::image::Mask;
+use crate::plane::{RigidMotion, Vec2};
+use crate::sensor::{Sensor, SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// How the rigid displacement of a marker follows from the motion of the reference point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RigidField {
+    /// The exact rotation.
+    Exact,
+    /// Equation 1 of the paper, its limit at small angles.
+    SmallAngle,
+}
+
+/// Settings of step 4.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SlipSettings {
+    /// How the rigid displacement is computed.
+    pub field: RigidField,
+    /// A marker slips when its slip field is longer than this many pitches. The paper's code: 4.5 px at 15.2 px.
+    pub threshold_pitch: f64,
+    /// Incipient slip is more than this share of all markers at once. The paper's code: 7 of 400.
+    pub over_fraction: f64,
+    /// Incipient slip is never fewer markers than this: one marker alone may be a broken one.
+    pub over_min_count: u32,
+}
+
+impl Default for SlipSettings {
+    fn default() -> Self {
+        SlipSettings {
+            field: RigidField::Exact,
+            threshold_pitch: 4.5 / 15.2,
+            over_fraction: 7.0 / 400.0,
+            over_min_count: 2,
+        }
+    }
+}
+
+impl SlipSettings {
+    pub(super) fn check(&self) -> Result<(), SettingError> {
+        within("slip.threshold_pitch", self.threshold_pitch, 0.001, 10.0)?;
+        within("slip.over_fraction", self.over_fraction, 0.0, 1.0)?;
+        within("slip.over_min_count", f64::from(self.over_min_count), 1.0, 1000.0)
+    }
+
+    /// The fewest markers over the threshold that mean slip, for a finger with `markers_count` markers.
+    pub fn over_needed_count(&self, markers_count: usize) -> u32 {
+        let more_than = (self.over_fraction * markers_count as f64 + 1e-9).floor() as u32;
+        (more_than + 1).max(self.over_min_count)
+    }
+}
+
+/// Step 4.
+#[derive(Debug, Clone)]
+pub(super) struct Slip {
+    settings: SlipSettings,
+    pitch_px: f64,
+    mm_per_px: Option<f64>,
+    over_needed_count: u32,
+    pub(super) summary: SlipSummary,
+    pub(super) slips: bool,
+}
+
+impl Slip {
+    pub(super) fn new(sensor: &Sensor, settings: &SlipSettings, markers_count: usize) -> Self {
+        Slip {
+            settings: settings.clone(),
+            pitch_px: sensor.pitch_px,
+            mm_per_px: sensor.mm_per_px(),
+            over_needed_count: settings.over_needed_count(markers_count),
+            summary: SlipSummary::default(),
+            slips: false,
+        }
+    }
+
+    /// No contact: no slip field.
+    pub(super) fn clear(&mut self) {
+        self.summary = SlipSummary { max_mm: self.mm_per_px.map(|_| 0.0), ..SlipSummary::default() };
+        self.slips = false;
+    }
+
+    /// Fills in the slip of every marker in contact and judges it.
+    pub(super) fn judge(&mut self, motion: Option<&RigidMotion>, markers: &mut [Marker]) {
+        self.clear();
+        let Some(motion) = motion else { return };
+        let threshold_px = self.settings.threshold_pitch * self.pitch_px;
+        let (mut longest_px, mut over_sum, mut arm_squared, mut count) = (0.0f64, Vec2::ZERO, 0.0, 0u32);
+        for m in markers.iter_mut().filter(|m| m.in_contact && m.matched && m.in_reference) {
+            let rigid = match self.settings.field {
+                RigidField::Exact => motion.displacement(m.reference),
+                RigidField::SmallAngle => motion.displacement_small_angle(m.reference), // Eq. 1
+            };
+            m.slip = m.now_from_reference() - rigid;
+            m.over = m.slip.length() > threshold_px;
+            longest_px = longest_px.max(m.slip.length());
+            arm_squared += (m.reference - motion.reference).length_squared();
+            count += 1;
+            if m.over {
+                self.summary.markers_over += 1;
+                over_sum += m.slip;
+            }
+        }
+        self.summary.max_pitch = longest_px / self.pitch_px;
+        self.summary.max_mm = self.mm_per_px.map(|mm| longest_px * mm);
+        self.slips = self.summary.markers_over >= self.over_needed_count;
+        if self.slips {
+            let rim_px = motion.rotation_rad.abs() * (arm_squared / f64::from(count)).sqrt();
+            let kind = kind(rim_px, motion.translation.length());
+            self.summary.kind = Some(kind);
+            // The markers lag behind the object: it slides against the slip field.
+            let object = -over_sum;
+            self.summary.direction_rad = (kind != SlipKind::Rotation).then(|| object.direction_rad());
+        }
+    }
+}
+
+/// Rotation when it makes more than two thirds of the motion at the rim, translation when less than one.
+fn kind(rotation_px: f64, translation_px: f64) -> SlipKind {
+    let share = rotation_px / (rotation_px + translation_px).max(f64::MIN_POSITIVE);
+    match share {
+        s if s > 2.0 / 3.0 => SlipKind::Rotation,
+        s if s < 1.0 / 3.0 => SlipKind::Translation,
+        _ => SlipKind::Both,
+    }
+}
+
+/// Marks which markers lie in the contact region; returns how many of the matched ones do.
+pub(super) fn mark_contact(contact: &Mask, markers: &mut [Marker]) -> u32 {
+    let mut count = 0;
+    for m in markers {
+        m.in_contact = contact.get(m.now.x.round() as isize, m.now.y.round() as isize);
+        (m.inner, m.over, m.slip) = (false, false, Vec2::ZERO);
+        count += u32::from(m.in_contact && m.matched);
+    }
+    count
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_paper_wants_8_of_400_markers_and_a_finger_of_60_two() {
+        let settings = SlipSettings::default();
+        assert_eq!(settings.over_needed_count(400), 8);
+        assert_eq!(settings.over_needed_count(60), 2);
+        assert_eq!(settings.over_needed_count(30), 2);
+        assert_eq!(settings.over_needed_count(250), 5);
+    }
+}

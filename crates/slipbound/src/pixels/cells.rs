@@ -1,0 +1,92 @@
+//! Mean colour of square cells: colour pixels -> a coarse picture of block means, three numbers a cell.
+
+use crate::image::{Pixels, SizePx};
+
+/// A coarse picture: block means in grey levels, row by row.
+#[derive(Debug, Clone)]
+pub struct Cells {
+    cell_px: usize,
+    columns: usize,
+    rows: usize,
+    sums: Vec<u16>,
+    means: Vec<[f32; 3]>,
+}
+
+impl Cells {
+    /// Cells of `cell_px` x `cell_px` pixels (at most 16) on an image of `size`; what is left over at the right
+    /// and lower border is not covered.
+    pub fn new(size: SizePx, cell_px: usize) -> Self {
+        assert!((1..=16).contains(&cell_px), "16-bit column sums hold cells of at most 16 px");
+        let (columns, rows) = (size.width / cell_px, size.height / cell_px);
+        Cells { cell_px, columns, rows, sums: vec![0; columns * cell_px * 3], means: vec![[0.0; 3]; columns * rows] }
+    }
+
+    /// Side of a cell in pixels.
+    pub fn cell_px(&self) -> usize {
+        self.cell_px
+    }
+
+    /// Cells in a row.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Rows of cells.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Red, green and blue means in levels, row by row; a grey image has three equal ones.
+    pub fn means_levels(&self) -> &[[f32; 3]] {
+        &self.means
+    }
+
+    /// Takes the means of a picture of the size given to `new`.
+    pub fn run(&mut self, pixels: &Pixels<'_>) {
+        match pixels {
+            Pixels::Rgb(image) => self.run_rows::<3>(|y| image.row(y)),
+            Pixels::Gray(image) => self.run_rows::<1>(|y| image.row(y)),
+        }
+    }
+
+    fn run_rows<'a, const CHANNELS: usize>(&mut self, row: impl Fn(usize) -> &'a [u8]) {
+        let (c, used) = (self.cell_px, self.columns * self.cell_px * CHANNELS);
+        let per_level = 1.0 / (c * c) as f32;
+        for (cell_row, means) in self.means.chunks_exact_mut(self.columns.max(1)).enumerate() {
+            let sums = &mut self.sums[..used];
+            sums.fill(0);
+            for y in cell_row * c..(cell_row + 1) * c {
+                for (sum, &value) in sums.iter_mut().zip(row(y)) {
+                    *sum += u16::from(value);
+                }
+            }
+            for (mean, block) in means.iter_mut().zip(sums.chunks_exact(c * CHANNELS)) {
+                let mut total = [0u32; CHANNELS];
+                for pixel in block.chunks_exact(CHANNELS) {
+                    for (t, &v) in total.iter_mut().zip(pixel) {
+                        *t += u32::from(v);
+                    }
+                }
+                *mean = std::array::from_fn(|k| total[k.min(CHANNELS - 1)] as f32 * per_level);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::{Gray, Rgb};
+
+    #[test]
+    fn cells_are_block_means_of_each_channel() {
+        let size = SizePx::new(9, 4); // the ninth column is left over
+        let rgb: Vec<u8> = (0..size.area()).flat_map(|i| [(i % 9 / 4 * 100) as u8, 7, (i / 9) as u8]).collect();
+        let mut cells = Cells::new(size, 4);
+        cells.run(&Pixels::Rgb(Rgb::new(&rgb, size).expect("whole")));
+        assert_eq!(cells.means_levels(), &[[0.0, 7.0, 1.5], [100.0, 7.0, 1.5]]);
+        let grey: Vec<u8> = vec![255; size.area()];
+        cells.run(&Pixels::Gray(Gray::new(&grey, size).expect("whole")));
+        assert_eq!(cells.means_levels(), &[[255.0; 3]; 2]);
+    }
+}

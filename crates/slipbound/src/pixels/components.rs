@@ -1,0 +1,442 @@
+//! Mask -> its connected pieces: area, box, centroid; and the mask without the small ones, or without its holes.
+//!
+//! ```text
+//!   ..###..##     runs of row y        two runs of neighbouring rows that touch, also corner to corner,
+//!   .##..#...     runs of row y + 1    belong together: union-find over runs, the earliest is the root
+//! ```
+
+use crate::image::{Mask, SizePx};
+use crate::plane::Vec2;
+
+/// A piece of a mask whose pixels touch each other along sides or at corners.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Component {
+    /// Number of pixels.
+    pub area_px: usize,
+    /// First column.
+    pub left_px: usize,
+    /// First row.
+    pub top_px: usize,
+    /// Last column + 1.
+    pub right_px: usize,
+    /// Last row + 1.
+    pub bottom_px: usize,
+    /// Mean position of the pixels, in px with pixel centres at whole numbers.
+    pub centroid_px: Vec2,
+}
+
+/// Pixels from `from` to `to - 1` of a row.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    from: u32,
+    to: u32,
+    row: u32,
+}
+
+/// The scratch of the labelling.
+#[derive(Debug, Clone)]
+pub struct Components {
+    size: SizePx,
+    runs: Vec<Run>,
+    /// Per run a run of the same piece, not later; the earliest points to itself.
+    earlier: Vec<u32>,
+    /// Per run the number of its piece.
+    piece: Vec<u32>,
+    components: Vec<Component>,
+    /// Sums of x and y over the pixels of each piece.
+    sums: Vec<[u64; 2]>,
+    /// Per run, of a root: whether its piece reaches the border.
+    reaches_border: Vec<bool>,
+}
+
+/// Whether runs belong together that meet only at a corner.
+#[derive(Clone, Copy, PartialEq)]
+enum Corners {
+    Join,
+    Part,
+}
+
+impl Components {
+    /// Scratch for masks of `size`, enough for the most runs and pieces such a mask can have.
+    pub fn new(size: SizePx) -> Self {
+        let runs = size.width.div_ceil(2) * size.height;
+        let pieces = size.width.div_ceil(2) * size.height.div_ceil(2);
+        assert!(runs < u32::MAX as usize, "mask of {size}: too many pixels");
+        Components {
+            size,
+            runs: Vec::with_capacity(runs),
+            earlier: Vec::with_capacity(runs),
+            piece: Vec::with_capacity(runs),
+            components: Vec::with_capacity(pieces),
+            sums: Vec::with_capacity(pieces),
+            reaches_border: Vec::with_capacity(runs),
+        }
+    }
+
+    /// Finds the pieces of `mask`, in the order of their first pixel, row by row.
+    pub fn label(&mut self, mask: &Mask) -> &[Component] {
+        self.join_runs(mask, 0, Corners::Join);
+        self.components.clear();
+        self.sums.clear();
+        self.piece.clear();
+        for (i, run) in self.runs.iter().enumerate() {
+            let root = self.earlier[i] as usize;
+            let piece = if root == i { self.components.len() } else { self.piece[root] as usize };
+            self.piece.push(piece as u32);
+            let (from, to, y) = (run.from as usize, run.to as usize, run.row as usize);
+            if root == i {
+                self.components.push(Component {
+                    area_px: 0,
+                    left_px: from,
+                    top_px: y,
+                    right_px: to,
+                    bottom_px: y + 1,
+                    centroid_px: Vec2::ZERO,
+                });
+                self.sums.push([0; 2]);
+            }
+            let c = &mut self.components[piece];
+            c.area_px += to - from;
+            c.left_px = c.left_px.min(from);
+            c.right_px = c.right_px.max(to);
+            c.bottom_px = y + 1;
+            let [sum_x, sum_y] = &mut self.sums[piece];
+            *sum_x += ((from + to - 1) * (to - from) / 2) as u64;
+            *sum_y += (y * (to - from)) as u64;
+        }
+        for (c, [x, y]) in self.components.iter_mut().zip(&self.sums) {
+            c.centroid_px = Vec2::new(*x as f64, *y as f64) / c.area_px as f64;
+        }
+        &self.components
+    }
+
+    /// The pieces found last.
+    pub fn components(&self) -> &[Component] {
+        &self.components
+    }
+
+    /// Clears every piece of `mask` that `keep` does not want.
+    pub fn retain(&mut self, mask: &mut Mask, keep: impl Fn(&Component) -> bool) {
+        self.label(mask);
+        for (run, &piece) in self.runs.iter().zip(&self.piece) {
+            if !keep(&self.components[piece as usize]) {
+                write_run(mask, run, false);
+            }
+        }
+    }
+
+    /// Clears all but the piece of the largest area, of several the first; returns it, None from an empty mask.
+    pub fn keep_largest(&mut self, mask: &mut Mask) -> Option<Component> {
+        self.label(mask);
+        let mut largest = *self.components.first()?;
+        let mut number = 0;
+        for (i, c) in self.components.iter().enumerate() {
+            if c.area_px > largest.area_px {
+                (largest, number) = (*c, i as u32);
+            }
+        }
+        for (run, &piece) in self.runs.iter().zip(&self.piece) {
+            if piece != number {
+                write_run(mask, run, false);
+            }
+        }
+        Some(largest)
+    }
+
+    /// Clears the pieces of fewer than `min_area_px` pixels.
+    pub fn remove_small(&mut self, mask: &mut Mask, min_area_px: usize) {
+        self.retain(mask, |c| c.area_px >= min_area_px);
+    }
+
+    /// Sets the clear pixels from which no way along sides of clear pixels leads to the border.
+    pub fn fill_holes(&mut self, mask: &mut Mask) {
+        self.join_runs(mask, u64::MAX, Corners::Part);
+        self.reaches_border.clear();
+        self.reaches_border.resize(self.runs.len(), false);
+        let (right, bottom) = (self.size.width as u32, self.size.height as u32 - 1);
+        for (run, &root) in self.runs.iter().zip(&self.earlier) {
+            if run.from == 0 || run.to == right || run.row == 0 || run.row == bottom {
+                self.reaches_border[root as usize] = true;
+            }
+        }
+        for (run, &root) in self.runs.iter().zip(&self.earlier) {
+            if !self.reaches_border[root as usize] {
+                write_run(mask, run, true);
+            }
+        }
+        // These runs were the clear ones: nothing is labelled now.
+        self.components.clear();
+    }
+
+    /// Finds the runs of `mask` (of its clear pixels where `turn` is all ones) and points each to its root.
+    fn join_runs(&mut self, mask: &Mask, turn: u64, corners: Corners) {
+        assert_eq!(mask.size(), self.size, "mask of another size");
+        self.runs.clear();
+        self.earlier.clear();
+        // Of the row above, the first run not yet passed and the end.
+        let (mut above, mut above_end) = (0, 0);
+        let reach = if corners == Corners::Join { 1 } else { 0 };
+        for y in 0..self.size.height {
+            let start = self.runs.len();
+            runs_of_row(mask, y, turn, &mut self.runs);
+            for i in start..self.runs.len() {
+                self.earlier.push(i as u32);
+                let run = self.runs[i];
+                while above < above_end && self.runs[above].to + reach <= run.from {
+                    above += 1;
+                }
+                let mut touching = above;
+                while touching < above_end && self.runs[touching].from < run.to + reach {
+                    join(&mut self.earlier, touching as u32, i as u32);
+                    touching += 1;
+                }
+            }
+            (above, above_end) = (start, self.runs.len());
+        }
+        for i in 0..self.earlier.len() {
+            // What is earlier points to its root already.
+            self.earlier[i] = self.earlier[self.earlier[i] as usize];
+        }
+    }
+}
+
+fn runs_of_row(mask: &Mask, y: usize, turn: u64, runs: &mut Vec<Run>) {
+    let (words, width) = (mask.row(y), mask.size().width as u32);
+    let row = y as u32;
+    let (mut start, mut before) = (None, 0);
+    for (i, &word) in words.iter().enumerate() {
+        let mut word = word ^ turn;
+        if i + 1 == words.len() {
+            word &= mask.last_word();
+        }
+        let mut changes = word ^ (word << 1 | before);
+        before = word >> 63;
+        while changes != 0 {
+            let x = i as u32 * 64 + changes.trailing_zeros();
+            changes &= changes - 1;
+            start = match start {
+                None => Some(x),
+                Some(from) => {
+                    runs.push(Run { from, to: x, row });
+                    None
+                }
+            };
+        }
+    }
+    if let Some(from) = start {
+        runs.push(Run { from, to: width, row });
+    }
+}
+
+fn root(earlier: &mut [u32], mut i: u32) -> u32 {
+    while earlier[i as usize] != i {
+        let next = earlier[i as usize];
+        earlier[i as usize] = earlier[next as usize];
+        i = next;
+    }
+    i
+}
+
+fn join(earlier: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (root(earlier, a), root(earlier, b));
+    earlier[a.max(b) as usize] = a.min(b);
+}
+
+fn write_run(mask: &mut Mask, run: &Run, on: bool) {
+    let row = mask.row_mut(run.row as usize);
+    let (first, last) = (run.from / 64, (run.to - 1) / 64);
+    for word in first..=last {
+        let from = run.from.saturating_sub(word * 64);
+        let to = (run.to - word * 64).min(64);
+        let bits = (u64::MAX >> (64 - (to - from))) << from;
+        if on {
+            row[word as usize] |= bits;
+        } else {
+            row[word as usize] &= !bits;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn three_pieces_measured() {
+        let mask = Mask::from_picture(
+            "##....#.
+             .#...#..
+             ..#.....
+             #......#
+             #......#",
+        );
+        let mut components = Components::new(mask.size());
+        let found = components.label(&mask).to_vec();
+        assert_eq!(found.len(), 4);
+        assert_eq!(
+            found[0],
+            Component {
+                area_px: 4,
+                left_px: 0,
+                top_px: 0,
+                right_px: 3,
+                bottom_px: 3,
+                centroid_px: Vec2::new(1.0, 0.75)
+            }
+        );
+        assert_eq!((found[1].left_px, found[1].right_px, found[1].area_px), (5, 7, 2));
+        assert_eq!(found[3].centroid_px, Vec2::new(7.0, 3.5));
+    }
+
+    #[test]
+    fn the_largest_stays_and_the_small_go() {
+        let picture = "##...###
+                       .#......
+                       ..#....#";
+        let mut mask = Mask::from_picture(picture);
+        let mut components = Components::new(mask.size());
+        assert_eq!(components.keep_largest(&mut mask).map(|c| c.area_px), Some(4));
+        assert_eq!(
+            mask,
+            Mask::from_picture(
+                "##......
+                 .#......
+                 ..#....."
+            )
+        );
+        mask = Mask::from_picture(picture);
+        components.remove_small(&mut mask, 3);
+        assert_eq!(
+            mask,
+            Mask::from_picture(
+                "##...###
+                 .#......
+                 ..#....."
+            )
+        );
+        mask.clear();
+        assert_eq!(components.keep_largest(&mut mask), None);
+    }
+
+    #[test]
+    fn holes_are_filled_and_bays_are_not() {
+        let mut mask = Mask::from_picture(
+            ".####....
+             .#..#.###
+             .#.##.#..
+             .####.###
+             ..#......
+             .#.#.....
+             ..#......",
+        );
+        Components::new(mask.size()).fill_holes(&mut mask);
+        assert_eq!(
+            mask,
+            Mask::from_picture(
+                ".####....
+                 .####.###
+                 .####.#..
+                 .####.###
+                 ..#......
+                 .###.....
+                 ..#......"
+            )
+        );
+    }
+
+    #[test]
+    fn the_busiest_mask_fits_the_scratch() {
+        let size = SizePx::new(129, 67);
+        let mut mask = Mask::new(size);
+        for y in (0..67).step_by(2) {
+            (0..129).step_by(2).for_each(|x| mask.set(x, y, true));
+        }
+        let mut components = Components::new(size);
+        let reserved = (components.runs.capacity(), components.components.capacity());
+        assert_eq!(components.label(&mask).len(), 65 * 34);
+        components.fill_holes(&mut mask);
+        for y in 0..67 {
+            (0..129).for_each(|x| mask.set(x, y, (x + y) % 2 == 0));
+        }
+        assert_eq!(components.label(&mask).len(), 1);
+        components.fill_holes(&mut mask);
+        assert_eq!(mask.area_px(), size.area() - 2 * (64 + 33), "all but the clear pixels at the border");
+        assert_eq!((components.runs.capacity(), components.components.capacity()), reserved);
+    }
+
+    /// Numbers the pieces by spreading from every pixel; 0 where the mask is not `of`.
+    fn flood(mask: &Mask, of: bool, corners: bool) -> Vec<usize> {
+        let SizePx { width, height } = mask.size();
+        let mut numbers = vec![0; width * height];
+        let mut number = 0;
+        for start in 0..width * height {
+            if numbers[start] != 0 || mask.get((start % width) as isize, (start / width) as isize) != of {
+                continue;
+            }
+            number += 1;
+            let mut open = vec![start];
+            while let Some(i) = open.pop() {
+                if numbers[i] != 0 {
+                    continue;
+                }
+                numbers[i] = number;
+                let (x, y) = ((i % width) as isize, (i / width) as isize);
+                for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)] {
+                    let (nx, ny) = (x + dx, y + dy);
+                    let inside = nx >= 0 && ny >= 0 && nx < width as isize && ny < height as isize;
+                    if (corners || dx * dy == 0) && inside && mask.get(nx, ny) == of {
+                        open.push(ny as usize * width + nx as usize);
+                    }
+                }
+            }
+        }
+        numbers
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(96))]
+        #[test]
+        fn equals_flooding(width in 1usize..150, height in 1usize..24, seed: u64, share in 1u64..16) {
+            let size = SizePx::new(width, height);
+            let mut mask = Mask::new(size);
+            let mut state = seed;
+            for i in 0..size.area() {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                mask.set(i % width, i / width, (state >> 40) % 16 < share);
+            }
+            let numbers = flood(&mask, true, true);
+            let mut components = Components::new(size);
+            let found = components.label(&mask).to_vec();
+            prop_assert_eq!(found.len(), numbers.iter().copied().max().unwrap_or(0));
+            for (n, c) in found.iter().enumerate() {
+                let pixels: Vec<(usize, usize)> =
+                    (0..size.area()).filter(|&i| numbers[i] == n + 1).map(|i| (i % width, i / width)).collect();
+                prop_assert_eq!(c.area_px, pixels.len());
+                prop_assert_eq!(Some(c.left_px), pixels.iter().map(|p| p.0).min());
+                prop_assert_eq!(Some(c.top_px), pixels.iter().map(|p| p.1).min());
+                prop_assert_eq!(Some(c.right_px - 1), pixels.iter().map(|p| p.0).max());
+                prop_assert_eq!(Some(c.bottom_px - 1), pixels.iter().map(|p| p.1).max());
+                let sum = pixels.iter().fold(Vec2::ZERO, |s, p| s + Vec2::new(p.0 as f64, p.1 as f64));
+                prop_assert!((c.centroid_px - sum / pixels.len() as f64).length() < 1e-9);
+            }
+            let clear = flood(&mask, false, false);
+            let mut filled = mask.clone();
+            components.fill_holes(&mut filled);
+            for i in 0..size.area() {
+                let (x, y) = (i % width, i / width);
+                let open = clear[i] != 0 && (0..size.area()).any(|j| {
+                    let border = j % width == 0 || j % width == width - 1 || j / width == 0 || j / width == height - 1;
+                    border && clear[j] == clear[i]
+                });
+                prop_assert_eq!(filled.get(x as isize, y as isize), !open);
+            }
+            let min_area_px = 4;
+            components.remove_small(&mut mask, min_area_px);
+            for i in 0..size.area() {
+                let keep = numbers[i] != 0 && found[numbers[i] - 1].area_px >= min_area_px;
+                prop_assert_eq!(mask.get((i % width) as isize, (i / width) as isize), keep);
+            }
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! A coarse field of values, one a cell -> the mask of pixels where the field, interpolated, exceeds a level.
+
+use crate::image::Mask;
+
+/// Sets the pixels of `out` at which the bilinear interpolation of `values` (row by row, `columns` of them, each
+/// at the centre of a cell of `cell_px` px) is at least `level`; beyond the outermost centres the field is constant.
+pub fn mask_above(values: &[f32], columns: usize, cell_px: usize, level: f32, out: &mut Mask) {
+    out.clear();
+    let rows = values.len() / columns.max(1);
+    if rows == 0 || columns == 0 {
+        return;
+    }
+    let size = out.size();
+    // Square `i` lies between the centres of cells i - 1 and i; the first and last reach the border of the image.
+    let square = |i: usize, cells: usize, end: usize| {
+        let centre = |cell: usize| (cell * cell_px + cell_px.div_ceil(2)).min(end); // first pixel at or past it
+        let from = if i == 0 { 0 } else { centre(i - 1) };
+        from..if i == cells { end } else { centre(i) }
+    };
+    let half = (cell_px as f32 - 1.0) / 2.0;
+    let per_px = 1.0 / cell_px as f32;
+    for i in 0..=rows {
+        let (above, below) = (i.saturating_sub(1) * columns, i.min(rows - 1) * columns);
+        let ys = square(i, rows, size.height);
+        for j in 0..=columns {
+            let (left, right) = (j.saturating_sub(1), j.min(columns - 1));
+            let corners = [values[above + left], values[above + right], values[below + left], values[below + right]];
+            let reached = corners.iter().filter(|&&v| v >= level).count();
+            if reached == 0 {
+                continue;
+            }
+            let xs = square(j, columns, size.width);
+            for y in ys.clone() {
+                let words = out.row_mut(y);
+                if reached == 4 {
+                    set_range(words, xs.start, xs.end);
+                    continue;
+                }
+                let share = |px: usize, i: usize| (px as f32 - half) * per_px - (i as f32 - 1.0);
+                let down = share(y, i);
+                let (a, b) =
+                    (corners[0] + (corners[2] - corners[0]) * down, corners[1] + (corners[3] - corners[1]) * down);
+                for x in xs.clone() {
+                    let v = a + (b - a) * share(x, j);
+                    words[x / 64] |= u64::from(v >= level) << (x % 64);
+                }
+            }
+        }
+    }
+}
+
+/// Sets the bits `first..end` of a row.
+fn set_range(words: &mut [u64], first: usize, end: usize) {
+    let mut x = first;
+    while x < end {
+        let (word, bit) = (x / 64, x % 64);
+        let bits = (end - x).min(64 - bit);
+        let ones = if bits == 64 { u64::MAX } else { (1 << bits) - 1 };
+        words[word] |= ones << bit;
+        x += bits;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::SizePx;
+
+    #[test]
+    fn the_contour_runs_halfway_between_a_cell_above_and_cells_below() {
+        let mut values = [0.0f32; 9];
+        values[4] = 2.0;
+        let mut mask = Mask::new(SizePx::new(12, 12));
+        mask_above(&values, 3, 4, 1.0, &mut mask);
+        let expected = Mask::from_picture(
+            "............
+             ............
+             ............
+             ............
+             .....##.....
+             ....####....
+             ....####....
+             .....##.....
+             ............
+             ............
+             ............
+             ............",
+        );
+        assert_eq!(mask, expected, "{mask:?}");
+    }
+
+    #[test]
+    fn a_field_above_the_level_everywhere_fills_the_image_to_its_borders() {
+        let mut mask = Mask::new(SizePx::new(131, 9));
+        mask_above(&[5.0; 32], 16, 8, 1.0, &mut mask);
+        assert_eq!(mask.area_px(), 131 * 9);
+        mask_above(&[0.5; 32], 16, 8, 1.0, &mut mask);
+        assert_eq!(mask.area_px(), 0);
+    }
+}

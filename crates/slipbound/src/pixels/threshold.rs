@@ -1,0 +1,102 @@
+//! Grey image -> mask of the pixels darker than a level, the same everywhere or one per pixel.
+
+use super::bits::pack_64;
+use crate::image::Mask;
+
+/// Sets exactly the pixels of `grey` (rows without a gap, of the size of `out`) below `level`.
+pub fn below_level(grey: &[u8], level: u8, out: &mut Mask) {
+    let size = out.size();
+    assert_eq!(grey.len(), size.area(), "grey image of another size than the mask");
+    let levels = [level; 64];
+    for (y, row) in grey.chunks_exact(size.width).enumerate() {
+        let (whole, rest) = row.as_chunks::<64>();
+        let words = out.row_mut(y);
+        for (word, pixels) in words.iter_mut().zip(whole) {
+            *word = word_below(pixels, &levels);
+        }
+        if !rest.is_empty() {
+            words[whole.len()] = word_below(&padded(rest), &padded(&levels[..rest.len()]));
+        }
+    }
+}
+
+/// Sets exactly the pixels of `grey` that lie below the same pixel of `levels`.
+pub fn below_levels(grey: &[u8], levels: &[u8], out: &mut Mask) {
+    let size = out.size();
+    assert_eq!(grey.len(), size.area(), "grey image of another size than the mask");
+    assert_eq!(levels.len(), size.area(), "level image of another size than the mask");
+    for (y, (row, levels)) in grey.chunks_exact(size.width).zip(levels.chunks_exact(size.width)).enumerate() {
+        let (whole, rest) = row.as_chunks::<64>();
+        let (whole_levels, rest_levels) = levels.as_chunks::<64>();
+        let words = out.row_mut(y);
+        for ((word, pixels), levels) in words.iter_mut().zip(whole).zip(whole_levels) {
+            *word = word_below(pixels, levels);
+        }
+        if !rest.is_empty() {
+            words[whole.len()] = word_below(&padded(rest), &padded(rest_levels));
+        }
+    }
+}
+
+#[inline]
+fn word_below(grey: &[u8; 64], levels: &[u8; 64]) -> u64 {
+    let mut flags = [0; 64];
+    for ((flag, g), level) in flags.iter_mut().zip(grey).zip(levels) {
+        *flag = (g < level) as u8;
+    }
+    pack_64(&flags)
+}
+
+/// The end of a row, zeros after it: 0 < 0 is false, so no bit beyond the width is set.
+fn padded(rest: &[u8]) -> [u8; 64] {
+    let mut out = [0; 64];
+    out[..rest.len()].copy_from_slice(rest);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::SizePx;
+
+    #[test]
+    fn darker_than_the_level() {
+        let grey = [9, 10, 11, 12, 10, 9, 8, 0, 255, 10];
+        let mut mask = Mask::new(SizePx::new(5, 2));
+        below_level(&grey, 10, &mut mask);
+        assert_eq!(
+            mask,
+            Mask::from_picture(
+                "#....
+                 ###.."
+            )
+        );
+        below_levels(&grey, &[10, 10, 12, 12, 11, 0, 8, 1, 255, 255], &mut mask);
+        assert_eq!(
+            mask,
+            Mask::from_picture(
+                "#.#.#
+                 ..#.#"
+            )
+        );
+    }
+
+    #[test]
+    fn rows_of_several_words_match_pixel_by_pixel() {
+        for width in [63, 64, 65, 130] {
+            let size = SizePx::new(width, 3);
+            let grey: Vec<u8> = (0..size.area()).map(|i| (i * 37 % 256) as u8).collect();
+            let levels: Vec<u8> = (0..size.area()).map(|i| (i * 101 % 256) as u8).collect();
+            let (mut one, mut each) = (Mask::new(size), Mask::new(size));
+            below_level(&grey, 255, &mut one);
+            below_levels(&grey, &levels, &mut each);
+            for i in 0..size.area() {
+                let (x, y) = ((i % width) as isize, (i / width) as isize);
+                assert_eq!(one.get(x, y), grey[i] < 255);
+                assert_eq!(each.get(x, y), grey[i] < levels[i]);
+            }
+            let extra = !one.last_word();
+            assert_eq!(one.row(0).last().expect("a word") & extra, 0, "bits beyond the width");
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! One channel, one byte a pixel -> the same channel seen through a fixed map (rectification, flips, crop).
+//!
+//! ```text
+//!   out (x, y) = src at map(x, y)        l --fx-- r      fx, fy in 0..=128 (128ths of a px);
+//!                                        |  *     |      128 only at the right or lower border,
+//!   bilinear, 0 where map leaves src     l'------ r'     where l is the last pixel but one
+//! ```
+
+use crate::image::{Mask, SizePx};
+use crate::plane::Vec2;
+
+/// Fractions of a pixel the table resolves: a sample is taken at most 1/256 px from where the map points.
+const FRACTIONS: u16 = 128;
+/// Stands in `fraction_y` for a pixel whose source lies outside.
+const OUTSIDE: u8 = 255;
+/// Pixels fetched before they are mixed.
+const BATCH: usize = 128;
+
+/// A map from output pixels to source pixels, precomputed: 6 bytes an output pixel.
+#[derive(Debug, Clone)]
+pub struct WarpTable {
+    out_size: SizePx,
+    src_size: SizePx,
+    /// Index of the upper left of the four source pixels.
+    from: Vec<u32>,
+    fraction_x: Vec<u8>,
+    fraction_y: Vec<u8>,
+    valid: Mask,
+}
+
+impl WarpTable {
+    /// Tabulates `map`, which gives for an output pixel the place in the source, both in px with pixel centres at
+    /// whole numbers. The source needs at least 2 x 2 pixels and fewer than 2^32, else a panic.
+    pub fn new(out_size: SizePx, src_size: SizePx, map: impl Fn(Vec2) -> Vec2) -> Self {
+        assert!(src_size.width >= 2 && src_size.height >= 2, "source of {src_size}: expected 2x2 or more");
+        assert!(src_size.area() <= u32::MAX as usize, "source of {src_size}: too many pixels for the table");
+        let area = out_size.area();
+        let (mut from, mut fraction_x, mut fraction_y) = (vec![0; area], vec![0; area], vec![OUTSIDE; area]);
+        let mut valid = Mask::new(out_size);
+        for y in 0..out_size.height {
+            for x in 0..out_size.width {
+                let p = map(Vec2::new(x as f64, y as f64));
+                let (Some((column, fx)), Some((row, fy))) =
+                    (whole_and_fraction(p.x, src_size.width), whole_and_fraction(p.y, src_size.height))
+                else {
+                    continue;
+                };
+                let i = y * out_size.width + x;
+                from[i] = (row * src_size.width + column) as u32;
+                fraction_x[i] = fx;
+                fraction_y[i] = fy;
+                valid.set(x, y, true);
+            }
+        }
+        WarpTable { out_size, src_size, from, fraction_x, fraction_y, valid }
+    }
+
+    /// Size of the output.
+    pub fn out_size(&self) -> SizePx {
+        self.out_size
+    }
+
+    /// Size of the source.
+    pub fn src_size(&self) -> SizePx {
+        self.src_size
+    }
+
+    /// The output pixels whose source lies inside the source image.
+    pub fn valid(&self) -> &Mask {
+        &self.valid
+    }
+
+    /// Resamples one channel, rows without a gap in both; an output pixel that is not valid becomes 0.
+    pub fn apply(&self, src: &[u8], out: &mut [u8]) {
+        assert_eq!(src.len(), self.src_size.area(), "source of another size than the table's");
+        assert_eq!(out.len(), self.out_size.area(), "output of another size than the table's");
+        let (mut upper, mut lower) = ([0; BATCH], [0; BATCH]);
+        let batches = out.chunks_mut(BATCH).zip(self.from.chunks(BATCH));
+        for ((out, from), (fx, fy)) in batches.zip(self.fraction_x.chunks(BATCH).zip(self.fraction_y.chunks(BATCH))) {
+            let n = out.len();
+            fetch(src, self.src_size.width, from, &mut upper[..n], &mut lower[..n]);
+            mix(&upper[..n], &lower[..n], fx, fy, out);
+        }
+    }
+}
+
+/// Splits a coordinate into the pixel before it and the 128ths after; None outside `0..=len - 1`.
+fn whole_and_fraction(at: f64, len: usize) -> Option<(usize, u8)> {
+    let steps = (at * f64::from(FRACTIONS)).round();
+    let last = (len - 1) * usize::from(FRACTIONS);
+    if !(steps >= 0.0 && steps <= last as f64) {
+        return None; // NaN, too
+    }
+    let steps = steps as usize;
+    let whole = (steps / usize::from(FRACTIONS)).min(len - 2);
+    Some((whole, (steps - whole * usize::from(FRACTIONS)) as u8))
+}
+
+/// The pairs of neighbouring source pixels, left in the low byte, right in the high one.
+fn fetch(src: &[u8], stride: usize, from: &[u32], upper: &mut [u16], lower: &mut [u16]) {
+    for ((upper, lower), &from) in upper.iter_mut().zip(lower).zip(from) {
+        let corner = &src[from as usize..][..stride + 2];
+        *upper = u16::from_le_bytes([corner[0], corner[1]]);
+        *lower = u16::from_le_bytes([corner[stride], corner[stride + 1]]);
+    }
+}
+
+/// Bilinear mean in integers, to 2/128 of a level before it is rounded; exact where a fraction is 0 or 128.
+fn mix(upper: &[u16], lower: &[u16], fraction_x: &[u8], fraction_y: &[u8], out: &mut [u8]) {
+    // The high half of a product of 16-bit numbers, which is one instruction for 8 or more of them.
+    let high = |a: u16, b: u16| ((u32::from(a) * u32::from(b)) >> 16) as u16;
+    let fractions = fraction_x.iter().zip(fraction_y);
+    for ((out, (&upper, &lower)), (&fx, &fy)) in out.iter_mut().zip(upper.iter().zip(lower)).zip(fractions) {
+        let right = u16::from(fx);
+        let left = FRACTIONS - right;
+        // 256ths of a level, at most 255 * 256; and weights of 2^-15.
+        let above = ((upper & 255) * left + (upper >> 8) * right) << 1;
+        let below = ((lower & 255) * left + (lower >> 8) * right) << 1;
+        let down = u16::from(fy) << 8;
+        let up = (FRACTIONS << 8).wrapping_sub(down);
+        let level_128ths = high(above, up).wrapping_add(high(below, down));
+        let keep = if fy == OUTSIDE { 0 } else { u16::MAX };
+        *out = ((level_128ths.wrapping_add(FRACTIONS / 2) >> 7) & keep) as u8;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plane::Homography;
+
+    fn noise(size: SizePx) -> Vec<u8> {
+        (0..size.area() as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect()
+    }
+
+    #[test]
+    fn identity_copies_every_pixel_and_flip_turns_them() {
+        let size = SizePx::new(131, 3);
+        let src = noise(size);
+        let mut out = vec![0; size.area()];
+        let same = WarpTable::new(size, size, |p| p);
+        same.apply(&src, &mut out);
+        assert_eq!(out, src);
+        assert_eq!(same.valid().area_px(), size.area());
+        WarpTable::new(size, size, |p| Vec2::new(130.0 - p.x, 2.0 - p.y)).apply(&src, &mut out);
+        out.reverse();
+        assert_eq!(out, src);
+    }
+
+    #[test]
+    fn outside_is_zero_and_not_valid() {
+        let size = SizePx::new(6, 4);
+        let table = WarpTable::new(size, size, |p| p + Vec2::new(2.0, -1.0));
+        let mut out = vec![7; size.area()];
+        table.apply(&[200; 24], &mut out);
+        let expected = Mask::from_picture(
+            "......
+             ####..
+             ####..
+             ####..",
+        );
+        assert_eq!(table.valid(), &expected);
+        for (i, &level) in out.iter().enumerate() {
+            assert_eq!(level, if expected.get((i % 6) as isize, (i / 6) as isize) { 200 } else { 0 });
+        }
+        let nowhere = WarpTable::new(size, size, |_| Vec2::new(f64::NAN, 0.0));
+        assert_eq!(nowhere.valid().area_px(), 0);
+    }
+
+    #[test]
+    fn a_homography_matches_bilinear_sampling_in_floating_point() {
+        let (out_size, src_size) = (SizePx::new(327, 320), SizePx::new(427, 320));
+        let forward = Homography([
+            [0.79809213, -0.33790120, 41.21788310],
+            [0.03669927, 0.84359564, -24.59355941],
+            [-0.00010275817, -0.00143881538, 1.0],
+        ]);
+        let back = forward.inverse().expect("regular");
+        let map = |p: Vec2| back.apply(p + Vec2::new(50.0, 0.0));
+        // A smooth picture, so that 1/256 px is well below a level.
+        let level = |x: f64, y: f64| 127.0 + 60.0 * (x / 9.0).sin() + 60.0 * (y / 7.0).cos();
+        let src: Vec<u8> =
+            (0..src_size.area()).map(|i| level((i % 427) as f64, (i / 427) as f64).round() as u8).collect();
+        let table = WarpTable::new(out_size, src_size, map);
+        let mut out = vec![0; out_size.area()];
+        table.apply(&src, &mut out);
+        let mut judged = 0;
+        for (i, &got) in out.iter().enumerate() {
+            let p = map(Vec2::new((i % 327) as f64, (i / 327) as f64));
+            if !(p.x > 0.0 && p.y > 0.0 && p.x < 426.0 && p.y < 319.0) {
+                continue;
+            }
+            let (x, y) = (p.x.floor(), p.y.floor());
+            let at = |dx: usize, dy: usize| f64::from(src[(y as usize + dy) * 427 + x as usize + dx]);
+            let (fx, fy) = (p.x - x, p.y - y);
+            let above = at(0, 0) * (1.0 - fx) + at(1, 0) * fx;
+            let below = at(0, 1) * (1.0 - fx) + at(1, 1) * fx;
+            let exact = above * (1.0 - fy) + below * fy;
+            assert!((f64::from(got) - exact).abs() < 0.6, "pixel {i}: {got}, expected {exact}");
+            judged += 1;
+        }
+        assert!(judged > 90_000, "only {judged} pixels judged");
+    }
+}
