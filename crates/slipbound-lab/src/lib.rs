@@ -27,5 +27,10 @@
 //! ```
 
 pub mod contact;
+pub mod faults;
+mod jpeg;
 pub mod layer;
+pub mod objects;
+pub mod random;
+pub mod scenes;
 pub mod validation;

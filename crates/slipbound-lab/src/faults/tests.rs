@@ -1,0 +1,110 @@
+use super::*;
+use slipbound::port::Clock;
+
+const SIZE: SizePx = SizePx::new(64, 48);
+
+/// Frames of one grey, the level being the number of the frame plus 50, with a bright stripe in the middle.
+struct Plain {
+    next: u64,
+    count: u64,
+}
+
+impl FrameSource for Plain {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        if self.next == self.count {
+            return Ok(Next::End);
+        }
+        into.pixels = vec![50 + (self.next % 100) as u8; 3 * SIZE.area()];
+        into.pixels.chunks_exact_mut(3).filter(|_| true).enumerate().for_each(|(i, pixel)| {
+            if i % SIZE.width == SIZE.width / 2 {
+                pixel.fill(250);
+            }
+        });
+        (into.size, into.format, into.seq, into.clock) = (SIZE, PixelFormat::Rgb, self.next, Clock::Device);
+        into.time_ns = Some(self.next * 33_333_333);
+        Codec::new(SIZE, 95).encode(&into.pixels.clone(), &mut into.encoded)?;
+        self.next += 1;
+        Ok(Next::Frame)
+    }
+}
+
+/// What comes of 400 frames.
+#[derive(Debug, Default, PartialEq)]
+struct Seen {
+    seqs: Vec<u64>,
+    torn: Vec<u64>,
+    silent_count: u32,
+    pixels: Vec<Vec<u8>>,
+}
+
+fn run(faults: &str, seed: u64) -> Seen {
+    let mut source = Faulty::new(Plain { next: 0, count: 400 }, Faults::parse(faults).expect("sound"), seed);
+    let (mut seen, mut frame) = (Seen::default(), FrameBuffer::default());
+    loop {
+        match source.next(&mut frame).expect("no failure") {
+            Next::Frame => {
+                seen.seqs.push(frame.seq);
+                seen.pixels.push(frame.pixels.clone());
+            }
+            Next::Torn { .. } => seen.torn.push(frame.seq),
+            Next::Silent => seen.silent_count += 1,
+            Next::End => return seen,
+        }
+    }
+}
+
+#[test]
+fn faults_come_as_often_as_asked_and_the_same_for_the_same_seed() {
+    let seen = run("drop=0.2,torn=0.1,late=0.1", 7);
+    assert_eq!(seen, run("drop=0.2,torn=0.1,late=0.1", 7));
+    assert_ne!(seen.seqs, run("drop=0.2,torn=0.1,late=0.1", 8).seqs);
+    let came = seen.seqs.len() + seen.torn.len();
+    assert!((290..350).contains(&came), "{came} of 400 came");
+    assert!((15..55).contains(&seen.torn.len()), "{} torn", seen.torn.len());
+    assert!((30..150).contains(&seen.silent_count), "{} times silent", seen.silent_count);
+    assert!(seen.seqs.windows(2).all(|pair| pair[0] < pair[1]), "late frames keep their order");
+}
+
+#[test]
+fn without_faults_nothing_changes() {
+    let seen = run("drop=0", 1);
+    assert_eq!(seen.seqs, (0..400).collect::<Vec<_>>());
+    assert_eq!((seen.torn.len(), seen.silent_count), (0, 0));
+    assert_eq!(seen.pixels[7][0], 57);
+}
+
+#[test]
+fn a_stale_frame_shows_the_picture_before_under_its_own_number() {
+    let seen = run("stale=0.3", 3);
+    assert_eq!(seen.seqs, (0..400).collect::<Vec<_>>());
+    let stale = (1..100).filter(|&n| seen.pixels[n] == seen.pixels[n - 1]).count();
+    assert!((15..50).contains(&stale), "{stale} of 99");
+}
+
+#[test]
+fn light_and_lens_change_pixels() {
+    let stripe = |seen: &Seen, n: usize| seen.pixels[n][3 * (20 * SIZE.width + SIZE.width / 2)];
+    let ground = |seen: &Seen, n: usize| f64::from(seen.pixels[n][3 * 20 * SIZE.width]);
+    let blurred = run("blur=1", 1);
+    assert!(stripe(&blurred, 0) < 100, "the stripe is spread out: {}", stripe(&blurred, 0));
+    let drifting = run("drift=3", 1);
+    // 90 frames of a thirtieth of a second: 3 s, so 15 % brighter.
+    assert!((ground(&drifting, 90) / 140.0 - 1.15).abs() < 0.03, "{}", ground(&drifting, 90));
+    let flickering = run("flicker=0.3", 1);
+    let gains: Vec<f64> = (0..90).map(|n| ground(&flickering, n) / (50.0 + n as f64)).collect();
+    assert!(gains.iter().any(|gain| *gain > 1.2) && gains.iter().any(|gain| *gain < 0.8), "{gains:?}");
+    let dead = run("dead=40", 1);
+    assert_ne!(dead.pixels[0], run("drop=0", 1).pixels[0]);
+}
+
+#[test]
+fn faults_out_of_range_are_refused_by_name() {
+    for (text, expected) in [
+        ("drop=2", "fault: expected drop= and a number from 0 to 0.9, got drop=2"),
+        ("drop", "fault: expected drop= and a number from 0 to 0.9, got drop"),
+        ("torn=NaN", "fault: expected torn= and a number from 0 to 0.9, got torn=NaN"),
+    ] {
+        assert_eq!(Faults::parse(text).expect_err("refused").to_string(), expected);
+    }
+    assert!(Faults::parse("gremlins=1").expect_err("unknown").to_string().contains("drop, late, stale, torn"));
+}

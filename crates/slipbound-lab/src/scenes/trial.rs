@@ -1,0 +1,174 @@
+//! A scene with all its parameters: what it takes to make the same frames again.
+
+use super::{Course, Key, Scene};
+use crate::faults::Faults;
+use crate::objects::Object;
+use serde::{Deserialize, Serialize};
+use slipbound::sensor::SettingError;
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// The largest whole number up to which JSON readers are exact.
+const LARGEST_SEED: u64 = 1 << 53;
+
+/// The value of a parameter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Value {
+    /// A number, in the unit its key names.
+    Number(f64),
+    /// A word.
+    Word(String),
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Value::Number(number) => write!(f, "{number}"),
+            Value::Word(word) => f.write_str(word),
+        }
+    }
+}
+
+/// A scene, a seed and a value for every key the scene takes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Written", into = "Written")]
+pub struct Trial {
+    scene: &'static Scene,
+    /// What the noise of the camera and the faults are drawn from.
+    pub seed: u64,
+    values: BTreeMap<&'static str, Value>,
+}
+
+/// A trial as a file has it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    scene: String,
+    #[serde(default)]
+    seed: u64,
+    #[serde(default)]
+    set: BTreeMap<String, Value>,
+}
+
+impl TryFrom<Written> for Trial {
+    type Error = SettingError;
+    fn try_from(written: Written) -> Result<Self, SettingError> {
+        let trial = Trial::new(&written.scene)?.with("seed", &written.seed.to_string())?;
+        written.set.iter().try_fold(trial, |trial, (key, value)| trial.with(key, &value.to_string()))
+    }
+}
+
+impl From<Trial> for Written {
+    fn from(trial: Trial) -> Self {
+        let set = trial.values.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+        Written { scene: trial.scene.name.into(), seed: trial.seed, set }
+    }
+}
+
+impl PartialEq for Scene {
+    fn eq(&self, other: &Scene) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Trial {
+    /// A scene with every parameter at its default and seed 0.
+    pub fn new(scene: &str) -> Result<Self, SettingError> {
+        let scene = Scene::named(scene)?;
+        let values = scene.keys().map(|key| {
+            let default = scene.default_of(key.name).unwrap_or(key.default);
+            key.read(default).map(|value| (key.name, value))
+        });
+        Ok(Trial { scene, seed: 0, values: values.collect::<Result<_, _>>()? })
+    }
+
+    /// `SCENE` or `SCENE?key=value&key=value`. `seed` is a key too.
+    pub fn parse(text: &str) -> Result<Self, SettingError> {
+        let (scene, settings) = text.split_once('?').unwrap_or((text, ""));
+        settings.split('&').filter(|setting| !setting.is_empty()).try_fold(Trial::new(scene)?, Trial::with_setting)
+    }
+
+    /// The trial with `key=value`.
+    pub fn with_setting(self, setting: &str) -> Result<Self, SettingError> {
+        let (key, value) = setting.split_once('=').ok_or_else(|| SettingError {
+            key: setting.into(),
+            got: "no value".into(),
+            expected: "key=value".into(),
+        })?;
+        self.with(key, value)
+    }
+
+    /// The trial with another value of a key. Refuses unknown keys and values out of range.
+    pub fn with(mut self, key: &str, value: &str) -> Result<Self, SettingError> {
+        if key == "seed" {
+            self.seed = value.parse().ok().filter(|seed| *seed <= LARGEST_SEED).ok_or_else(|| SettingError {
+                key: key.into(),
+                got: value.into(),
+                expected: format!("a whole number from 0 to {LARGEST_SEED}"),
+            })?;
+            return Ok(self);
+        }
+        let key = Key::of(self.scene, key)?;
+        self.values.insert(key.name, key.read(value)?);
+        Ok(self)
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &'static Scene {
+        self.scene
+    }
+
+    /// All keys and values, in the order of the keys' names.
+    pub fn values(&self) -> impl Iterator<Item = (&'static str, &Value)> {
+        self.values.iter().map(|(key, value)| (*key, value))
+    }
+
+    /// The number of a key. A panic when the scene does not take it, as an index of a slice.
+    pub fn number(&self, key: &str) -> f64 {
+        match self.values.get(key) {
+            Some(Value::Number(number)) => *number,
+            other => panic!("{}: {key} is {other:?}", self.scene.name),
+        }
+    }
+
+    /// The word of a key. A panic when the scene does not take it.
+    pub fn word(&self, key: &str) -> &str {
+        match self.values.get(key) {
+            Some(Value::Word(word)) => word,
+            other => panic!("{}: {key} is {other:?}", self.scene.name),
+        }
+    }
+
+    /// What is held.
+    pub fn object(&self) -> &'static Object {
+        Object::named(self.word("object")).expect("the name was looked up when it was set")
+    }
+
+    /// The friction coefficient: the one set, or the object's.
+    pub fn mu(&self) -> f64 {
+        match self.values["mu"] {
+            Value::Number(mu) => mu,
+            Value::Word(_) => self.object().mu,
+        }
+    }
+
+    /// The faults; None for none.
+    pub fn faults(&self) -> Option<Faults> {
+        let text = self.word("fault");
+        (text != "none").then(|| Faults::parse(text).expect("the text was read when it was set"))
+    }
+
+    /// What happens over time. Refuses parameters that do not go together.
+    pub fn course(&self) -> Result<Course, SettingError> {
+        (self.scene.course)(self)
+    }
+}
+
+/// As [`Trial::parse`] reads it, with all parameters.
+impl fmt::Display for Trial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}?seed={}", self.scene.name, self.seed)?;
+        self.values.iter().try_for_each(|(key, value)| write!(f, "&{key}={value}"))
+    }
+}

@@ -1,0 +1,337 @@
+//! One finger, one object, one camera, stepped through a trial: frames as a camera would deliver them, and the truth.
+//!
+//! ```text
+//!   Trial --> Course --> Finger (contact, 120 steps a second) --> Renderer (30 frames a second) --> JPEG --> frame
+//!                          `--------------------------------------------------> FrameTruth
+//! ```
+//!
+//! Frame n shows the finger at n/30 s by the world's own clock ([`Clock::Device`]). The exposure has no length, so
+//! that time is its middle. Frames before the object touches show the finger at rest. A frame is encoded as JPEG
+//! and decoded again, so a live run sees what a recording of it would show.
+//!
+//! Gross slip, and with it the load fraction f, is defined in [`GrossRule`].
+
+mod gross;
+mod load;
+mod truth;
+
+pub use gross::{GROSS_FRICTION_FRACTION, Gross, GrossRule};
+pub use truth::{FrameTruth, SlipTruth, TRUTH_FORMAT_VERSION, TimedEvent, TruthHeader, complete, runs, unpacked};
+
+use crate::contact::{Command, Displacement, Drive, Event, Finger, FingerSettings, Friction, Grid, Grip, Pose, Wrench};
+use crate::jpeg::Codec;
+use crate::random::Random;
+use crate::render::{Renderer, Surface};
+use crate::scenes::{Course, Pull, Trial};
+use gross::GrossWatch;
+use slipbound::plane::Vec2;
+use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
+use slipbound::sensor::{Sensor, SettingError};
+
+/// Frames per second.
+pub const FRAME_RATE_HZ: u64 = 30;
+
+/// Steps of the contact between two frames.
+pub const SUBSTEPS_COUNT: u64 = 4;
+
+/// How far an object that is pulled may slide after gross slip before the trial ends, in mm. Beyond that it only
+/// leaves the pad.
+const LAST_SLIDE_MM: f64 = 3.0;
+
+/// A trial as it runs.
+#[derive(Debug)]
+pub struct World {
+    trial: Trial,
+    course: Course,
+    start: Pose,
+    finger: Finger,
+    camera: Renderer,
+    codec: Codec,
+    rest_frames: u64,
+    frames_count: u64,
+    next_frame: u64,
+    steps_count: u64,
+    /// The wrench of full slip when a ramp begins.
+    full_slip: Option<Wrench>,
+    load: f64,
+    gross: GrossWatch,
+    events: Vec<TimedEvent>,
+    displacement: Vec<Displacement>,
+    rgb: Vec<u8>,
+    truth: FrameTruth,
+}
+
+impl World {
+    /// The world of a trial, before its first frame. Refuses what the scene, the object or the contact cannot be.
+    pub fn new(trial: &Trial) -> Result<Self, SettingError> {
+        let course = trial.course()?;
+        let object = trial.object();
+        let grid = if trial.word("grid") == "fast" { Grid::fast() } else { Grid::standard() };
+        let settings = FingerSettings {
+            grid,
+            soft_object: object.softness,
+            friction: Friction::constant(trial.mu()),
+            substep_s: 1.0 / (FRAME_RATE_HZ * SUBSTEPS_COUNT) as f64,
+            ..FingerSettings::standard()
+        };
+        let start = Pose {
+            position_mm: Vec2::new(trial.number("at_x_mm"), trial.number("at_y_mm")),
+            turn_rad: trial.number("turn_deg").to_radians(),
+        };
+        let surface = object.surface();
+        check_place(&grid, &start, &surface)?;
+        let finger = Finger::new(settings, surface)?;
+        let camera = match trial.word("camera") {
+            "gelsight_mini" => Renderer::gelsight_mini(trial.seed),
+            _ => Renderer::gelslim(trial.seed),
+        };
+        let size = camera.size();
+        let rest_frames = trial.number("rest_frames") as u64;
+        let moving_frames = (course.path.seconds_s() * FRAME_RATE_HZ as f64 - 1e-9).ceil() as u64;
+        let mut world = World {
+            gross: GrossWatch::new(course.load_from_s),
+            frames_count: rest_frames + moving_frames,
+            codec: Codec::new(size, trial.number("jpeg_quality") as u8),
+            rgb: vec![0; 3 * size.area()],
+            displacement: vec![Displacement::default(); grid.cells_count()],
+            truth: FrameTruth::default(),
+            trial: trial.clone(),
+            course,
+            start,
+            finger,
+            camera,
+            rest_frames,
+            next_frame: 0,
+            steps_count: 0,
+            full_slip: None,
+            load: 0.0,
+            events: Vec::new(),
+        };
+        world.put_in_place()?;
+        Ok(world)
+    }
+
+    /// The facts of the finger as its camera sees it.
+    pub fn sensor(&self) -> Sensor {
+        self.camera.sensor()
+    }
+
+    /// The trial.
+    pub fn trial(&self) -> &Trial {
+        &self.trial
+    }
+
+    /// The cells of the gel.
+    pub fn grid(&self) -> Grid {
+        self.finger.settings().grid
+    }
+
+    /// The contact, as it is at the last frame.
+    pub fn finger(&self) -> &Finger {
+        &self.finger
+    }
+
+    /// Positions of the markers on the gel at rest, in mm.
+    pub fn markers_at_rest_mm(&self) -> &[Vec2] {
+        self.camera.markers_at_rest_mm()
+    }
+
+    /// What is true of the last frame.
+    pub fn truth(&self) -> &FrameTruth {
+        &self.truth
+    }
+
+    /// When the object began to slide as a whole, and under which load; None while it has not.
+    pub fn gross(&self) -> Option<Gross> {
+        self.gross.found()
+    }
+
+    /// Most frames there can be; fewer come when an object that is pulled slides away.
+    pub fn most_frames_count(&self) -> u64 {
+        self.frames_count
+    }
+
+    /// Goes on to the next frame without a picture of it. None when the trial is over.
+    pub fn advance(&mut self) -> Result<Option<&FrameTruth>, SettingError> {
+        if self.next_frame >= self.frames_count || self.has_slid_away() {
+            return Ok(None);
+        }
+        let frame = self.next_frame;
+        self.next_frame += 1;
+        self.events.clear();
+        if frame >= self.rest_frames {
+            for _ in 0..SUBSTEPS_COUNT {
+                self.substep()?;
+            }
+        }
+        for (cell, displacement) in self.displacement.iter_mut().enumerate() {
+            *displacement = self.finger.displacement(cell);
+        }
+        self.truth = self.truth_of(frame);
+        Ok(Some(&self.truth))
+    }
+
+    /// The picture of the frame that [`World::advance`] went on to, as an encoded JPEG.
+    pub fn photograph(&mut self, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
+        self.photograph_with(Random::of(self.trial.seed, self.truth.frame).next_u64(), jpeg)
+    }
+
+    /// Another picture of the finger at rest, with noise of its own. Before the first frame only: it shows the gel
+    /// as it is now.
+    pub fn photograph_rest(&mut self, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
+        self.photograph_with(Random::of(self.trial.seed, u64::MAX).next_u64(), jpeg)
+    }
+
+    fn photograph_with(&mut self, seed: u64, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
+        let grid = self.grid();
+        let surface =
+            Surface { grid: &grid, displacement: &self.displacement, pressure_mpa: self.finger.pressure_mpa() };
+        self.camera.render(&surface, seed, &mut self.rgb);
+        self.codec.encode(&self.rgb, jpeg)
+    }
+
+    /// Moves the object, still off the gel, to where the trial wants it, and puts it at rest there.
+    fn put_in_place(&mut self) -> Result<(), SettingError> {
+        let off = Command { grip: Grip::ForceN(0.0), pose: self.start, roll_mm: Vec2::ZERO, wrench: Wrench::default() };
+        self.finger.step(&off)?;
+        self.finger.step(&off)?; // a second time, for the first left it with a velocity
+        self.set_drive(self.course.drive)
+    }
+
+    fn set_drive(&mut self, drive: Drive) -> Result<(), SettingError> {
+        let fingers_count = self.course.fingers_count;
+        self.finger.set_body(crate::contact::Body { drive, fingers_count })
+    }
+
+    /// Time of the path after a number of substeps, in s.
+    fn path_s(&self, steps_count: u64) -> f64 {
+        steps_count as f64 * self.finger.settings().substep_s
+    }
+
+    /// The same on the clock of the frames.
+    fn clock_s(&self, path_s: f64) -> f64 {
+        path_s + (self.rest_frames - 1) as f64 / FRAME_RATE_HZ as f64
+    }
+
+    fn substep(&mut self) -> Result<(), SettingError> {
+        self.steps_count += 1;
+        let now_s = self.path_s(self.steps_count);
+        let mut command = self.course.path.at(now_s);
+        command.pose.position_mm += self.start.position_mm;
+        command.pose.turn_rad += self.start.turn_rad;
+        let since_s = self.course.load_from_s.map(|from_s| now_s - from_s).filter(|&since_s| since_s > 1e-9);
+        if let Some(since_s) = since_s {
+            command.wrench = self.pull(since_s)?;
+        }
+        self.finger.step(&command)?;
+        if since_s.is_some() && self.course.pull == Pull::None {
+            self.load = load::along(&self.finger.truth().wrench, self.course.along);
+        }
+        let time_s = self.clock_s(now_s);
+        self.note_events(time_s);
+        if self.gross.see(&self.finger, now_s, time_s, self.load) {
+            self.events.push(TimedEvent { event: Event::Gross, time_s });
+        }
+        Ok(())
+    }
+
+    /// The wrench that acts beside the path, at a time since it began.
+    fn pull(&mut self, since_s: f64) -> Result<Wrench, SettingError> {
+        let pull = self.course.pull;
+        if pull != Pull::None {
+            self.load = pull.load(since_s);
+        }
+        match pull {
+            Pull::None => Ok(Wrench::default()),
+            Pull::Ramp { direction_rad, twist_fraction, .. } => {
+                let finger = &self.finger;
+                let full = *self.full_slip.get_or_insert_with(|| load::full_slip(finger, direction_rad));
+                let (turning, pulling) = (twist_fraction * std::f64::consts::FRAC_PI_2).sin_cos();
+                Ok(Wrench {
+                    force_n: full.force_n * (self.load * pulling),
+                    torque_n_mm: full.torque_n_mm * (self.load * turning),
+                })
+            }
+            Pull::Weight { direction_rad, .. } => {
+                if let (Drive::Free(mut inertia), Some(mass_kg)) = (self.course.drive, pull.mass_kg(since_s)) {
+                    inertia.mass_kg = mass_kg;
+                    self.set_drive(Drive::Free(inertia))?;
+                }
+                let (s, c) = direction_rad.sin_cos();
+                Ok(Wrench { force_n: Vec2::new(c, s) * self.load, torque_n_mm: 0.0 })
+            }
+        }
+    }
+
+    fn note_events(&mut self, time_s: f64) {
+        // The contact's own gross event is replaced by ours, see `GrossRule`.
+        let own = self.finger.truth().events.iter().filter(|event| *event != Event::Gross);
+        self.events.extend(own.map(|event| TimedEvent { event, time_s }));
+    }
+
+    /// Whether an object that nothing holds back has left the place where it let go.
+    fn has_slid_away(&self) -> bool {
+        let pulled = self.course.pull != Pull::None;
+        pulled
+            && self.gross.found().is_some_and(|gross| {
+                (self.finger.truth().pose.position_mm - gross.pose.position_mm).length() > LAST_SLIDE_MM
+                    || (self.finger.truth().pose.turn_rad - gross.pose.turn_rad).abs() > 0.5
+            })
+    }
+
+    fn truth_of(&self, frame: u64) -> FrameTruth {
+        let surface =
+            Surface { grid: &self.grid(), displacement: &self.displacement, pressure_mpa: self.finger.pressure_mpa() };
+        let markers = self.camera.markers_at_rest_mm().iter().enumerate().map(|(n, &rest_mm)| {
+            let moved = self.finger.displacement_at(rest_mm);
+            let px = self.camera.marker_px(n, &surface);
+            [moved.shift_mm.x, moved.shift_mm.y, moved.depth_mm, px.x, px.y]
+        });
+        let time_ns = (frame * 1_000_000_000 + FRAME_RATE_HZ / 2) / FRAME_RATE_HZ;
+        let mut truth = FrameTruth::of(&self.finger, frame, time_ns, markers);
+        truth.friction_used_fraction = self.gross.friction_used_fraction();
+        truth.load = self.course.load_from_s.map(|_| self.load);
+        truth.events.clone_from(&self.events);
+        truth
+    }
+}
+
+/// Refuses a place on the pad where the object would reach over its border.
+fn check_place(grid: &Grid, start: &Pose, shape: &dyn crate::contact::shape::Shape) -> Result<(), SettingError> {
+    let half = shape.half_size_mm();
+    let (s, c) = start.turn_rad.sin_cos();
+    let room = grid.half_size_mm() - Vec2::new(grid.cell_mm, grid.cell_mm);
+    let reach = Vec2::new((c * half.x).abs() + (s * half.y).abs(), (s * half.x).abs() + (c * half.y).abs());
+    for (key, at, reach, room) in
+        [("at_x_mm", start.position_mm.x, reach.x, room.x), ("at_y_mm", start.position_mm.y, reach.y, room.y)]
+    {
+        if at.abs() + reach > room {
+            return Err(SettingError {
+                key: format!("object, turn_deg, {key}"),
+                got: format!("an object that reaches from {:.2} to {:.2} mm", at - reach, at + reach),
+                expected: format!("at most {room:.2} mm to either side, the pad less a cell all round"),
+            });
+        }
+    }
+    Ok(())
+}
+
+impl FrameSource for World {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        if self.advance()?.is_none() {
+            return Ok(Next::End);
+        }
+        self.photograph(&mut into.encoded)?;
+        into.seq = self.truth.frame;
+        into.time_ns = Some(self.truth.time_ns);
+        into.clock = Clock::Device;
+        into.label.clear();
+        self.codec.decode(into)?;
+        Ok(Next::Frame)
+    }
+
+    /// Known where nothing can slide away.
+    fn frames_count(&self) -> Option<u64> {
+        (self.course.pull == Pull::None).then_some(self.frames_count)
+    }
+}
