@@ -182,7 +182,7 @@ impl SlipMonitor {
         self.reference_seq = seq;
         for m in &mut self.markers.all {
             m.reference = m.now;
-            m.in_reference = m.matched;
+            m.in_reference = m.whole;
         }
     }
 
@@ -248,6 +248,7 @@ impl SlipMonitor {
         let (state, reason) = match () {
             _ if half_lost => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             _ if !self.contact.touches => (SlipState::NoContact, None),
+            // Deviation: D11 unsure
             _ if unsure => (SlipState::Unsure, Some(Reason::ContactQuality)),
             _ if self.slip.slips => (SlipState::Incipient, None),
             _ => (SlipState::Stick, None),

@@ -108,6 +108,7 @@ impl Markers {
                 reference: m.position,
                 now: m.position,
                 matched: true,
+                whole: true,
                 in_reference: true,
                 in_contact: false,
                 inner: false,
@@ -136,6 +137,7 @@ impl Markers {
         m.take_spots(spots);
         m.least_response(self.tracks.iter().map(|t| keep * t.rest.response_levels));
 
+        // Deviation: D6 prediction and neighbours
         // Where is each? Its own motion goes on, or it stands still: whichever explains the spots better.
         let still = self.all.iter().map(|m| m.now);
         let moving = self.all.iter().zip(&self.tracks).map(|(m, t)| m.now + t.step);
@@ -158,6 +160,7 @@ impl Markers {
             let found = whole.or_else(|| self.matching.cut(&self.all, i, imprint.size()));
             let marker = &mut self.all[i];
             marker.matched = found.is_some();
+            marker.whole = whole.is_some();
             marker.now = found.unwrap_or_else(|| self.matching.expected(i));
             self.matched_count += u32::from(marker.matched);
             self.tracks[i].step = if marker.matched && known_before { marker.now - before } else { Vec2::ZERO };

@@ -26,7 +26,7 @@ pub struct RestSettings {
     pub calm_levels: f64,
     /// A frame counts as dark when its brightness is off the window's median by more than this share.
     pub brightness_fraction: f64,
-    /// Smooth gel: sharper differences between neighbouring cells than this are an imprint, not illumination.
+    /// Smooth gel whose file does not say how sharp its illumination is: what is sharper than this is an imprint.
     pub imprint_levels: f64,
     /// Fewest markers a rest frame must show.
     pub markers_min_count: u32,
@@ -55,6 +55,9 @@ impl RestSettings {
         within("rest.markers_min_count", f64::from(self.markers_min_count), 4.0, 1000.0)
     }
 }
+
+/// An imprint is sharper than the untouched finger by this factor; noise and JPEG move it by a tenth.
+const IMPRINT_RATIO: f64 = 1.35;
 
 /// Fewer calm frames in a row than this may be the turning point of a motion.
 const CALM_FRAMES_COUNT: usize = 3;
@@ -120,6 +123,9 @@ pub struct RestLook {
     pub mean_levels: Option<f64>,
     /// 99th percentile of the change of a cell since the frame before, in levels; infinite for the first.
     pub change_levels: f64,
+    /// How sharp the picture is between the markers: an imprint is, illumination is not. Smooth gel: grey levels
+    /// (compare [`RestSettings::imprint_levels`]); fabric: the share of the image that looks like pressed weave.
+    pub sharpness: f64,
     /// Whether the frame shows an imprint.
     pub touched: bool,
 }
@@ -176,7 +182,7 @@ pub struct RestBuilder {
     imprint: Imprint,
     map: CellMap,
     detector: Detector,
-    before: Option<Vec<[f32; 3]>>,
+    looks: Vec<Picture>,
     grey_sum: Vec<u32>,
     cells_sum: Vec<[f32; 3]>,
     frames_count: u32,
@@ -194,7 +200,7 @@ impl RestBuilder {
         let map = CellMap::new(&sensor, &imprint.cells);
         Ok(RestBuilder {
             detector: Detector::new(&sensor, &settings.markers),
-            before: None,
+            looks: Vec::new(),
             grey_sum: vec![0; sensor.rectified_px().area()],
             cells_sum: vec![[0.0; 3]; map.count()],
             frames_count: 0,
@@ -213,42 +219,86 @@ impl RestBuilder {
 
     /// Looks at a candidate; call it on the first frames in their order.
     pub fn look(&mut self, frame: &Frame<'_>) -> RestLook {
-        let unusable = RestLook { mean_levels: None, change_levels: f64::INFINITY, touched: true };
+        let mut look =
+            RestLook { mean_levels: None, change_levels: f64::INFINITY, sharpness: f64::INFINITY, touched: true };
         if self.imprint.take(frame).is_err() {
-            self.before = None;
-            return unusable;
+            self.looks.push(Picture::default());
+            return look;
         }
-        let now: Vec<[f32; 3]> = (0..self.map.count()).map(|i| self.map.colour(&self.imprint.cells, i)).collect();
-        let change_levels = self.before.as_ref().map_or(f64::INFINITY, |before| change_levels(before, &now));
-        let touched = match self.sensor.skin {
+        let radius_px = (0.4 * self.sensor.pitch_px).max(cover_radius_px(&self.sensor));
+        let now = Picture {
+            cells: (0..self.map.count()).map(|i| self.map.colour(&self.imprint.cells, i)).collect(),
+            covered: self.covered(radius_px),
+        };
+        let before = self.looks.last().filter(|p| !p.cells.is_empty());
+        look.change_levels = before.map_or(f64::INFINITY, |before| before.change_levels(&now));
+        let sharpest_at_rest = match self.sensor.skin {
             Skin::Fabric => {
-                let share = texture_share(&self.sensor, &self.settings.contact, &self.imprint);
-                share > self.settings.contact.on_area_fraction
+                look.sharpness = texture_share(&self.sensor, &self.settings.contact, &self.imprint);
+                self.settings.contact.on_area_fraction
             }
             Skin::Smooth => {
-                let covered = self.covered();
                 let border_cells = (self.sensor.marker_diameter_px / self.map.cell_px as f64).ceil() as usize;
-                let roughness = roughness_levels(&now, &covered, self.map.columns, border_cells);
-                roughness > self.settings.rest.imprint_levels
+                look.sharpness = roughness_levels(&now.cells, &now.covered, self.map.columns, border_cells);
+                let own = self.sensor.bare_sharpness_levels.map(|bare| IMPRINT_RATIO * bare);
+                own.unwrap_or(self.settings.rest.imprint_levels)
             }
         };
-        self.before = Some(now);
-        RestLook { mean_levels: Some(self.imprint.mean_levels), change_levels, touched }
+        look.mean_levels = Some(self.imprint.mean_levels);
+        look.touched = look.sharpness > sharpest_at_rest;
+        self.looks.push(now);
+        look
     }
 
     /// Cells that a marker covers in the picture taken last.
-    fn covered(&mut self) -> Vec<bool> {
+    fn covered(&mut self, radius_px: f64) -> Vec<bool> {
         let mut covered = vec![false; self.map.count()];
-        let radius_px = cover_radius_px(&self.sensor);
         for spot in self.detector.spots(&self.imprint, self.settings.markers.birth_min_levels) {
             self.map.cover(spot.position, radius_px, &mut covered);
         }
         covered
     }
 
-    /// The calm run to average: untouched before touched, then the longest, then the first. Dark frames and frames
-    /// of another brightness than most (a camera still settling, a stale buffer) are passed over.
+    /// The calm run to average. Frames of another brightness than most (dark, stale, a camera still settling) are
+    /// passed over; a run of several frames goes before a moment, untouched goes before touched. Of untouched runs
+    /// that show the same, the longest. Where they differ, one of them is touched too lightly to tell by itself: then
+    /// the first run, which was touched if it is the sharper.
+    ///
+    /// `looks` are the answers of [`RestBuilder::look`] in their order.
     pub fn choose(&self, looks: &[RestLook]) -> Result<RestChoice, RestError> {
+        let mut choice = self.best_run(looks)?;
+        choice.frames.end = choice.frames.end.min(choice.frames.start + self.settings.rest.average_count as usize);
+        Ok(choice)
+    }
+
+    fn best_run(&self, looks: &[RestLook]) -> Result<RestChoice, RestError> {
+        let runs = self.runs(looks)?;
+        let long = |r: &&RestChoice| r.frames.len() >= CALM_FRAMES_COUNT;
+        let untouched = |r: &&RestChoice| r.kind == RestKind::Unloaded;
+        let candidates: Vec<&RestChoice> = match runs.iter().filter(long).count() {
+            0 => runs.iter().collect(),
+            _ => runs.iter().filter(long).collect(),
+        };
+        let Some(&first) = candidates.iter().find(|r| untouched(r)) else {
+            return Ok(candidates[0].clone());
+        };
+        let sharpness =
+            |r: &RestChoice| looks[r.frames.clone()].iter().map(|l| l.sharpness).sum::<f64>() / r.frames.len() as f64;
+        let others = || candidates.iter().filter(|r| untouched(r) && r.frames != first.frames);
+        let mut choice = first.clone();
+        if others().any(|other| self.differ(first, other)) {
+            let sharper = others().any(|other| self.differ(first, other) && sharpness(first) > sharpness(other));
+            choice.kind = if sharper { RestKind::InContact } else { RestKind::Unloaded };
+        } else if let Some(longest) = others().max_by_key(|r| (r.frames.len(), usize::MAX - r.frames.start)) {
+            if longest.frames.len() > first.frames.len() {
+                choice = (*longest).clone();
+            }
+        }
+        Ok(choice)
+    }
+
+    /// Calm runs of frames of the usual brightness, in their order; at least one.
+    fn runs(&self, looks: &[RestLook]) -> Result<Vec<RestChoice>, RestError> {
         let settings = &self.settings.rest;
         let mut brightness: Vec<f64> = looks.iter().filter_map(|l| l.mean_levels).collect();
         let unusable_count = looks.len() - brightness.len();
@@ -258,32 +308,27 @@ impl RestBuilder {
         };
         let bright =
             |l: &RestLook| l.mean_levels.is_some_and(|m| (m - median).abs() <= settings.brightness_fraction * median);
-        let mut best: Option<RestChoice> = None;
-        let mut from = 0;
-        while from < looks.len() {
-            if !bright(&looks[from]) {
-                from += 1;
-                continue;
+        let mut runs: Vec<RestChoice> = Vec::new();
+        for (i, look) in looks.iter().enumerate().filter(|(_, l)| bright(l)) {
+            let kind = if look.touched { RestKind::InContact } else { RestKind::Unloaded };
+            match runs.last_mut() {
+                Some(run) if run.frames.end == i && run.kind == kind && look.change_levels < settings.calm_levels => {
+                    run.frames.end = i + 1;
+                }
+                _ => runs.push(RestChoice { frames: i..i + 1, kind }),
             }
-            let touched = looks[from].touched;
-            let calm = |l: &RestLook| bright(l) && l.touched == touched && l.change_levels < settings.calm_levels;
-            let end = from + 1 + looks[from + 1..].iter().take_while(|l| calm(l)).count();
-            let most = from + settings.average_count as usize;
-            let kind = if touched { RestKind::InContact } else { RestKind::Unloaded };
-            let run = RestChoice { frames: from..end.min(most), kind };
-            // More than a moment before a moment; untouched before touched; of untouched runs the longest, of touched
-            // ones the first: a recording that starts in contact is judged from its start.
-            let rank = |r: &RestChoice| {
-                let untouched = r.kind == RestKind::Unloaded;
-                (r.frames.len() >= CALM_FRAMES_COUNT, untouched, if untouched { r.frames.len() } else { 0 })
-            };
-            let better = best.as_ref().is_none_or(|b| rank(&run) > rank(b));
-            if better {
-                best = Some(run);
-            }
-            from = end;
         }
-        best.ok_or(RestError::NoCalmFrame { looked_at_count: looks.len(), unusable_count })
+        Ok(runs)
+    }
+
+    /// Whether something was there in one run and not in the other: a share of the cells as large as a contact has
+    /// changed as much as a contact changes them.
+    fn differ(&self, a: &RestChoice, b: &RestChoice) -> bool {
+        // The middle frame stands for a calm run.
+        let middle = |r: &RestChoice| self.looks.get((r.frames.start + r.frames.end) / 2);
+        let (Some(a), Some(b)) = (middle(a), middle(b)) else { return false };
+        let contact = &self.settings.contact;
+        a.changed_share(b, contact.change_levels as f32) > contact.on_area_fraction
     }
 
     /// Averages a frame into the rest frame.
@@ -307,13 +352,14 @@ impl RestBuilder {
             return Err(RestError::Empty);
         }
         let n = self.frames_count;
+        // Deviation: D2 averaged rest
         self.imprint.put_grey(self.grey_sum.iter().map(|sum| ((sum + n / 2) / n) as u8));
         let markers = self.detector.markers_at_rest(&self.imprint);
         let expected_count = self.settings.rest.markers_min_count;
         if markers.len() < expected_count as usize {
             return Err(RestError::FewMarkers { expected_count, got_count: markers.len() });
         }
-        let cells_covered = self.covered();
+        let cells_covered = self.covered(cover_radius_px(&self.sensor));
         let mut cells: Vec<[f32; 3]> = self.cells_sum.iter().map(|s| s.map(|v| v / n as f32)).collect();
         if kind == RestKind::InContact && self.sensor.skin == Skin::Smooth {
             illumination(&mut cells, &cells_covered, self.map.columns);
@@ -331,12 +377,37 @@ impl RestBuilder {
     }
 }
 
-/// 99th percentile over the cells of the change of their most changed channel.
-fn change_levels(before: &[[f32; 3]], now: &[[f32; 3]]) -> f64 {
-    let mut changes: Vec<f32> =
-        before.iter().zip(now).map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max)).collect();
-    let at = (changes.len() * 99 / 100).min(changes.len() - 1);
-    f64::from(*changes.select_nth_unstable_by(at, f32::total_cmp).1)
+/// The cells of a frame that was looked at; empty when it could not be judged.
+#[derive(Debug, Clone, Default)]
+struct Picture {
+    cells: Vec<[f32; 3]>,
+    covered: Vec<bool>,
+}
+
+impl Picture {
+    /// Change of the most changed channel of every cell.
+    fn changes<'a>(&'a self, other: &'a Picture) -> impl Iterator<Item = f32> + 'a {
+        let most = |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
+        self.cells.iter().zip(&other.cells).map(move |(a, b)| most(a, b))
+    }
+
+    /// 99th percentile of the change.
+    fn change_levels(&self, other: &Picture) -> f64 {
+        let mut changes: Vec<f32> = self.changes(other).collect();
+        let at = (changes.len() * 99 / 100).min(changes.len() - 1);
+        f64::from(*changes.select_nth_unstable_by(at, f32::total_cmp).1)
+    }
+
+    /// Share of the cells free of markers in both that changed by more than a level.
+    fn changed_share(&self, other: &Picture, level: f32) -> f64 {
+        let free = |i: usize| !self.covered[i] && !other.covered[i];
+        let (mut changed, mut count) = (0u32, 0u32);
+        for (_, change) in self.changes(other).enumerate().filter(|(i, _)| free(*i)) {
+            changed += u32::from(change > level);
+            count += 1;
+        }
+        f64::from(changed) / f64::from(count.max(1))
+    }
 }
 
 #[cfg(test)]
@@ -344,7 +415,7 @@ mod tests {
     use super::*;
 
     fn look(mean_levels: f64, change_levels: f64, touched: bool) -> RestLook {
-        RestLook { mean_levels: Some(mean_levels), change_levels, touched }
+        RestLook { mean_levels: Some(mean_levels), change_levels, sharpness: if touched { 9.0 } else { 3.0 }, touched }
     }
 
     fn choose(looks: &[RestLook]) -> Result<RestChoice, RestError> {
@@ -368,9 +439,33 @@ mod tests {
         assert_eq!(choose(&looks), Ok(RestChoice { frames: 0..6, kind: RestKind::InContact }));
     }
 
+    /// A light touch is too weak to be told by itself. When it goes, the picture changes and gets smoother: it was one.
+    /// When it comes, the picture changes and gets sharper: before, there was none.
+    #[test]
+    fn a_light_touch_is_told_by_what_changes() {
+        let sensor = crate::sensor::tests::smooth();
+        let mut builder = RestBuilder::new(&sensor, &Settings::default(), sensor.image_px).expect("valid");
+        let map_count = builder.map.count();
+        let picture = |touched: bool| Picture {
+            cells: (0..map_count).map(|i| [if touched && i < map_count / 5 { 100.0 } else { 90.0 }; 3]).collect(),
+            covered: vec![false; map_count],
+        };
+        for (first_touched, kind) in [(true, RestKind::InContact), (false, RestKind::Unloaded)] {
+            let shows = |i: usize| (i < 5) == first_touched;
+            builder.looks = (0..15).map(|i| picture(shows(i))).collect();
+            let looks: Vec<RestLook> = (0..15)
+                .map(|i| {
+                    let sharpness = if shows(i) { 5.0 } else { 3.5 };
+                    RestLook { sharpness, ..look(90.0, if i == 5 { 12.0 } else { 0.5 }, false) }
+                })
+                .collect();
+            assert_eq!(builder.choose(&looks), Ok(RestChoice { frames: 0..5, kind }));
+        }
+    }
+
     #[test]
     fn black_frames_only_are_refused() {
-        let black = RestLook { mean_levels: None, change_levels: f64::INFINITY, touched: true };
+        let black = RestLook { mean_levels: None, ..look(0.0, f64::INFINITY, true) };
         let error = RestError::NoCalmFrame { looked_at_count: 2, unusable_count: 2 };
         assert_eq!(choose(&[black, black]), Err(error));
     }
