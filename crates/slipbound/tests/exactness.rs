@@ -1,4 +1,5 @@
 //! How exact the markers are, on painted fingers whose truth is known.
+#![allow(clippy::disallowed_macros)] // tests print what they measured
 
 mod picture;
 

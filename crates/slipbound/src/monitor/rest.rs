@@ -289,9 +289,11 @@ impl RestBuilder {
         if others().any(|other| self.differ(first, other)) {
             let sharper = others().any(|other| self.differ(first, other) && sharpness(first) > sharpness(other));
             choice.kind = if sharper { RestKind::InContact } else { RestKind::Unloaded };
-        } else if let Some(longest) = others().max_by_key(|r| (r.frames.len(), usize::MAX - r.frames.start)) {
-            if longest.frames.len() > first.frames.len() {
-                choice = (*longest).clone();
+        } else {
+            for other in others() {
+                if other.frames.len() > choice.frames.len() {
+                    choice = (*other).clone();
+                }
             }
         }
         Ok(choice)
