@@ -6,10 +6,11 @@
 //!                                      \_____ region _____/
 //! ```
 
+mod illumination;
 mod shading;
 
-pub(super) use shading::CellMap;
-pub(super) use shading::{cover_radius_px, illumination, roughness_levels};
+pub(super) use illumination::{illumination, roughness_levels};
+pub(super) use shading::{CellMap, cover_radius_px};
 
 use super::imprint::Imprint;
 use super::rest::{Rest, RestKind};
