@@ -6,7 +6,7 @@ use picture::{Painter, Random, Touch, frame};
 use slipbound::image::{Frame, Gray, Pixels, SizePx};
 use slipbound::monitor::{Reason, RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
 use slipbound::plane::Vec2;
-use slipbound::sensor::Skin;
+use slipbound::sensor::{Polarity, Sensor, Skin};
 
 const SIZE: SizePx = SizePx::new(320, 240);
 
@@ -90,6 +90,9 @@ fn settings_that_cannot_be_are_refused_by_key() {
     assert_eq!(negative, "slip.threshold_pitch: expected a number from 0.001 to 10, got -0.3");
     assert!(refused(&|s| s.contact.change_levels = f64::NAN).starts_with("contact.change_levels"));
     assert!(refused(&|s| s.contact.off_area_fraction = 0.5).starts_with("contact.off_area_fraction"));
+    let bright = Sensor { polarity: Polarity::Bright, ..painter.sensor.clone() };
+    let finder = RestBuilder::new(&bright, &Settings::paper(), SIZE).expect_err("refused").to_string();
+    assert!(finder.starts_with("markers.finder"), "{finder}");
     let shape = RestBuilder::new(&painter.sensor, &Settings::default(), SizePx::new(320, 320)).expect_err("refused");
     assert!(shape.to_string().starts_with("image_px: expected 320x240"), "{shape}");
 }

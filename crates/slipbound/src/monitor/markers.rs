@@ -150,6 +150,19 @@ impl Markers {
         m.least_response(self.tracks.iter().map(|t| keep * t.rest.response_levels));
 
         // Deviation: D6 prediction and neighbours
+        self.predict();
+        let m = &mut self.matching;
+        m.assign(self.settings.match_within_pitch);
+        if self.settings.ask_neighbours {
+            m.settle_with_neighbours(&self.all);
+            self.doubted_frames_count = if m.trustworthy() { 0 } else { self.doubted_frames_count + 1 };
+        }
+        self.place(imprint);
+    }
+
+    /// Says where each marker is looked for.
+    fn predict(&mut self) {
+        let m = &mut self.matching;
         // Where is each? Its own motion goes on, or it stands still: whichever explains the spots better.
         let still = self.all.iter().map(|m| m.now);
         let moving = self.all.iter().zip(&self.tracks).map(|(m, t)| m.now + t.step);
@@ -175,12 +188,10 @@ impl Markers {
                 m.predict(rest);
             }
         }
-        m.assign(reach);
-        if self.settings.ask_neighbours {
-            m.settle_with_neighbours(&self.all);
-            self.doubted_frames_count = if m.trustworthy() { 0 } else { self.doubted_frames_count + 1 };
-        }
+    }
 
+    /// Takes over where each marker was found, or is believed to be.
+    fn place(&mut self, imprint: &Imprint) {
         self.matched_count = 0;
         for i in 0..self.all.len() {
             let (before, known_before) = (self.all[i].now, self.all[i].matched);

@@ -170,7 +170,7 @@ pub struct RestBuilder {
 impl RestBuilder {
     /// A builder for frames of `camera_px`. Fails when a setting or a fact of the sensor cannot be.
     pub fn new(sensor: &Sensor, settings: &Settings, camera_px: SizePx) -> Result<Self, SettingError> {
-        settings.check()?;
+        settings.check_for(sensor)?;
         sensor.check()?;
         let sensor = sensor.at_size(camera_px)?;
         sensor.check()?;
