@@ -7,7 +7,7 @@ use picture::{Painter, Random, frame};
 use slipbound::image::SizePx;
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::plane::{Homography, Vec2};
-use slipbound::sensor::{Rectification, Sensor, Skin};
+use slipbound::sensor::{Polarity, Rectification, Sensor, Skin};
 
 const SIZE: SizePx = SizePx::new(640, 480);
 
@@ -64,6 +64,16 @@ fn rectified_rms_px(painter: &Painter) -> f64 {
         }
     }
     (sum / f64::from(count)).sqrt()
+}
+
+#[test]
+fn bright_dots_are_found_like_dark_ones() {
+    let dark = Painter::new(SIZE, 23.0, 8.0, Skin::Smooth, 0.5, 1);
+    let sensor = Sensor { polarity: Polarity::Bright, ..dark.sensor.clone() };
+    let bright = Painter { sensor, contrast_levels: -60.0, ..dark };
+    let rms_px = centroid_rms_px(&bright, 4);
+    println!("bright dots of 8 px: RMS {rms_px:.4} px per axis");
+    assert!(rms_px <= 0.05, "{rms_px} px");
 }
 
 /// Rectifying pixels rather than points costs a twentieth of the exactness.
