@@ -82,6 +82,8 @@ struct FrameLine<'a> {
     report: &'a SlipReport,
     #[serde(skip_serializing_if = "Option::is_none")]
     field: Option<Field<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lost_ids: Option<Vec<u32>>,
 }
 
 /// All markers, `[id, x_px, y_px, dx_px, dy_px, slip_x_px, slip_y_px, inner, over]` each.
@@ -123,7 +125,9 @@ impl<W: Write> ReportJson<W> {
 
     /// Writes the line of the next frame; with `markers` also where each of them is.
     pub fn frame(&mut self, report: &SlipReport, markers: Option<&[Marker]>) -> io::Result<()> {
-        let line = FrameLine { finger: &self.finger, frame: self.frames_count, report, field: markers.map(Field) };
+        let lost_ids = markers.map(|all| all.iter().filter(|m| !m.matched).map(|m| m.id).collect());
+        let (finger, frame, field) = (&self.finger, self.frames_count, markers.map(Field));
+        let line = FrameLine { finger, frame, report, field, lost_ids };
         self.line.clear();
         line.serialize(&mut serde_json::Serializer::with_formatter(&mut self.line, FourDecimals))?;
         self.line.push(b'\n');
@@ -190,6 +194,7 @@ mod tests {
             reference: Vec2::new(10.0, 20.0),
             now: Vec2::new(11.5, 19.0),
             matched: true,
+            whole: true,
             in_reference: true,
             in_contact: true,
             inner: true,

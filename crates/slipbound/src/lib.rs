@@ -1,4 +1,76 @@
-//! Incipient slip from a camera inside a soft fingertip.
+//! Incipient slip from a camera inside a soft fingertip: the method of "Maintaining Grasps within Slipping Bound by
+//! Monitoring Incipient Slip" (Dong, Ma, Donlon, Rodriguez, ICRA 2019), frame in, verdict out.
+//!
+//! A camera inside the fingertip watches markers on a soft gel. While an object is held, the gel in the contact
+//! region moves with it as one rigid body. When the load grows, the rim of the contact lets go first: its markers
+//! lag behind the rigid motion of the middle. That difference, the slip field, is seen before the object slides.
+//!
+//! ```text
+//!   frame -> 0 imprint -> 1 contact region -> 2 marker displacement -> 3 rigid motion -> 4 slip field -> verdict
+//!            monitor/     monitor/            monitor/                 monitor/          monitor/
+//!            imprint.rs   contact.rs          markers.rs               motion.rs         slip.rs
+//! ```
+//!
+//! # A program
+//!
+//! ```
+//! use slipbound::image::{Frame, Gray, Pixels, SizePx};
+//! use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
+//! use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
+//!
+//! // The facts of a finger; `slipbound-rig` reads them from a file.
+//! let size = SizePx::new(160, 120);
+//! let sensor = Sensor {
+//!     name: "mine".into(),
+//!     description: "a grid of 6 px dots at 20 px".into(),
+//!     serial: None,
+//!     image_px: size,
+//!     flip: Flip::None,
+//!     grey_weights_rgb: [1.0 / 3.0; 3],
+//!     polarity: Polarity::Dark,
+//!     pitch_px: 20.0,
+//!     pitch_mm: Some(1.5),
+//!     marker_diameter_px: 6.0,
+//!     skin: Skin::Smooth,
+//!     bare_sharpness_levels: None,
+//!     edge_bands: vec![],
+//!     rectification: None,
+//! };
+//! // A picture of the finger at rest.
+//! let dark = |v: usize| (8..14).contains(&(v % 20));
+//! let pixels: Vec<u8> =
+//!     (0..size.area()).map(|i| if dark(i % 160) && dark(i / 160) { 60 } else { 150 }).collect();
+//! let frame = |seq| Frame {
+//!     pixels: Pixels::Gray(Gray::new(&pixels, size).unwrap()),
+//!     seq,
+//!     time_ns: None,
+//! };
+//!
+//! let settings = Settings::default();
+//! let mut builder = RestBuilder::new(&sensor, &settings, size)?;
+//! builder.add(&frame(0))?;
+//! let rest = builder.build(RestKind::Unloaded)?;
+//! assert_eq!(rest.markers_count(), 48);
+//!
+//! let mut monitor = SlipMonitor::new(&sensor, &settings, rest)?;
+//! let report = monitor.step(&frame(1), None);
+//! assert_eq!(report.state, SlipState::NoContact);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # The map
+//!
+//! | module | what |
+//! |---|---|
+//! | [`monitor`] | the steps in order; settings, reports, the rest frame |
+//! | [`events`] | from verdicts to "slip begins", "slip ends" |
+//! | [`sensor`] | what is true of a finger: geometry, pitch, skin |
+//! | [`port`] | the traits through which frames come in |
+//! | [`image`], [`plane`] | borrowed pixels, masks; points, rigid motions, homographies, the axes |
+//! | [`pixels`] | every loop over pixels, one kernel a file |
+//!
+//! The crate has no clock, no files, no sockets, and allocates nothing per frame: all memory is made when a
+//! [`monitor::SlipMonitor`] is. The same frames and settings give the same bytes on any machine.
 
 pub mod events;
 pub mod image;

@@ -18,7 +18,7 @@ pub use slip::{RigidField, SlipSettings};
 
 use crate::image::{Frame, Gray, Mask};
 use crate::port::GripSample;
-use crate::sensor::{Sensor, SettingError};
+use crate::sensor::{Polarity, Sensor, SettingError};
 use serde::{Deserialize, Serialize};
 
 /// The settings of every step. `Settings::default()` is what we ship, [`Settings::paper`] the paper as written.
@@ -84,6 +84,19 @@ impl Settings {
         }
     }
 
+    /// Checks every setting, and that the finger can be watched with them.
+    pub(crate) fn check_for(&self, sensor: &Sensor) -> Result<(), SettingError> {
+        self.check()?;
+        if self.markers.finder == Finder::Threshold && sensor.polarity == Polarity::Bright {
+            return Err(SettingError {
+                key: "markers.finder".into(),
+                got: "threshold, on a finger with bright markers".into(),
+                expected: "edges: the paper's threshold finds dark markers only".into(),
+            });
+        }
+        Ok(())
+    }
+
     /// Checks every setting; the error names the first one that cannot be.
     pub fn check(&self) -> Result<(), SettingError> {
         self.rest.check()?;
@@ -114,7 +127,7 @@ pub struct SlipMonitor {
 impl SlipMonitor {
     /// A monitor for a finger whose rest frame is known. Fails when a setting or a fact of the sensor cannot be.
     pub fn new(sensor: &Sensor, settings: &Settings, rest: Rest) -> Result<Self, SettingError> {
-        settings.check()?;
+        settings.check_for(sensor)?;
         let sensor = sensor.at_size(rest.size)?;
         sensor.check()?;
         let imprint = imprint::Imprint::new(&sensor, settings, false);
@@ -182,7 +195,7 @@ impl SlipMonitor {
         self.reference_seq = seq;
         for m in &mut self.markers.all {
             m.reference = m.now;
-            m.in_reference = m.matched;
+            m.in_reference = m.whole;
         }
     }
 
@@ -248,6 +261,7 @@ impl SlipMonitor {
         let (state, reason) = match () {
             _ if half_lost => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             _ if !self.contact.touches => (SlipState::NoContact, None),
+            // Deviation: D11 unsure
             _ if unsure => (SlipState::Unsure, Some(Reason::ContactQuality)),
             _ if self.slip.slips => (SlipState::Incipient, None),
             _ => (SlipState::Stick, None),

@@ -120,6 +120,10 @@ pub struct Sensor {
     pub marker_diameter_px: f64,
     /// What covers the gel.
     pub skin: Skin,
+    /// Smooth skin: how sharp its illumination is by itself, untouched, as [`crate::monitor::RestLook::sharpness`] measures
+    /// it. None where nobody measured it.
+    #[serde(default)]
+    pub bare_sharpness_levels: Option<f64>,
     /// Edge thresholds from top to bottom; needed for a fabric skin only.
     #[serde(default)]
     pub edge_bands: Vec<EdgeBand>,
@@ -144,6 +148,9 @@ impl Sensor {
         within("pitch_px", self.pitch_px, 1.5 * self.marker_diameter_px, 512.0)?;
         if let Some(pitch_mm) = self.pitch_mm {
             within("pitch_mm", pitch_mm, 0.1, 20.0)?;
+        }
+        if let Some(sharpness) = self.bare_sharpness_levels {
+            within("bare_sharpness_levels", sharpness, 0.1, 100.0)?;
         }
         if self.skin == Skin::Fabric && self.edge_bands.is_empty() {
             return bad("edge_bands", "none".into(), "at least one band for a fabric skin");
@@ -261,6 +268,7 @@ pub(crate) mod tests {
             pitch_mm: Some(1.5),
             marker_diameter_px: 10.0,
             skin: Skin::Smooth,
+            bare_sharpness_levels: None,
             edge_bands: Vec::new(),
             rectification: None,
         }

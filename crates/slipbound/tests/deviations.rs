@@ -90,7 +90,12 @@ fn every_inner_marker_is_used_and_the_angle_is_measured() {
     assert!((report.motion.expect("in contact").rotation_rad - 0.05).abs() < 1e-3);
     let inner = play.monitor.inner_region();
     for m in play.monitor.markers() {
-        assert_eq!(m.inner, inner.get(m.now.x.round() as isize, m.now.y.round() as isize), "marker {}", m.id);
+        assert_eq!(
+            m.inner,
+            m.whole && inner.get(m.now.x.round() as isize, m.now.y.round() as isize),
+            "marker {}",
+            m.id
+        );
     }
 }
 
@@ -199,4 +204,22 @@ fn after_a_slip_the_reference_is_new_and_rest_is_old() {
     assert!(core.now_from_reference().length() < 0.3);
     let released = (0..3).map(|_| play.show(false, Some)).last().expect("frames");
     assert_eq!((released.state, released.reference_seq), (SlipState::NoContact, 3), "back to rest");
+}
+
+/// The paper's proposal: size and strength of the contact say whether to trust the verdict. A touch that covers a
+/// handful of markers is not called stick or slip.
+#[test]
+fn a_small_touch_is_unsure() {
+    let mut play = Play::new(1, Skin::Smooth, &Settings::default());
+    let large = play.press();
+    assert_eq!((large.state, large.contact.quality > 0.9), (SlipState::Stick, true), "{large:?}");
+    let mut settings = Settings::default();
+    (settings.contact.on_area_fraction, settings.contact.off_area_fraction) = (0.005, 0.004);
+    let mut play = Play::new(1, Skin::Smooth, &settings);
+    let small = Touch { radii_px: Vec2::new(0.8, 0.7) * play.pitch_px(), ..play.touch() };
+    let size = play.painter.sensor.image_px;
+    let rgb = play.painter.paint(&play.painter.rest, Some(&small), 1);
+    let last = (0..6).map(|i| play.monitor.step(&frame(&rgb, size, i), None)).last().expect("frames");
+    assert_eq!(last.state, SlipState::Unsure, "{last:?}");
+    assert!(last.contact.quality < 0.35 && last.reason.is_some());
 }

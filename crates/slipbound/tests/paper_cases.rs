@@ -1,4 +1,5 @@
 //! The cases the paper draws, on painted fingers: what sticks has no slip, what lags at the rim has it there.
+#![allow(clippy::disallowed_macros)] // tests print what they measured
 
 mod picture;
 

@@ -6,10 +6,11 @@
 //!                                      \_____ region _____/
 //! ```
 
+mod illumination;
 mod shading;
 
-pub(super) use shading::CellMap;
-pub(super) use shading::{cover_radius_px, illumination, roughness_levels};
+pub(super) use illumination::{illumination, roughness_levels};
+pub(super) use shading::{CellMap, cover_radius_px};
 
 use super::imprint::Imprint;
 use super::rest::{Rest, RestKind};
@@ -168,7 +169,8 @@ pub(super) struct Contact {
     pub(super) region: Mask,
     /// Its area in px.
     pub(super) area_px: usize,
-    /// How strong the imprint is, 0 to 1: full at twice the level that counts as contact.
+    /// How strong the imprint is, 0 to 1. Smooth gel: 0 at the change that counts as contact, 1 at twice that. Fabric:
+    /// the share of edge pixels over that of a pressed weave.
     pub(super) strength: f64,
 }
 
@@ -178,11 +180,13 @@ impl Contact {
         let skinned = match sensor.skin {
             Skin::Fabric => {
                 let mut texture = TextureContact::new(sensor, settings);
+                // Deviation: D3 rest edges hidden
                 if settings.hide_rest_edges && rest.kind == RestKind::Unloaded {
                     texture.hide(&rest.flat, imprint.seen());
                 }
                 Skinned::Texture(Box::new(texture))
             }
+            // Deviation: D4 smooth gels
             Skin::Smooth => {
                 let least_px = settings.off_area_fraction * size.area() as f64;
                 let (cells, covered) = (&rest.cells, &rest.cells_covered);
@@ -210,10 +214,10 @@ impl Contact {
             }
             Skinned::Shading(shading) => {
                 let level = self.settings.change_levels;
-                shading.find(&imprint.cells, markers, level as f32, &mut self.region) / (2.0 * level)
+                shading.find(&imprint.cells, markers, level as f32, &mut self.region) / level - 1.0
             }
         }
-        .min(1.0);
+        .clamp(0.0, 1.0);
         self.area_px = self.region.area_px();
         let share = self.area_px as f64 / self.region.size().area() as f64;
         let above = share > self.settings.on_area_fraction;

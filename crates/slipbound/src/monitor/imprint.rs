@@ -83,6 +83,7 @@ impl Imprint {
         let wants_flat = sensor.skin == Skin::Fabric || settings.markers.finder == Finder::Threshold;
         let smooth = || match settings.imprint.illumination {
             Illumination::Decimated => {
+                // Deviation: D1 fast background
                 // A Gaussian cut at 31 px with sigma 31 px weighs almost evenly: its own sigma is 0.58 pitch.
                 Smooth::Decimated(Background::new(size, 0.58 * sensor.pitch_px), vec![0; size.area()])
             }

@@ -74,10 +74,17 @@ impl MarkerSettings {
     }
 }
 
+/// After this many frames in a row that could not be believed, markers are sought anew.
+const DOUBTED_FRAMES_COUNT: u32 = 5;
+/// When places are this bad an explanation of the spots (1: no marker near any place), markers are sought anew at once.
+const ADRIFT: f64 = 0.6;
+
 /// What is known of a marker beyond what [`Marker`] shows.
 #[derive(Debug, Clone, Copy)]
 struct Track {
     rest: RestMarker,
+    /// Where it was in the last frame that could be believed, px.
+    believed: Vec2,
     /// Motion from the last frame but one to the last, px; zero when either was missed.
     step: Vec2,
 }
@@ -89,6 +96,9 @@ pub(super) struct Markers {
     detector: Detector,
     matching: Matching,
     tracks: Vec<Track>,
+    pitch_px: f64,
+    /// Frames in a row whose matches could not be believed.
+    doubted_frames_count: u32,
     pub(super) all: Vec<Marker>,
     pub(super) detected_count: u32,
     pub(super) matched_count: u32,
@@ -108,6 +118,7 @@ impl Markers {
                 reference: m.position,
                 now: m.position,
                 matched: true,
+                whole: true,
                 in_reference: true,
                 in_contact: false,
                 inner: false,
@@ -119,7 +130,9 @@ impl Markers {
             settings: settings.clone(),
             detector,
             matching: Matching::new(sensor, &all),
-            tracks: at_rest.iter().map(|&rest| Track { rest, step: Vec2::ZERO }).collect(),
+            tracks: at_rest.iter().map(|&rest| Track { rest, believed: rest.position, step: Vec2::ZERO }).collect(),
+            pitch_px: sensor.pitch_px,
+            doubted_frames_count: 0,
             detected_count: 0,
             matched_count: all.len() as u32,
             all,
@@ -136,30 +149,63 @@ impl Markers {
         m.take_spots(spots);
         m.least_response(self.tracks.iter().map(|t| keep * t.rest.response_levels));
 
+        // Deviation: D6 prediction and neighbours
+        self.predict();
+        let m = &mut self.matching;
+        m.assign(self.settings.match_within_pitch);
+        if self.settings.ask_neighbours {
+            m.settle_with_neighbours(&self.all);
+            self.doubted_frames_count = if m.trustworthy() { 0 } else { self.doubted_frames_count + 1 };
+        }
+        self.place(imprint);
+    }
+
+    /// Says where each marker is looked for.
+    fn predict(&mut self) {
+        let m = &mut self.matching;
         // Where is each? Its own motion goes on, or it stands still: whichever explains the spots better.
         let still = self.all.iter().map(|m| m.now);
         let moving = self.all.iter().zip(&self.tracks).map(|(m, t)| m.now + t.step);
-        let reach = self.settings.match_within_pitch;
-        if self.settings.predict && m.misfit(moving.clone(), reach) <= m.misfit(still.clone(), reach) {
+        let (reach, reach_px) = (self.settings.match_within_pitch, self.settings.match_within_pitch * self.pitch_px);
+        let (still_misfit, moving_misfit) = (m.misfit(still.clone(), reach), m.misfit(moving.clone(), reach));
+        let mut misfit = still_misfit;
+        if self.settings.predict && moving_misfit <= still_misfit {
+            misfit = moving_misfit;
             m.predict(moving);
         } else {
             m.predict(still);
         }
-        m.assign(reach);
-        if self.settings.ask_neighbours {
-            m.settle_with_neighbours(&self.all);
+        // After many frames that could not be believed, or when hardly a marker is found, they may also be where they
+        // were before that, or at rest. Not sooner: on a regular grid a whole pitch of motion looks like none.
+        let adrift = self.doubted_frames_count >= DOUBTED_FRAMES_COUNT || misfit > ADRIFT * reach_px * reach_px;
+        if self.settings.ask_neighbours && adrift {
+            let before = self.tracks.iter().map(|t| t.believed);
+            let rest = self.all.iter().map(|m| m.rest);
+            let (before_misfit, rest_misfit) = (m.misfit(before.clone(), reach), m.misfit(rest.clone(), reach));
+            if before_misfit < misfit && before_misfit <= rest_misfit {
+                m.predict(before);
+            } else if rest_misfit < misfit {
+                m.predict(rest);
+            }
         }
+    }
 
+    /// Takes over where each marker was found, or is believed to be.
+    fn place(&mut self, imprint: &Imprint) {
         self.matched_count = 0;
         for i in 0..self.all.len() {
             let (before, known_before) = (self.all[i].now, self.all[i].matched);
             let spot = self.matching.spot_of(i);
             let whole = spot.and_then(|spot| self.detector.refine(imprint, spot, &self.tracks[i].rest));
-            let found = whole.or_else(|| self.matching.cut(&self.all, i, imprint.size()));
+            let found = whole.or_else(|| self.matching.cut(&self.all, i));
             let marker = &mut self.all[i];
             marker.matched = found.is_some();
+            marker.whole = whole.is_some();
             marker.now = found.unwrap_or_else(|| self.matching.expected(i));
             self.matched_count += u32::from(marker.matched);
+            if self.doubted_frames_count == 0 {
+                self.tracks[i].believed = marker.now;
+            }
             self.tracks[i].step = if marker.matched && known_before { marker.now - before } else { Vec2::ZERO };
         }
     }

@@ -107,11 +107,12 @@ impl Motion {
             self.inner_count = 0;
             for m in markers.iter_mut() {
                 let (x, y) = (m.now.x.round() as isize, m.now.y.round() as isize);
-                m.inner = m.matched && m.in_reference && self.inner.get(x, y);
+                m.inner = m.whole && m.in_reference && self.inner.get(x, y);
                 self.inner_count += u32::from(m.inner);
             }
             if self.inner_count >= self.settings.inner_markers_count {
                 let inner = markers.iter().filter(|m| m.inner).map(|m| (m.reference, m.now));
+                // Deviation: D7 robust rigid fit
                 self.motion = match self.settings.fit {
                     Fit::RobustRigid => fit_most(inner, self.pitch_px),
                     Fit::Rigid => fit_rigid(inner),

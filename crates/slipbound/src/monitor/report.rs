@@ -73,7 +73,8 @@ pub struct ContactReport {
     pub area_mm2: Option<f64>,
     /// 0 to 1: whether the patch is large and strong enough to trust the verdict. The smaller of two shares, each
     /// at most 1: markers in contact over [`ContactSettings::full_markers_count`](super::ContactSettings), and
-    /// signal strength over twice the level at which contact is taken up.
+    /// strength of the imprint (smooth gel: from 0 at the change that counts as contact to 1 at twice that; fabric: the
+    /// share of edge pixels, 1 at one in five).
     pub quality: f64,
 }
 
@@ -171,6 +172,9 @@ pub struct Marker {
     pub now: Vec2,
     /// Whether it was found in this frame.
     pub matched: bool,
+    /// Whether it lies whole in view. One that the border of the image cuts keeps its number and is placed by its
+    /// neighbours, but says nothing about slip.
+    pub whole: bool,
     /// Whether it was found in the reference frame; a marker that was not has no displacement since then.
     pub in_reference: bool,
     /// Whether it lies in the contact region.

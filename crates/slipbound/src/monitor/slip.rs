@@ -55,6 +55,7 @@ impl SlipSettings {
 
     /// The fewest markers over the threshold that mean slip, for a finger with `markers_count` markers.
     pub fn over_needed_count(&self, markers_count: usize) -> u32 {
+        // Deviation: D9 shares instead of counts
         let more_than = (self.over_fraction * markers_count as f64 + 1e-9).floor() as u32;
         (more_than + 1).max(self.over_min_count)
     }
@@ -95,8 +96,9 @@ impl Slip {
         let Some(motion) = motion else { return };
         let threshold_px = self.settings.threshold_pitch * self.pitch_px;
         let (mut longest_px, mut over_sum, mut arm_squared, mut count) = (0.0f64, Vec2::ZERO, 0.0, 0u32);
-        for m in markers.iter_mut().filter(|m| m.in_contact && m.matched && m.in_reference) {
+        for m in markers.iter_mut().filter(|m| m.in_contact && m.whole && m.in_reference) {
             let rigid = match self.settings.field {
+                // Deviation: D8 exact rotation
                 RigidField::Exact => motion.displacement(m.reference),
                 RigidField::SmallAngle => motion.displacement_small_angle(m.reference), // Eq. 1
             };
@@ -114,6 +116,7 @@ impl Slip {
         self.summary.max_mm = self.mm_per_px.map(|mm| longest_px * mm);
         self.slips = self.summary.markers_over >= self.over_needed_count;
         if self.slips {
+            // Deviation: D10 direction and kind
             let rim_px = motion.rotation_rad.abs() * (arm_squared / f64::from(count)).sqrt();
             let kind = kind(rim_px, motion.translation.length());
             self.summary.kind = Some(kind);
@@ -134,13 +137,13 @@ fn kind(rotation_px: f64, translation_px: f64) -> SlipKind {
     }
 }
 
-/// Marks which markers lie in the contact region; returns how many of the matched ones do.
+/// Marks which markers lie in the contact region; returns how many that lie whole in view do.
 pub(super) fn mark_contact(contact: &Mask, markers: &mut [Marker]) -> u32 {
     let mut count = 0;
     for m in markers {
         m.in_contact = contact.get(m.now.x.round() as isize, m.now.y.round() as isize);
         (m.inner, m.over, m.slip) = (false, false, Vec2::ZERO);
-        count += u32::from(m.in_contact && m.matched);
+        count += u32::from(m.in_contact && m.whole);
     }
     count
 }

@@ -58,6 +58,7 @@ impl Detector {
 
     /// Spots of at least this contrast, strongest first.
     pub(crate) fn spots(&mut self, imprint: &Imprint, min_levels: f64) -> &[Spot] {
+        // Deviation: D5 edge pull
         match &mut self.threshold {
             None => self.dots.run(&imprint.grey, min_levels as f32),
             Some(threshold) => threshold.run(&imprint.flat),
@@ -108,6 +109,8 @@ impl Detector {
             .filter(|s| s.response_levels >= least)
             .filter(|s| self.whole(imprint, s.position))
             .map(|s| self.at_rest(imprint, s))
+            // A weak spot without an edge is a ridge of light, not a dot.
+            .filter(|m| self.threshold.is_some() || m.stiffness != 0.0 || m.response_levels >= 2.5 * least)
             .collect();
         markers
             .sort_unstable_by(|a, b| a.position.y.total_cmp(&b.position.y).then(a.position.x.total_cmp(&b.position.x)));

@@ -15,6 +15,11 @@ const NEIGHBOURS: usize = 8;
 /// A match is undone when it is further from what the neighbours say than this: a swap with the next marker is a
 /// whole pitch off, the gradient at the rim of a slipping contact less than half of one.
 const CONTRADICTION_PITCH: f64 = 0.6;
+/// Of the markers in view, this share may be missed in a frame that is believed.
+const MISSED_FRACTION: f64 = 0.02;
+/// How far, in the root mean square, markers may be from where their neighbours went in a frame that is believed. Real
+/// contacts stay below 0.08, matches to noise are at 0.2 and more.
+const DISAGREEMENT_PITCH: f64 = 0.15;
 /// How near a spot must be to where the neighbours went.
 const RECOVERY_PITCH: f64 = 0.4;
 /// Rounds of asking: each reaches markers one neighbourhood further into a region where none is seen.
@@ -34,6 +39,7 @@ struct Pair {
 pub(super) struct Matching {
     pitch_px: f64,
     radius_px: f64,
+    size: SizePx,
     bucket_px: f64,
     buckets: SizePx,
     bucket_start: Vec<u32>,
@@ -45,6 +51,7 @@ pub(super) struct Matching {
     match_of: Vec<u32>,
     pairs: Vec<Pair>,
     undone: Vec<bool>,
+    disagreement_pitch: f64,
     /// The round from which on a marker without a spot is believed to be where its neighbours told; 0 for never.
     told: Vec<usize>,
     round: usize,
@@ -73,6 +80,8 @@ impl Matching {
         Matching {
             pitch_px,
             radius_px: sensor.marker_diameter_px / 2.0,
+            size,
+            disagreement_pitch: 0.0,
             bucket_px,
             buckets,
             bucket_start: vec![0; buckets.area() + 1],
@@ -133,13 +142,33 @@ impl Matching {
     /// How badly places explain the spots: sum of squared distances to the nearest spot, cut at the reach.
     pub(super) fn misfit(&self, places: impl Iterator<Item = Vec2>, reach_pitch: f64) -> f64 {
         let reach_px = reach_pitch * self.pitch_px;
-        places
-            .map(|place| {
-                let mut best = reach_px * reach_px;
-                self.near(place, |_, distance_squared| best = best.min(distance_squared));
-                best
-            })
-            .sum()
+        let (mut sum, mut count) = (0.0, 0u32);
+        for place in places.filter(|&p| self.in_view(p)) {
+            let mut best = reach_px * reach_px;
+            self.near(place, |_, distance_squared| best = best.min(distance_squared));
+            sum += best;
+            count += 1;
+        }
+        sum / f64::from(count.max(1))
+    }
+
+    /// Whether a marker there lies whole in the image.
+    fn in_view(&self, p: Vec2) -> bool {
+        let margin = self.radius_px + 0.5;
+        let inside = |v: f64, end: usize| v >= margin && v <= end as f64 - 1.0 - margin;
+        inside(p.x, self.size.width) && inside(p.y, self.size.height)
+    }
+
+    /// Whether the matches of this frame may be believed: hardly a marker in view is missed, and each moved much as
+    /// its neighbours did. Noise, glare and swapped markers are not like that.
+    pub(super) fn trustworthy(&self) -> bool {
+        let (mut missed, mut count) = (0u32, 0u32);
+        for i in (0..self.match_of.len()).filter(|&i| self.match_of[i] != NO_SPOT || self.in_view(self.predicted[i])) {
+            count += 1;
+            missed += u32::from(self.match_of[i] == NO_SPOT);
+        }
+        let most_missed = (MISSED_FRACTION * f64::from(count)) as u32;
+        missed <= most_missed && self.disagreement_pitch <= DISAGREEMENT_PITCH
     }
 
     /// Matches markers without a spot to free spots within reach of their predicted place, nearest pairs first.
@@ -175,11 +204,15 @@ impl Matching {
     /// Undoes matches that contradict the neighbours, then finds markers where their neighbours went.
     pub(super) fn settle_with_neighbours(&mut self, markers: &[Marker]) {
         self.round = 0;
+        let (mut sum, mut count) = (0.0, 0u32);
         for i in 0..markers.len() {
-            let far = |place: Vec2| (place - self.spots[self.match_of[i] as usize].position).length();
-            self.undone[i] = self.match_of[i] != NO_SPOT
-                && self.where_neighbours_went(markers, i).is_some_and(|p| far(p) > CONTRADICTION_PITCH * self.pitch_px);
+            let told = self.spot_of(i).zip(self.where_neighbours_went(markers, i));
+            let off_pitch = told.map(|(spot, place)| (spot.position - place).length() / self.pitch_px);
+            self.undone[i] = off_pitch.is_some_and(|off| off > CONTRADICTION_PITCH);
+            sum += off_pitch.map_or(0.0, |off| off * off);
+            count += u32::from(off_pitch.is_some());
         }
+        self.disagreement_pitch = (sum / f64::from(count.max(1))).sqrt();
         for i in 0..markers.len() {
             if self.undone[i] {
                 self.spot_taken[self.match_of[i] as usize] = false;
@@ -226,12 +259,12 @@ impl Matching {
 
     /// Where a marker is whose spot the border of the image cuts: along the border its own place, across it where
     /// its neighbours went. None without spot or neighbours.
-    pub(super) fn cut(&self, markers: &[Marker], marker: usize, size: SizePx) -> Option<Vec2> {
+    pub(super) fn cut(&self, markers: &[Marker], marker: usize) -> Option<Vec2> {
         let own = self.spot_of(marker)?.position;
         let told = self.where_neighbours_went(markers, marker)?;
         let near = |v: f64, end: usize| v < self.radius_px + 0.5 || v > end as f64 - 1.5 - self.radius_px;
-        let x = if near(own.x, size.width) { told.x } else { own.x };
-        let y = if near(own.y, size.height) { told.y } else { own.y };
+        let x = if near(own.x, self.size.width) { told.x } else { own.x };
+        let y = if near(own.y, self.size.height) { told.y } else { own.y };
         Some(Vec2::new(x, y))
     }
 

@@ -1,0 +1,107 @@
+//! What a finger shows by itself: the smooth light on its gel, told from the sharper imprint of an object.
+
+use super::shading::smooth;
+
+/// The rest picture of a finger that is already touched: a smooth surface (a polynomial of degree 6)
+/// fitted to the cells so that the imprint, which is sharper than illumination can be, counts as outliers.
+pub(crate) fn illumination(cells: &mut [[f32; 3]], covered: &[bool], columns: usize) {
+    let rows = cells.len() / columns;
+    const DEGREE: usize = 6;
+    const TERMS: usize = (DEGREE + 1) * (DEGREE + 2) / 2;
+    let basis = |i: usize| {
+        let x = 2.0 * (i % columns) as f64 / (columns - 1).max(1) as f64 - 1.0;
+        let y = 2.0 * (i / columns) as f64 / (rows - 1).max(1) as f64 - 1.0;
+        let mut out = [0.0; TERMS];
+        let mut k = 0;
+        for power in 0..=DEGREE {
+            for across in 0..=power {
+                out[k] = libm::pow(x, (power - across) as f64) * libm::pow(y, across as f64);
+                k += 1;
+            }
+        }
+        out
+    };
+    let mut weight: Vec<f64> = covered.iter().map(|&c| if c { 0.0 } else { 1.0 }).collect();
+    let mut fitted = vec![[0.0f64; 3]; cells.len()];
+    let mut residuals: Vec<f64> = Vec::with_capacity(cells.len());
+    for _ in 0..12 {
+        let mut normal = [[0.0f64; TERMS + 3]; TERMS];
+        for (i, colour) in cells.iter().enumerate().filter(|(i, _)| weight[*i] > 0.0) {
+            let b = basis(i);
+            for r in 0..TERMS {
+                let wb = weight[i] * b[r];
+                for (c, value) in b.iter().enumerate() {
+                    normal[r][c] += wb * value;
+                }
+                for (c, &value) in colour.iter().enumerate() {
+                    normal[r][TERMS + c] += wb * f64::from(value);
+                }
+            }
+        }
+        let Some(terms) = solve(&mut normal) else { return };
+        residuals.clear();
+        for (i, out) in fitted.iter_mut().enumerate() {
+            let b = basis(i);
+            *out = std::array::from_fn(|c| (0..TERMS).map(|k| b[k] * terms[k][c]).sum());
+            let worst = (0..3).map(|c| (f64::from(cells[i][c]) - out[c]).abs()).fold(0.0, f64::max);
+            residuals.push(worst);
+        }
+        let mut sorted = residuals.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let scale = 1.5 * sorted[sorted.len() / 2] + 0.5; // Geman-McClure at 1.5 times the median residual
+        for (i, w) in weight.iter_mut().enumerate().filter(|(i, _)| !covered[*i]) {
+            let t = residuals[i] / scale;
+            *w = 1.0 / ((1.0 + t * t) * (1.0 + t * t));
+        }
+    }
+    for (cell, fit) in cells.iter_mut().zip(&fitted) {
+        *cell = fit.map(|v| v as f32);
+    }
+}
+
+/// Gauss-Jordan elimination of N rows with three right-hand sides; None when the rows are dependent.
+fn solve<const N: usize, const M: usize>(rows: &mut [[f64; M]; N]) -> Option<[[f64; 3]; N]> {
+    for pivot in 0..N {
+        let best = (pivot..N).max_by(|&a, &b| rows[a][pivot].abs().total_cmp(&rows[b][pivot].abs()))?;
+        rows.swap(pivot, best);
+        let lead = rows[pivot][pivot];
+        if lead.abs() < 1e-12 {
+            return None;
+        }
+        rows[pivot].iter_mut().for_each(|v| *v /= lead);
+        let line = rows[pivot];
+        for (_, row) in rows.iter_mut().enumerate().filter(|(i, _)| *i != pivot) {
+            let factor = row[pivot];
+            row.iter_mut().zip(&line).for_each(|(v, l)| *v -= factor * l);
+        }
+    }
+    Some(std::array::from_fn(|r| std::array::from_fn(|c| rows[r][N + c])))
+}
+
+/// How sharp the sharpest parts of a picture of cells are: the 99th percentile of the difference between a cell and
+/// its neighbourhood, in levels. Illumination alone stays below about 5; an imprint does not. A marker cut by the
+/// border of the image is no spot, so cells within `border_cells` of it do not count.
+pub(crate) fn roughness_levels(cells: &[[f32; 3]], covered: &[bool], columns: usize, border_cells: usize) -> f64 {
+    let rows = cells.len() / columns;
+    let shown = |i: usize| {
+        let (x, y) = (i % columns, i / columns);
+        let inside = x.min(y) >= border_cells && x + border_cells < columns && y + border_cells < rows;
+        inside && !covered[i]
+    };
+    let weighed = |(i, c): (usize, &[f32; 3])| if shown(i) { [c[0], c[1], c[2], 1.0] } else { [0.0; 4] };
+    let mut values: Vec<[f32; 4]> = cells.iter().enumerate().map(weighed).collect();
+    let mut scratch = values.clone();
+    smooth(&mut values, &mut scratch, columns);
+    let mut sharp: Vec<f32> = Vec::with_capacity(cells.len());
+    for (i, (cell, around)) in cells.iter().zip(&values).enumerate() {
+        // Where half of the neighbourhood is hidden, its mean lies off centre.
+        if shown(i) && around[3] > 0.7 * 256.0 {
+            sharp.push((0..3).map(|c| (cell[c] - around[c]).abs()).fold(0.0, f32::max));
+        }
+    }
+    if sharp.is_empty() {
+        return 0.0;
+    }
+    let at = sharp.len() * 99 / 100;
+    f64::from(*sharp.select_nth_unstable_by(at, f32::total_cmp).1)
+}

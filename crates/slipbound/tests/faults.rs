@@ -1,0 +1,98 @@
+//! Frames that no camera should deliver: the monitor neither panics nor forgets its markers.
+
+mod picture;
+
+use picture::{Painter, Random, Touch, frame};
+use slipbound::image::{Frame, Gray, Pixels, SizePx};
+use slipbound::monitor::{Reason, RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
+use slipbound::plane::Vec2;
+use slipbound::sensor::{Polarity, Sensor, Skin};
+
+const SIZE: SizePx = SizePx::new(320, 240);
+
+fn monitor(painter: &Painter, settings: &Settings) -> SlipMonitor {
+    let mut builder = RestBuilder::new(&painter.sensor, settings, SIZE).expect("valid");
+    builder.add(&frame(&painter.paint(&painter.rest, None, 0), SIZE, 0)).expect("bright");
+    SlipMonitor::new(&painter.sensor, settings, builder.build(RestKind::Unloaded).expect("markers")).expect("valid")
+}
+
+/// Noise, flat grey, white, a checkerboard of dots, half a frame, a frame shifted by half the image.
+fn nonsense(kind: u64, seed: u64, good: &[u8]) -> Vec<u8> {
+    let mut random = Random::new(seed);
+    let bytes = 3 * SIZE.area();
+    match kind % 6 {
+        0 => (0..bytes).map(|_| (random.even() * 256.0) as u8).collect(),
+        1 => vec![128; bytes],
+        2 => vec![255; bytes],
+        3 => (0..bytes).map(|i| if (i / 3 % 320 / 5 + i / 960 / 5) % 2 == 0 { 20 } else { 235 }).collect(),
+        4 => good.iter().enumerate().map(|(i, &v)| if i > bytes / 2 { 200 } else { v }).collect(),
+        _ => good.iter().cycle().skip(bytes / 2 + 480).take(bytes).copied().collect(),
+    }
+}
+
+#[test]
+fn after_any_nonsense_every_marker_is_back_within_five_frames() {
+    for (skin, settings) in
+        [(Skin::Smooth, Settings::default()), (Skin::Fabric, Settings::default()), (Skin::Fabric, Settings::paper())]
+    {
+        let painter = Painter::new(SIZE, 18.0, 6.0, skin, 0.5, 21);
+        let touch = Touch { centre: Vec2::new(160.0, 120.0), radii_px: Vec2::new(90.0, 75.0), strength_levels: 30.0 };
+        let good = painter.paint(&painter.rest, Some(&touch), 2);
+        let mut monitor = monitor(&painter, &settings);
+        // Pressed weave may hide a marker by itself.
+        let hidden = (0..4).map(|i| monitor.step(&frame(&good, SIZE, i), None).markers.lost).last().expect("frames");
+        assert!(hidden <= 2, "{skin:?}: {hidden} markers hidden by the weave");
+        for kind in 0..12 {
+            for i in 0..3 {
+                let rgb = nonsense(kind, 10 * kind + i, &good);
+                let report = monitor.step(&frame(&rgb, SIZE, kind), None);
+                assert!(report.contact.quality.is_finite() && report.slip.max_pitch.is_finite(), "{report:?}");
+            }
+            let reports: Vec<_> = (0..5).map(|i| monitor.step(&frame(&good, SIZE, 100 + i), None)).collect();
+            let last = reports.last().expect("frames");
+            assert!(last.markers.lost <= hidden, "{skin:?}, after nonsense {kind}: {last:?}");
+            for m in monitor.markers().iter().filter(|m| m.matched) {
+                let off = m.now_from_rest().length();
+                assert!(off < 0.2 * 18.0, "{skin:?}, after nonsense {kind}: marker {} is {off} px off", m.id);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_judged_says_why() {
+    let painter = Painter::new(SIZE, 18.0, 6.0, Skin::Smooth, 0.5, 21);
+    let mut monitor = monitor(&painter, &Settings::default());
+    let small = vec![100; 100];
+    let got = SizePx::new(10, 10);
+    let pixels = Pixels::Gray(Gray::new(&small, got).expect("whole"));
+    let report = monitor.step(&Frame { pixels, seq: 4, time_ns: Some(7) }, None);
+    assert_eq!((report.state, report.seq, report.time_ns), (SlipState::Unjudged, 4, Some(7)));
+    assert_eq!(report.reason, Some(Reason::FrameSize { expected: SIZE, got }));
+    let black = vec![3u8; 3 * SIZE.area()];
+    let report = monitor.step(&frame(&black, SIZE, 5), None);
+    assert_eq!(report.reason, Some(Reason::Dark { mean_levels: 3.0 }));
+    let flat = vec![128u8; 3 * SIZE.area()];
+    let report = monitor.step(&frame(&flat, SIZE, 6), None);
+    assert_eq!((report.state, report.reason), (SlipState::Unjudged, Some(Reason::MarkersLost)));
+    assert_eq!(monitor.torn(9, None).reason, Some(Reason::Torn));
+}
+
+#[test]
+fn settings_that_cannot_be_are_refused_by_key() {
+    let painter = Painter::new(SIZE, 18.0, 6.0, Skin::Smooth, 0.5, 21);
+    let refused = |change: &dyn Fn(&mut Settings)| {
+        let mut settings = Settings::default();
+        change(&mut settings);
+        RestBuilder::new(&painter.sensor, &settings, SIZE).expect_err("refused").to_string()
+    };
+    let negative = refused(&|s| s.slip.threshold_pitch = -0.3);
+    assert_eq!(negative, "slip.threshold_pitch: expected a number from 0.001 to 10, got -0.3");
+    assert!(refused(&|s| s.contact.change_levels = f64::NAN).starts_with("contact.change_levels"));
+    assert!(refused(&|s| s.contact.off_area_fraction = 0.5).starts_with("contact.off_area_fraction"));
+    let bright = Sensor { polarity: Polarity::Bright, ..painter.sensor.clone() };
+    let finder = RestBuilder::new(&bright, &Settings::paper(), SIZE).expect_err("refused").to_string();
+    assert!(finder.starts_with("markers.finder"), "{finder}");
+    let shape = RestBuilder::new(&painter.sensor, &Settings::default(), SizePx::new(320, 320)).expect_err("refused");
+    assert!(shape.to_string().starts_with("image_px: expected 320x240"), "{shape}");
+}
