@@ -32,5 +32,6 @@ mod jpeg;
 pub mod layer;
 pub mod objects;
 pub mod random;
+pub mod render;
 pub mod scenes;
 pub mod validation;
