@@ -1,5 +1,6 @@
 //! The arguments of the command.
 
+use crate::commands::simulate::Simulate;
 use crate::commands::watch::Watch;
 use clap::{Parser, Subcommand};
 
@@ -18,8 +19,12 @@ pub struct Args {
 /// What can be done.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Judge every frame of a recording
+    /// Judge every frame of a recording or a simulated scene
     Watch(Watch),
     /// List the built-in fingers
     Sensors,
+    /// Simulate a scene and write its frames with their exact truth
+    Simulate(Simulate),
+    /// List the scenes, their parameters and the objects in them
+    Scenes,
 }

@@ -1,6 +1,8 @@
 //! One file a command.
 
+mod scenes;
 mod sensors;
+pub mod simulate;
 pub mod watch;
 
 use crate::args::{Args, Command};
@@ -11,5 +13,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     match &args.command {
         Command::Watch(watch) => watch.run(),
         Command::Sensors => sensors::run(),
+        Command::Simulate(simulate) => simulate.run(),
+        Command::Scenes => scenes::run(),
     }
 }

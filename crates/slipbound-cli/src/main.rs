@@ -2,6 +2,7 @@
 
 mod args;
 mod commands;
+mod interruption;
 mod outcome;
 mod terminal;
 

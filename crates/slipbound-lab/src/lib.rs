@@ -25,13 +25,35 @@
 //! let truth = finger.truth();
 //! assert!(truth.wrench.force_n.x > 1.0 && truth.stick_ratio.unwrap() < 1.0);
 //! ```
+//!
+//! A whole trial, with its camera and its truth, is a line of text ([`scenes`]) and a source of frames ([`world`]):
+//!
+//! ```
+//! use slipbound::port::{FrameBuffer, FrameSource, Next};
+//! use slipbound_lab::{scenes::Trial, world::World};
+//!
+//! let trial = Trial::parse("ramp?object=scissors&force_n=15&ramp_s=0.3&rest_frames=2&grid=fast&seed=3").unwrap();
+//! let mut world = World::new(&trial).unwrap();
+//! let mut frame = FrameBuffer::default();
+//! while world.next(&mut frame).unwrap() == Next::Frame {
+//!     let truth = world.truth();
+//!     println!("{} s: stick ratio {:?}", 1e-9 * truth.time_ns as f64, truth.stick_ratio);
+//! }
+//! assert!(world.gross().is_some(), "it slid in the end");
+//! ```
 
 pub mod contact;
 pub mod faults;
 mod jpeg;
 pub mod layer;
 pub mod objects;
+pub mod protocol;
 pub mod random;
+<<<<<<< HEAD
+=======
+pub mod record;
+>>>>>>> lab
 pub mod render;
 pub mod scenes;
 pub mod validation;
+pub mod world;

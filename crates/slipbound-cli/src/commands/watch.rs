@@ -1,4 +1,4 @@
-//! `slipbound watch`: judge every frame of a recording.
+//! `slipbound watch`: judge every frame of a recording or a simulated scene.
 //!
 //! ```text
 //!   SOURCE --read ahead--> rest --> monitor --step--> report --> JSON, overlay, timings, lines, summary
@@ -7,9 +7,11 @@
 mod outputs;
 mod recording;
 mod rest;
+mod simulation;
 mod summary;
 mod timings;
 
+use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
@@ -22,8 +24,7 @@ use slipbound::monitor::{Settings, SlipMonitor};
 use slipbound::sensor::Sensor;
 use slipbound_rig::{config, sensors, source};
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use summary::Summary;
 
 /// An overlay video of a recording without times is played at this rate.
@@ -32,9 +33,11 @@ const OVERLAY_RATE_HZ: u32 = 10;
 /// The arguments of `slipbound watch`.
 #[derive(Debug, clap::Args)]
 pub struct Watch {
-    /// An image folder, a quoted pattern ('run/*.png'), an image or a video file
+    /// An image folder, a quoted pattern ('run/*.png'), an image, a video file, or a scene to simulate:
+    /// 'sim:SCENE?seed=3&force_n=20' (see `slipbound scenes`)
     source: String,
-    /// The finger: a built-in name (see `slipbound sensors`) or a sensor file [default: by the size of the frames]
+    /// The finger: a built-in name (see `slipbound sensors`) or a sensor file [default: that of the
+    /// scene, else by the size of the frames]
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
     /// The finger at rest: an image, or frames A up to but not B of SOURCE [default: found among the first frames]
@@ -105,7 +108,7 @@ impl Watch {
         summary: &mut Summary,
         terminal: &mut Terminal,
     ) -> Result<(), Failure> {
-        let interrupted = interruption()?;
+        let interrupted = interruption::listen()?;
         let mut events = SlipEvents::new();
         loop {
             let arrived = recording.next();
@@ -142,6 +145,9 @@ impl Watch {
 
     /// Opens the source, for a second time if need be.
     fn open(&self) -> Result<Recording, Failure> {
+        if let Some(scene) = simulation::scene(&self.source) {
+            return simulation::open(scene).map(Recording::new);
+        }
         source::open(&self.source).map(Recording::new).map_err(|e| match e {
             source::Error::Missing { .. } | source::Error::Pattern { .. } | source::Error::NoImages { .. } => {
                 Failure::arguments(e)
@@ -154,6 +160,9 @@ impl Watch {
     fn sensor_for(&self, frames: SizePx, asked: Option<&Sensor>) -> Result<(Sensor, Option<String>), Failure> {
         if let Some(sensor) = asked {
             return Ok((sensor.clone(), None));
+        }
+        if let Some(scene) = simulation::scene(&self.source) {
+            return simulation::sensor(scene).map(|sensor| (sensor, None));
         }
         let mut fitting = Vec::new();
         for name in sensors::names() {
@@ -184,13 +193,4 @@ impl Watch {
     fn json_on_stdout(&self) -> bool {
         self.json.as_ref().is_some_and(|path| path.as_os_str() == "-")
     }
-}
-
-/// Set when the user presses Ctrl-C: the frame at hand is finished, then the loop ends.
-fn interruption() -> Result<Arc<AtomicBool>, Failure> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let raised = flag.clone();
-    ctrlc::set_handler(move || raised.store(true, Ordering::Relaxed))
-        .map_err(|e| Failure::work("cannot listen for Ctrl-C", e))?;
-    Ok(flag)
 }

@@ -15,7 +15,7 @@ impl FrameSource for Plain {
             return Ok(Next::End);
         }
         into.pixels = vec![50 + (self.next % 100) as u8; 3 * SIZE.area()];
-        into.pixels.chunks_exact_mut(3).filter(|_| true).enumerate().for_each(|(i, pixel)| {
+        into.pixels.chunks_exact_mut(3).enumerate().for_each(|(i, pixel)| {
             if i % SIZE.width == SIZE.width / 2 {
                 pixel.fill(250);
             }

@@ -56,7 +56,6 @@ pub const OBJECTS: [Object; 11] = [
         gyration_radius_mm: 60.0,
         texture: "smooth ribs",
         note: "empty; its thin wall stands as a soft layer, which gives in shear too, so it is taken stiffer than a wall",
-        ..PLAIN
     },
     Object {
         name: "super_glue",

@@ -26,14 +26,14 @@ pub const SCENES: [Scene; 11] = [
     },
     Scene {
         name: "shear",
-        what: "pressed, then moved sideways until it slides",
+        what: "pressed, then moved sideways; most objects slide",
         defaults: &[("distance_mm", "3"), ("direction_deg", "0"), ("speed_mm_per_s", "3")],
         course: shear,
     },
     Scene {
         name: "twist",
-        what: "pressed, then turned until it slides",
-        defaults: &[("angle_deg", "25"), ("speed_deg_per_s", "20")],
+        what: "pressed, then turned; most objects slide",
+        defaults: &[("angle_deg", "50"), ("speed_deg_per_s", "20")],
         course: twist,
     },
     Scene {

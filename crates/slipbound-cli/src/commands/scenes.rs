@@ -1,0 +1,58 @@
+//! `slipbound scenes`: scenes, their parameters and the objects as tables.
+
+use crate::outcome::{Failure, Outcome};
+use crate::terminal::Terminal;
+use slipbound_lab::objects::OBJECTS;
+use slipbound_lab::scenes::{COMMON_KEYS, Key, Kind, SCENE_KEYS, SCENES};
+
+/// Prints the tables.
+pub fn run() -> Result<Outcome, Failure> {
+    let mut terminal = Terminal::plain();
+    let mut rows = vec![["SCENE", "WHAT HAPPENS", "OWN PARAMETERS"].map(str::to_owned)];
+    rows.extend(SCENES.iter().map(|scene| {
+        let defaults: Vec<String> = scene.defaults.iter().map(|(key, value)| format!("{key}={value}")).collect();
+        [scene.name.to_owned(), scene.what.to_owned(), defaults.join(" ")]
+    }));
+    table(&mut terminal, &rows)?;
+
+    terminal.say("")?;
+    let mut rows = vec![["PARAMETER", "RANGE", "DEFAULT", "WHAT"].map(str::to_owned)];
+    rows.push(["seed", "a whole number", "0", "what noise and faults are drawn from"].map(str::to_owned));
+    rows.extend(COMMON_KEYS.iter().chain(SCENE_KEYS).map(|key| {
+        let default = if key.default.is_empty() { "by scene" } else { key.default };
+        [key.name.to_owned(), range(key), default.to_owned(), key.what.to_owned()]
+    }));
+    table(&mut terminal, &rows)?;
+
+    terminal.say("")?;
+    let mut rows = vec![["OBJECT", "SHAPE", "SOFT", "MU", "MASS_KG", "NOTE"].map(str::to_owned)];
+    rows.extend(OBJECTS.iter().map(|object| {
+        let soft = object.softness.map_or_else(|| "rigid".into(), |soft| format!("{} MPa", soft.modulus_mpa));
+        let (mu, mass_kg) = (object.mu.to_string(), object.mass_kg.to_string());
+        [object.name.to_owned(), object.form.in_words(), soft, mu, mass_kg, object.note.to_owned()]
+    }));
+    table(&mut terminal, &rows)?;
+    terminal.say("Shapes, stiffness and friction of objects are estimates, not measured on any object.")?;
+    Ok(Outcome::Done)
+}
+
+fn range(key: &Key) -> String {
+    match key.kind {
+        Kind::Number(low, high) => format!("{low} to {high}"),
+        Kind::Count(low, high) => format!("{low} to {high}"),
+        Kind::OfObject(low, high) => format!("{low} to {high}, object"),
+        Kind::Word(words) => words.join(", "),
+        Kind::Object => "see below".into(),
+        Kind::Faults => "drop late stale torn blur dead drift flicker".into(),
+    }
+}
+
+/// Prints rows in columns as wide as they must be.
+fn table<const COLUMNS: usize>(terminal: &mut Terminal, rows: &[[String; COLUMNS]]) -> Result<(), Failure> {
+    let widths: [usize; COLUMNS] = std::array::from_fn(|i| rows.iter().map(|row| row[i].len()).max().unwrap_or(0));
+    for row in rows {
+        let cells: Vec<String> = row.iter().zip(widths).map(|(cell, width)| format!("{cell:width$}")).collect();
+        terminal.say(cells.join("  ").trim_end())?;
+    }
+    Ok(())
+}

