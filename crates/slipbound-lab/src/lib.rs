@@ -49,10 +49,7 @@ pub mod layer;
 pub mod objects;
 pub mod protocol;
 pub mod random;
-<<<<<<< HEAD
-=======
 pub mod record;
->>>>>>> lab
 pub mod render;
 pub mod scenes;
 pub mod validation;

@@ -29,9 +29,6 @@ use view::View;
 const NODE_MM: f64 = 0.4;
 /// Numbers kept before they repeat at another offset; a power of two.
 const NOISE_COUNT: usize = 1 << 15;
-/// Blurred pixels are kept with this many steps a level.
-const STEPS_PER_LEVEL: f32 = 64.0;
-
 /// What a frame needs at a node: offset of the piece seen there (x, y in mm), shade of red, green and blue, contrast
 /// of the texture; two spare lanes.
 type Node = [f32; 8];
@@ -57,11 +54,14 @@ pub struct Renderer {
     nodes: Vec<Node>,
     columns: usize,
     origin_mm: Vec2,
-    ideal: Vec<u16>,
-    blurred: Vec<u16>,
-    blur: [u32; 3],
+    /// Which pixels show the gel; the others show the housing, which never changes.
+    on_gel: Vec<u32>,
+    /// Levels before blur and noise.
+    ideal: Vec<f32>,
+    /// The last five rows, blurred along themselves.
+    softened: [Vec<f32>; 5],
+    blur: [f32; 3],
     noise: Vec<f32>,
-    noise_of_level: Vec<f32>,
     stuck: Vec<(usize, u8)>,
 }
 
@@ -92,21 +92,19 @@ impl Renderer {
         let (columns, rows) = (count(left, right), count(top, bottom));
         let tap = |d: f64| (-0.5 * (d / settings.blur_px).powi(2)).exp();
         let sum = tap(0.0) + 2.0 * tap(1.0) + 2.0 * tap(2.0);
-        let blur = [0.0, 1.0, 2.0].map(|d| (tap(d) / sum * 4096.0).round() as u32);
+        let blur = [0.0, 1.0, 2.0].map(|d| (tap(d) / sum) as f32);
         let stuck = (0..settings.stuck_pixels_count)
             .map(|i| ((random.next_u64() % size.area() as u64) as usize, if i % 2 == 0 { 250 } else { 2 }))
             .collect();
         let normal = |r: &mut Random| ((0..12).map(|_| r.fraction()).sum::<f64>() - 6.0) as f32;
         Renderer {
             noise: (0..NOISE_COUNT).map(|_| normal(&mut random)).collect(),
-            noise_of_level: (0..256)
-                .map(|v| (settings.noise_levels * (f64::from(v.max(4)) / 128.0).sqrt()) as f32)
-                .collect(),
             nodes: vec![[0.0; 8]; columns * rows],
             columns,
             origin_mm: Vec2::new(left, top),
-            ideal: vec![0; 3 * size.area()],
-            blurred: vec![0; 3 * size.area()],
+            on_gel: (0..size.area() as u32).filter(|&i| pixels[i as usize].gel > 0.0).collect(),
+            ideal: pixels.iter().flat_map(|p| p.light_levels).collect(),
+            softened: std::array::from_fn(|_| vec![0.0; 3 * size.width]),
             blur,
             stuck,
             pixels,
@@ -151,7 +149,6 @@ impl Renderer {
         assert_eq!(rgb.len(), 3 * self.size().area(), "picture of another size");
         self.look(surface);
         self.shine();
-        self.soften();
         self.expose(frame_seed, rgb);
     }
 
@@ -181,78 +178,77 @@ impl Renderer {
         }
     }
 
-    /// Light of every pixel, without blur and noise.
+    /// Light of every pixel on the gel, without blur and noise.
     fn shine(&mut self) {
         let per_mm = (1.0 / NODE_MM) as f32;
         let (left, top) = (self.origin_mm.x as f32, self.origin_mm.y as f32);
         let darkness = self.settings.dots.darkness_fraction as f32;
-        for (pixel, out) in self.pixels.iter().zip(self.ideal.chunks_exact_mut(3)) {
+        for &i in &self.on_gel {
+            let pixel = &self.pixels[i as usize];
             let [x_mm, y_mm] = pixel.plane_mm;
             let (x, y) = ((x_mm - left) * per_mm, (y_mm - top) * per_mm);
             let (column, row) = (x as usize, y as usize);
             let (fx, fy) = (x - column as f32, y - row as f32);
             let upper = row * self.columns + column;
-            let [a, b] = [&self.nodes[upper], &self.nodes[upper + 1]];
-            let [c, d] = [&self.nodes[upper + self.columns], &self.nodes[upper + self.columns + 1]];
-            let mut seen = [0.0f32; 8];
-            for k in 0..8 {
-                let (above, below) = (a[k] + (b[k] - a[k]) * fx, c[k] + (d[k] - c[k]) * fx);
-                seen[k] = above + (below - above) * fy;
-            }
+            let (above, below) = (&self.nodes[upper..upper + 2], &self.nodes[upper + self.columns..][..2]);
+            let seen: Node = std::array::from_fn(|k| {
+                let a = above[0][k] + (above[1][k] - above[0][k]) * fx;
+                let b = below[0][k] + (below[1][k] - below[0][k]) * fx;
+                a + (b - a) * fy
+            });
             let (dot, thread) = self.atlas.at(x_mm + seen[0], y_mm + seen[1]);
             let (contrast, left_over) = (seen[5] * thread, 1.0 - darkness * dot * pixel.gel);
+            let out = &mut self.ideal[3 * i as usize..][..3];
             for channel in 0..3 {
                 let relief = 1.0 + (seen[2 + channel] + contrast) * pixel.gel;
-                let level = pixel.light_levels[channel] * relief * left_over;
-                out[channel] = (level.clamp(0.0, 255.0) * STEPS_PER_LEVEL) as u16;
+                out[channel] = pixel.light_levels[channel] * relief * left_over;
             }
         }
     }
 
-    /// The blur of the lens: five taps along rows, then along columns.
-    fn soften(&mut self) {
-        let (width, height) = (self.size().width, self.size().height);
-        let line = 3 * width;
-        let [middle, near, far] = self.blur;
-        let mix = |a: u16, b: u16, c: u16, d: u16, e: u16| {
-            let sum =
-                far * (u32::from(a) + u32::from(e)) + near * (u32::from(b) + u32::from(d)) + middle * u32::from(c);
-            (sum >> 12) as u16
-        };
-        for (from, to) in self.ideal.chunks_exact(line).zip(self.blurred.chunks_exact_mut(line)) {
-            to.copy_from_slice(from);
-            let inner = line - 12;
-            for (i, out) in to[6..6 + inner].iter_mut().enumerate() {
-                *out = mix(from[i], from[i + 3], from[i + 6], from[i + 9], from[i + 12]);
-            }
-        }
-        for y in 0..height {
-            let row = |y: usize| &self.blurred[y * line..][..line];
-            let (a, b, c) = (row(y.saturating_sub(2)), row(y.saturating_sub(1)), row(y));
-            let (d, e) = (row((y + 1).min(height - 1)), row((y + 2).min(height - 1)));
-            let out = &mut self.ideal[y * line..][..line];
-            for i in 0..line {
-                out[i] = mix(a[i], b[i], c[i], d[i], e[i]);
-            }
-        }
-    }
-
-    /// Noise of the sensor, and its stuck pixels.
-    fn expose(&self, frame_seed: u64, rgb: &mut [u8]) {
+    /// The blur of the lens, five taps each way, and the noise of the sensor with its stuck pixels.
+    fn expose(&mut self, frame_seed: u64, rgb: &mut [u8]) {
         let mut random = Random::of(frame_seed, 0x5EED);
-        let line = 3 * self.size().width;
-        for (from, to) in self.ideal.chunks_exact(line).zip(rgb.chunks_exact_mut(line)) {
-            let start = random.next_u64() as usize % (NOISE_COUNT - line);
-            let noise = &self.noise[start..start + line];
-            for ((&v, out), &n) in from.iter().zip(to).zip(noise) {
-                let level = f32::from(v) * (1.0 / STEPS_PER_LEVEL);
-                let spread = self.noise_of_level[usize::from(v >> 6) & 255];
-                *out = (level + spread * n + 0.5).clamp(0.0, 255.0) as u8;
+        let SizePx { width, height } = self.size();
+        let line = 3 * width;
+        let noise_levels = self.settings.noise_levels as f32;
+        for below in 0..height + 2 {
+            if below < height {
+                soften(&self.ideal[below * line..][..line], self.blur, &mut self.softened[below % 5]);
             }
+            let Some(y) = below.checked_sub(2) else { continue };
+            // Beyond the border, the outermost rows once more.
+            let row = |y: usize| &self.softened[y.min(height - 1) % 5][..line];
+            let rows = [row(y.saturating_sub(2)), row(y.saturating_sub(1)), row(y), row(y + 1), row(y + 2)];
+            let start = random.next_u64() as usize % (NOISE_COUNT - line);
+            let out = &mut rgb[y * line..][..line];
+            expose_row(rows, self.blur, &self.noise[start..start + line], noise_levels, out);
         }
         for &(pixel, level) in &self.stuck {
             rgb[3 * pixel..3 * pixel + 3].fill(level);
         }
+    }
+}
+
+/// Blurs a row of interleaved colours along itself; its outermost two pixels are left as they are.
+fn soften(from: &[f32], [middle, near, far]: [f32; 3], to: &mut [f32]) {
+    to.copy_from_slice(from);
+    let inner = from.len() - 12;
+    let (a, b, c, d, e) = (&from[..inner], &from[3..], &from[6..], &from[9..], &from[12..]);
+    let taps = a.iter().zip(b).zip(c).zip(d).zip(e);
+    for (out, ((((a, b), c), d), e)) in to[6..6 + inner].iter_mut().zip(taps) {
+        *out = far * (a + e) + near * (b + d) + middle * c;
+    }
+}
+
+/// Blurs five rows across, adds noise that grows as the root of the level, and rounds.
+fn expose_row(rows: [&[f32]; 5], [middle, near, far]: [f32; 3], noise: &[f32], noise_levels: f32, out: &mut [u8]) {
+    let [a, b, c, d, e] = rows;
+    let taps = a.iter().zip(b).zip(c).zip(d).zip(e).zip(noise);
+    for (out, (((((a, b), c), d), e), n)) in out.iter_mut().zip(taps) {
+        let level = far * (a + e) + near * (b + d) + middle * c;
+        let spread = noise_levels * (level.max(4.0) * (1.0 / 128.0)).sqrt();
+        *out = (level + spread * n + 0.5).clamp(0.0, 255.0) as u8;
     }
 }
 
