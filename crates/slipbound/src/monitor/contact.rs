@@ -59,7 +59,7 @@ impl Default for ContactSettings {
             on_frames_count: 4,
             close_pitch: 6.0 / 15.2,
             erode_pitch: 11.0 / 15.2,
-            dilate_pitch: 25.0 / 15.2,
+            dilate_pitch: 18.0 / 15.2,
             hide_rest_edges: true,
             change_levels: 6.0,
             smooth_close_pitch: 1.2,

@@ -25,6 +25,8 @@ use crate::plane::Vec2;
 const FINE: (usize, usize) = (8, 16);
 /// Assumed centres per pixel along each axis for larger dots.
 const COARSE: usize = 4;
+/// A dot pulls along its weaker axis with at least this share of the stronger one's.
+const STRIPE_RATIO: f64 = 0.25;
 /// The largest tabulated weight.
 const FULL_WEIGHT: f64 = 8000.0;
 
@@ -133,14 +135,16 @@ impl EdgeKernel {
     }
 
     /// How fast the pull grows when the assumed centre leaves the dot, by moving it half a pixel each way:
-    /// negative for a bright dot, positive for a dark one, per px. None at the border.
+    /// negative for a bright dot, positive for a dark one, per px. None at the border, and where it grows along one
+    /// axis only: a stripe, or the foot of a slope of light, is no dot.
     pub fn stiffness(&self, grey: &[u8], size: SizePx, centre: Vec2) -> Option<f64> {
         let x = Vec2::new(0.5, 0.0);
         let y = Vec2::new(0.0, 0.5);
         let pull = |at: Vec2| self.pull(grey, size, at).map(|(force, _)| force);
         let along = pull(centre + x)?.x - pull(centre - x)?.x;
         let across = pull(centre + y)?.y - pull(centre - y)?.y;
-        Some((along + across) / 2.0)
+        let (weak, strong) = if along.abs() < across.abs() { (along, across) } else { (across, along) };
+        (weak * strong > 0.0 && weak.abs() >= STRIPE_RATIO * strong.abs()).then_some((along + across) / 2.0)
     }
 
     /// The stiffness on a round dark dot of one level of depth whose edge has this blur.

@@ -22,6 +22,9 @@ pub struct Spot {
     pub response_levels: f32,
 }
 
+/// A spot bends at most this many times more one way than the other.
+const RIDGE: f64 = 8.0;
+
 /// Decimated values are kept with two more bits than grey levels.
 const STEPS_PER_LEVEL: i32 = 4;
 
@@ -176,6 +179,16 @@ impl DotFinder {
                 }
                 let corners = [at(x - 1, y - 1), at(x + 1, y - 1), at(x - 1, y + 1), at(x + 1, y + 1)];
                 if v <= corners[0] || v <= corners[1] || v < corners[2] || v < corners[3] {
+                    continue;
+                }
+                let bend = |before: i32, after: i32| f64::from(before) + f64::from(after) - 2.0 * f64::from(v);
+                let (xx, yy) = (bend(at(x - 1, y), at(x + 1, y)), bend(at(x, y - 1), at(x, y + 1)));
+                let xy =
+                    (f64::from(corners[0]) + f64::from(corners[3]) - f64::from(corners[1]) - f64::from(corners[2]))
+                        / 4.0;
+                // A ridge of shadow bends one way only.
+                let (trace, det) = (xx + yy, xx * yy - xy * xy);
+                if det <= 0.0 || trace * trace * RIDGE > det * (RIDGE + 1.0) * (RIDGE + 1.0) {
                     continue;
                 }
                 let top = |before: i32, after: i32| {
