@@ -372,6 +372,10 @@ fn rest_may_be_named() {
         assert_eq!(report[0]["rest"].to_string(), format!(r#"{{"frames":{frames},"kind":"given"}}"#));
         assert_eq!(report.len(), 7, "all frames are judged, those of rest too");
     }
+    trial.write("run/000.jpg", &encode(&[128; 64 * 48], SizePx::new(64, 48)));
+    let ended = trial.watch("run", &["--rest", "untouched.jpg", "--json", "report.json"]);
+    ended.expect(0, &[]);
+    assert!(ended.out.contains("1 frame of another size; the first is frame 0"), "{ended:?}");
 }
 
 #[test]

@@ -77,8 +77,8 @@ pub fn find(
         Some(RestArgument::Image(path)) => Some((image(path)?, None)),
         Some(RestArgument::Frames(range)) => Some((frames(args, range)?, Some([range.start, range.end]))),
     };
-    let window_count = if given.is_some() { 1 } else { settings.rest.window_count as usize };
-    let window: Vec<&Ahead> = recording.read_ahead(window_count).collect();
+    // Also when rest is given: one frame alone could be of an odd size.
+    let window: Vec<&Ahead> = recording.read_ahead(settings.rest.window_count as usize).collect();
     let whole: Vec<&FrameBuffer> = match &given {
         Some((frames, _)) => frames.iter().collect(),
         None => window.iter().filter(|a| a.torn.is_none()).map(|a| &a.frame).collect(),
