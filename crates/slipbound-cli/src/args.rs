@@ -4,12 +4,16 @@ use crate::commands::simulate::Simulate;
 use crate::commands::watch::Watch;
 use clap::{Parser, Subcommand};
 
-/// Told by a camera inside a soft fingertip whether what it holds begins to slip.
-///
-/// Exit codes: 0 done, 1 failed (also when interrupted), 2 bad arguments, sensor or settings file, 3 finished but
-/// frames were torn.
+/// Told below every help text.
+const EXIT_CODES: &str = "Exit codes:
+  0  done
+  1  failed on the way, or interrupted; a report so far written is kept
+  2  what was asked for cannot be: arguments, sensor or settings file, nothing to read
+  3  finished, but frames were torn";
+
+/// Says from the pictures of a camera inside a soft fingertip whether what it holds begins to slip.
 #[derive(Debug, Parser)]
-#[command(name = "slipbound", version, max_term_width = 110)]
+#[command(name = "slipbound", version, max_term_width = 110, after_help = EXIT_CODES)]
 pub struct Args {
     /// What to do.
     #[command(subcommand)]
@@ -20,6 +24,7 @@ pub struct Args {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Judge every frame of a recording or a simulated scene
+    #[command(after_help = EXIT_CODES)]
     Watch(Watch),
     /// List the built-in fingers
     Sensors,

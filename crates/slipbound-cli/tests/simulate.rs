@@ -57,7 +57,6 @@ fn a_recorded_scene_is_judged_as_the_live_one() {
 }
 
 #[test]
-#[ignore = "the stand-in camera shows no contact; take this line away with it"]
 fn contact_is_seen_in_a_scene() {
     let dir = tempfile::tempdir().expect("a folder");
     let ended = run(dir.path(), &["watch", &format!("sim:{SCENE}"), "--json", "live.json"]);

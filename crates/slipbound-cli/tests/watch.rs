@@ -199,6 +199,78 @@ fn other_sizes_and_black_frames_are_unjudged_with_the_reason() {
 }
 
 #[test]
+fn without_a_whole_frame_it_says_what_tore_the_first() {
+    let trial = Trial::new(0);
+    trial.write("run/0.jpg", b"");
+    trial.write("run/1.jpg", b"day one");
+    trial
+        .watch("run", &[])
+        .expect(1, &["run: expected at least one whole frame, got none; frame 0 (0.jpg) is torn: empty"]);
+}
+
+#[test]
+fn the_summary_tells_why_the_first_frame_is_torn() {
+    let trial = Trial::new(3);
+    trial.write("run/001.jpg", b"day one");
+    let ended = trial.watch("run", &[]);
+    assert!(ended.out.contains("1 frame torn; the first is frame 1 (001.jpg): neither JPEG nor PNG"), "{ended:?}");
+}
+
+#[test]
+fn outputs_never_fall_on_what_is_read_or_on_each_other() {
+    let trial = Trial::new(3);
+    write_avi(&trial.path("run.avi"), 3);
+    trial.write("rest.jpg", &jpeg(0));
+    let files = ["run.avi", "rest.jpg", "run/000.jpg"];
+    let before = files.map(|name| fs::read(trial.path(name)).expect("reads"));
+    for (source, more, said) in [
+        ("run.avi", &["--json", "run.avi"][..], "--json run.avi: expected a place of its own, got that of SOURCE"),
+        ("run.avi", &["--overlay", "run/../run.avi"], "that of SOURCE"),
+        ("run", &["--overlay", "run"], "--overlay run: expected a place of its own, got that of SOURCE"),
+        ("run/*.jpg", &["--overlay", "./run"], "that of SOURCE"),
+        ("run/000.jpg", &["--overlay", "run"], "that of SOURCE"),
+        ("rest.jpg", &["--overlay", "."], "that of SOURCE"),
+        ("run", &["--rest", "rest.jpg", "--timings", "rest.jpg"], "that of --rest"),
+        (
+            "run",
+            &["--json", "new", "--timings", "./new"],
+            "--timings ./new: expected a place of its own, got that of --json",
+        ),
+    ] {
+        trial.watch(source, more).expect(2, &[said]);
+    }
+    assert!(before == files.map(|name| fs::read(trial.path(name)).expect("reads")), "a file was changed");
+    assert_eq!(fs::read_dir(trial.path("run")).expect("a folder").count(), 3);
+    // Beside what is read, in a folder named as the finger is, and nowhere at all.
+    trial.watch("run.avi", &["--overlay", "."]).expect(0, &[]);
+    trial.watch("run", &["--overlay", SENSOR[1]]).expect(0, &[]);
+    #[cfg(unix)]
+    trial.watch("run", &["--json", "/dev/null", "--timings", "/dev/null"]).expect(0, &[]);
+}
+
+#[test]
+fn markers_that_do_not_stand_a_pitch_apart_raise_a_doubt() {
+    let trial = Trial::new(3);
+    let arguments = ["watch", "run", "--sensor", "gelsight_mini_near", "--json", "report.json"];
+    let ended = Ended::of(trial.command(&arguments).output().expect("runs"));
+    ended.expect(0, &["run: markers expected 44.0 px apart (pitch_px of sensor gelsight_mini_near), got 30.8 px"]);
+    let note = trial.report("report.json")[0]["note"].to_string();
+    assert!(note.contains("right sensor file?"), "{note}");
+}
+
+#[test]
+fn every_help_explains_the_exit_codes() {
+    let trial = Trial::new(0);
+    for arguments in [&["--help"][..], &["-h"], &["watch", "--help"], &["watch", "-h"]] {
+        let ended = Ended::of(trial.command(arguments).output().expect("runs"));
+        ended.expect(0, &[]);
+        for code in ["0  done", "1  failed", "2  what was asked for cannot be", "3  finished, but frames were torn"] {
+            assert!(ended.out.contains(code), "no `{code}` in {arguments:?}: {ended:?}");
+        }
+    }
+}
+
+#[test]
 fn only_black_frames_are_refused() {
     let trial = Trial::new(0);
     trial.write("run/0.jpg", &encode(&vec![0; SIZE.area()], SIZE));
@@ -240,13 +312,19 @@ fn a_truncated_avi_is_judged_as_far_as_it_goes() {
 fn arguments_that_cannot_be_exit_with_2() {
     let trial = Trial::new(3);
     trial.write("odd.jpg", &encode(&[128; 320 * 200], SizePx::new(320, 200)));
+    trial.write("dot.jpg", &encode(&[128], SizePx::new(1, 1)));
+    trial.write("dark.jpg", &encode(&vec![0; SIZE.area()], SIZE));
     trial.write("typo.toml", b"extends = \"gelsight_mini_wide\"\npich_px = 30\n");
     trial.write("negative.toml", b"[slip]\nthreshold_pitch = -1.0\n");
     trial.write("unknown.toml", b"[slip]\nthreshold_pich = 0.2\n");
     for (arguments, said) in [
         (&["nowhere.avi", "--sensor", "gelslim"][..], &["nowhere.avi", "there is no such file"][..]),
         (&["*.png", "--sensor", "gelslim"], &["*.png", "expected images"]),
-        (&["run"], &["expected --sensor", "320x240", "gelsight_mini_near, gelsight_mini_wide"]),
+        (&["run"], &["run: more than one", "320x240", "--sensor with one of gelsight_mini_near, gelsight_mini_wide"]),
+        (&["odd.jpg"], &["odd.jpg: no built-in finger has frames of 320x200", "`slipbound sensors`"]),
+        (&["dot.jpg", "--sensor", "gelslim"], &["dot.jpg: frames of 1x1: sensor gelslim: image_px"]),
+        (&["odd.jpg/run.avi", "--sensor", "gelslim"], &["odd.jpg/run.avi: expected a folder", "there is no such file"]),
+        (&[&"long".repeat(90), "--sensor", "gelslim"], &["there is no such file"]),
         (&["run", "--sensor", "gelslin"], &["`gelslin`", "did you mean `gelslim`?"]),
         (&["run", "--sensor", "typo.toml"], &["typo.toml: unknown key `pich_px`; did you mean `pitch_px`?"]),
         (&["run", "--sensor", "none.toml"], &["none.toml: cannot read"]),
@@ -260,8 +338,21 @@ fn arguments_that_cannot_be_exit_with_2() {
             &["unknown.toml: unknown key `slip.threshold_pich`", "`threshold_pitch`"],
         ),
         (&["run", "--rest", "5..3"], &["expected A below B, got 5..3"]),
-        (&["run", "--rest", "1..9", "--sensor", "gelsight_mini_wide"], &["--rest 1..9: run ends before frame 8"]),
-        (&["run", "--rest", "no.png", "--sensor", "gelsight_mini_wide"], &["no.png", "there is no such file"]),
+        (&["run", "--rest", "5.."], &["expected two whole numbers A..B, got 5.."]),
+        (
+            &["run", "--rest", "1..9", "--sensor", "gelsight_mini_wide"],
+            &["--rest 1..9: run ends before frame 8: it has 3 frames"],
+        ),
+        (&["run", "--rest", "no.png", "--sensor", "gelsight_mini_wide"], &["--rest no.png", "there is no such file"]),
+        (
+            &["run", "--rest", "dark.jpg", "--sensor", "gelsight_mini_wide"],
+            &["--rest dark.jpg: frame 0 (dark.jpg): unusable as rest frame: dark"],
+        ),
+        (
+            &["run", "--rest", "odd.jpg", "--sensor", "gelsight_mini_wide"],
+            &["--rest odd.jpg: expected 320x240 as the frames of run, got 320x200"],
+        ),
+        (&["run", "--rest", "run", "--sensor", "gelsight_mini_wide"], &["--rest run: expected one image", "several"]),
         (&["run", "--markers"], &["--json"]),
         (&["run", "--color", "red"], &["--color"]),
     ] {
@@ -281,6 +372,10 @@ fn rest_may_be_named() {
         assert_eq!(report[0]["rest"].to_string(), format!(r#"{{"frames":{frames},"kind":"given"}}"#));
         assert_eq!(report.len(), 7, "all frames are judged, those of rest too");
     }
+    trial.write("run/000.jpg", &encode(&[128; 64 * 48], SizePx::new(64, 48)));
+    let ended = trial.watch("run", &["--rest", "untouched.jpg", "--json", "report.json"]);
+    ended.expect(0, &[]);
+    assert!(ended.out.contains("1 frame of another size; the first is frame 0"), "{ended:?}");
 }
 
 #[test]

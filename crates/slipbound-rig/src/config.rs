@@ -58,8 +58,28 @@ pub enum Error {
         /// Key, expected, got.
         source: SettingError,
     },
+    /// It is not text at all.
+    #[error("{file}: expected TOML, got bytes that are no text")]
+    NotText {
+        /// The file.
+        file: String,
+    },
+    /// The sensor that a file extends cannot be used.
+    #[error("{file}: extends: {source}")]
+    Extends {
+        /// The file that extends it.
+        file: String,
+        /// What is wrong with it.
+        source: Box<Error>,
+    },
+    /// A word that is neither `paper` nor the name of a file.
+    #[error("no settings are called `{name}`: expected `paper` or FILE.toml, and there is no such file")]
+    UnknownSettings {
+        /// The word.
+        name: String,
+    },
     /// A name that is neither a built-in finger nor a file.
-    #[error("no built-in sensor is called `{name}`; {}, or FILE.toml", known(nearest.as_deref(), names))]
+    #[error("no built-in sensor is called `{name}`: expected FILE.toml or a built-in name; {}", known(nearest.as_deref(), names))]
     UnknownSensor {
         /// The name asked for.
         name: String,
@@ -90,7 +110,11 @@ pub fn load_settings(name_or_file: &str) -> Result<Settings, Error> {
     if name_or_file == "paper" {
         return Ok(Settings::paper());
     }
-    let layer = Layer::read(Path::new(name_or_file))?;
+    let path = Path::new(name_or_file);
+    if path.extension().is_none() && !path.exists() {
+        return Err(Error::UnknownSettings { name: name_or_file.into() });
+    }
+    let layer = Layer::read(path)?;
     let settings: Settings = typed(layer.table.clone(), std::slice::from_ref(&layer))?;
     settings.check().map_err(|source| Error::OutOfRange { file: layer.file, source })?;
     Ok(settings)
@@ -105,7 +129,10 @@ pub(crate) struct Layer {
 
 impl Layer {
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text = fs::read_to_string(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
+        let text = fs::read_to_string(path).map_err(|source| match source.kind() {
+            io::ErrorKind::InvalidData => Error::NotText { file: path.display().to_string() },
+            _ => Error::Read { path: path.to_owned(), source },
+        })?;
         Layer::parse(path.display().to_string(), &text)
     }
 
@@ -121,7 +148,7 @@ impl Layer {
 pub(crate) fn typed<T: DeserializeOwned>(merged: Table, layers: &[Layer]) -> Result<T, Error> {
     serde_path_to_error::deserialize(Value::Table(merged)).map_err(|e| {
         let path = e.path().to_string();
-        let problem = e.inner().to_string().trim_end().to_owned();
+        let problem = in_words(&e.inner().to_string());
         let mut quoted = problem.split('`').skip(1).step_by(2).map(str::to_owned);
         if problem.starts_with("unknown field") {
             let unknown = quoted.next().unwrap_or_default();
@@ -140,6 +167,19 @@ pub(crate) fn typed<T: DeserializeOwned>(merged: Table, layers: &[Layer]) -> Res
         };
         Error::Value { file: blame(layers, &key), key, problem }
     })
+}
+
+/// What the parser says, without its second line (the key, which we name ourselves) and without Rust's names of types.
+fn in_words(problem: &str) -> String {
+    let first = problem.lines().next().unwrap_or_default();
+    let Some((said, kind)) = first.rsplit_once("expected ") else {
+        return first.to_owned();
+    };
+    match kind {
+        "f64" => format!("{said}expected a number"),
+        "u8" | "u32" | "u64" | "usize" => format!("{said}expected a whole number, not below 0"),
+        _ => first.to_owned(),
+    }
 }
 
 /// The file that holds a key; the first when none does.
@@ -195,8 +235,11 @@ mod tests {
             ("[rest]\nwindow_cuont = 7\n", ["mine.toml", "`rest.window_cuont`", "did you mean `window_count`?"]),
             ("[rset]\n", ["mine.toml", "`rset`", "did you mean `rest`?"]),
             ("[banana]\n", ["mine.toml", "`banana`", "expected one of rest, imprint"]),
-            ("[rest]\nwindow_count = \"many\"\n", ["mine.toml: rest.window_count", "\"many\"", "expected u32"]),
-            ("[rest]\nwindow_count = -7\n", ["mine.toml: rest.window_count", "-7", "expected u32"]),
+            (
+                "[rest]\nwindow_count = \"many\"\n",
+                ["mine.toml: rest.window_count", "\"many\"", "expected a whole number"],
+            ),
+            ("[rest]\nwindow_count = -7\n", ["mine.toml: rest.window_count", "-7", "expected a whole number"]),
             ("[rest]\nwindow_count = 0\n", ["mine.toml: rest.window_count", "a number from 1", "got 0"]),
             ("[rest\n", ["mine.toml", "line 1", "]"]),
         ] {
@@ -205,6 +248,21 @@ mod tests {
                 assert!(message.contains(part), "`{message}` lacks `{part}`");
             }
         }
+    }
+
+    #[test]
+    fn what_is_no_settings_file_is_told_apart() {
+        let message = load_settings("papr").expect_err("refused").to_string();
+        assert!(message.contains("`papr`") && message.contains("expected `paper` or FILE.toml"), "{message}");
+        let message = load_settings("papr.toml").expect_err("refused").to_string();
+        assert!(message.starts_with("papr.toml: cannot read"), "{message}");
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("picture.toml");
+        fs::write(&path, b"\xFF\xD8").expect("writes");
+        let message = load_settings(path.to_str().expect("UTF-8")).expect_err("refused").to_string();
+        assert!(message.ends_with("picture.toml: expected TOML, got bytes that are no text"), "{message}");
+        let message = settings("[rest]\nwindow_count = 2.5\n").expect_err("refused").to_string();
+        assert!(message.contains("2.5") && message.lines().count() == 1, "{message}");
     }
 
     #[test]

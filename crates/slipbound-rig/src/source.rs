@@ -43,9 +43,17 @@ pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
         Ok(_) => open_video(path),
         // A file whose own name holds such signs was found above.
         Err(_) if uri.contains(['*', '?', '[']) => Ok(Box::new(Folder::matching(uri)?)),
-        Err(e) if e.kind() == ErrorKind::NotFound => Err(Error::Missing { path: path.to_owned() }),
+        Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::InvalidFilename) => {
+            Err(Error::Missing { path: path.to_owned() })
+        }
         Err(source) => Err(Error::Read { path: path.to_owned(), source }),
     }
+}
+
+/// Whether `open` would read image files named by a pattern or one by one.
+pub fn reads_images(uri: &str) -> bool {
+    let path = Path::new(uri);
+    !path.is_dir() && (folder::has_image_name(path) || !path.exists())
 }
 
 /// Decodes MJPEG AVI files here and leaves everything else to `ffmpeg`.

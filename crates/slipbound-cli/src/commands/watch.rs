@@ -5,6 +5,7 @@
 //! ```
 
 mod outputs;
+mod overwriting;
 mod recording;
 mod rest;
 mod simulation;
@@ -72,15 +73,20 @@ impl Watch {
         };
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
         let mut recording = self.open()?;
+        overwriting::refuse(self)?;
         let mut terminal = Terminal::with_bar(recording.frames_count(), self.json_on_stdout());
 
         let found = rest::find(self, &mut recording, &settings, |size| self.sensor_for(size, sensor.as_ref()))?;
         found.notes.iter().for_each(|note| terminal.note(note));
         let mut monitor = SlipMonitor::new(&found.sensor, &settings, found.rest).map_err(Failure::arguments)?;
+        let at_rest: Vec<_> = monitor.markers().iter().map(|m| m.rest).collect();
+        let doubt = sensors::doubt(monitor.sensor(), &at_rest);
+        doubt.iter().for_each(|doubt| terminal.note(&format!("{}: {doubt}", self.source)));
+        let notes: Vec<String> = found.report_note.into_iter().chain(doubt).collect();
         let origin = outputs::Origin {
             clock: recording.clock(),
             rest: found.origin,
-            note: found.report_note,
+            note: (!notes.is_empty()).then(|| notes.join("; ")),
             rate_hz: recording.rate_hz().unwrap_or(OVERLAY_RATE_HZ),
         };
         let mut outputs = Outputs::open(self, origin, &monitor)?;
@@ -118,13 +124,15 @@ impl Watch {
             }
             let frame = recording.frame();
             outputs.stopwatch.restart();
+            let mut torn = None;
             let report = match arrived? {
                 Arrived::Whole => {
                     let frame = frame.frame().map_err(|e| Failure::work(&self.source, e))?;
                     monitor.step_probed(&frame, None, &mut outputs.stopwatch)
                 }
                 Arrived::Torn(reason) => {
-                    terminal.note(&summary::torn_line(&self.source, frame, &reason));
+                    terminal.note(&format!("{}: {}", self.source, summary::torn(frame, &reason)));
+                    torn = Some(reason);
                     monitor.torn(frame.seq, frame.time_ns)
                 }
                 Arrived::Over => {
@@ -135,7 +143,7 @@ impl Watch {
                 }
             };
             outputs.write(frame, &report, monitor)?;
-            summary.see(&report, frame);
+            summary.see(&report, frame, torn.as_deref());
             if let Some(event) = events.see(&report) {
                 terminal.say(&summary.event(&event))?;
             }
@@ -177,15 +185,19 @@ impl Watch {
                 Ok((only.clone(), Some(note)))
             }
             several => {
-                let (names, why) = match several.len() {
-                    0 => (sensors::names().collect::<Vec<_>>(), "no built-in finger has"),
-                    _ => (several.iter().map(|s| s.name.as_str()).collect(), "more than one built-in finger has"),
-                };
-                let names = names.join(", ");
-                Err(Failure::Arguments(anyhow!(
-                    "{}: expected --sensor, got none, and {why} frames of {frames}: {names}",
-                    self.source
-                )))
+                let source = &self.source;
+                let names: Vec<&str> = several.iter().map(|s| s.name.as_str()).collect();
+                Err(Failure::Arguments(match names.is_empty() {
+                    true => anyhow!(
+                        "{source}: no built-in finger has frames of {frames}: expected --sensor, got none \
+                         (`slipbound sensors` lists the built-in fingers; your own is a FILE.toml)"
+                    ),
+                    false => anyhow!(
+                        "{source}: more than one built-in finger has frames of {frames}: expected --sensor with one \
+                         of {}, got none (`slipbound sensors` tells them apart)",
+                        names.join(", ")
+                    ),
+                }))
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use super::Watch;
 use super::recording::{Ahead, Recording};
+use super::summary::{called, torn};
 use crate::outcome::Failure;
 use anyhow::anyhow;
 use slipbound::image::SizePx;
@@ -10,6 +11,7 @@ use slipbound::port::FrameBuffer;
 use slipbound::sensor::Sensor;
 use slipbound_rig::report_json::{RestOrigin, RestOriginKind};
 use slipbound_rig::source;
+use std::fmt::{self, Display, Formatter};
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -29,11 +31,22 @@ pub enum RestArgument {
 impl RestArgument {
     /// `A..B`, or the name of an image.
     pub fn parse(text: &str) -> Result<Self, String> {
+        let is_range = text.contains("..") && text.chars().all(|c| c == '.' || c.is_ascii_digit());
         let range = text.split_once("..").and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
         match range {
             Some(frames) if frames.is_empty() => Err(format!("expected A below B, got {text}")),
             Some(frames) => Ok(RestArgument::Frames(frames)),
+            None if is_range => Err(format!("expected two whole numbers A..B, got {text}")),
             None => Ok(RestArgument::Image(text.into())),
+        }
+    }
+}
+
+impl Display for RestArgument {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            RestArgument::Frames(range) => write!(f, "--rest {}..{}", range.start, range.end),
+            RestArgument::Image(path) => write!(f, "--rest {}", path.display()),
         }
     }
 }
@@ -64,21 +77,30 @@ pub fn find(
         Some(RestArgument::Image(path)) => Some((image(path)?, None)),
         Some(RestArgument::Frames(range)) => Some((frames(args, range)?, Some([range.start, range.end]))),
     };
-    let window_count = if given.is_some() { 1 } else { settings.rest.window_count as usize };
-    let window: Vec<&Ahead> = recording.read_ahead(window_count).collect();
+    // Also when rest is given: one frame alone could be of an odd size.
+    let window: Vec<&Ahead> = recording.read_ahead(settings.rest.window_count as usize).collect();
     let whole: Vec<&FrameBuffer> = match &given {
         Some((frames, _)) => frames.iter().collect(),
         None => window.iter().filter(|a| a.torn.is_none()).map(|a| &a.frame).collect(),
     };
-    let Some(size) = most_common_size(&whole) else {
-        let torn_count = window.len();
-        return Err(match recording.take_failure() {
-            Some(e) => Failure::Work(anyhow::Error::from_boxed(e)),
-            None => anyhow!("{}: expected frames, got none ({torn_count} torn)", args.source).into(),
+    let seen: Vec<&FrameBuffer> = window.iter().filter(|a| a.torn.is_none()).map(|a| &a.frame).collect();
+    let Some(size) = most_common_size(&seen) else {
+        let first_torn = window.first().and_then(|a| Some(torn(&a.frame, a.torn.as_deref()?)));
+        return Err(match (recording.take_failure(), first_torn) {
+            (Some(e), _) => Failure::Work(anyhow::Error::from_boxed(e)),
+            (None, Some(first)) => {
+                anyhow!("{}: expected at least one whole frame, got none; {first}", args.source).into()
+            }
+            (None, None) => anyhow!("{}: expected frames, got none", args.source).into(),
         });
     };
+    if let (Some(argument), Some(other)) = (&args.rest, whole.iter().find(|f| f.size != size)) {
+        let (got, source) = (other.size, &args.source);
+        return Err(Failure::Arguments(anyhow!("{argument}: expected {size} as the frames of {source}, got {got}")));
+    }
     let (sensor, note) = sensor_for(size)?;
-    let wrong_sensor = |e| Failure::Arguments(anyhow!("sensor {}: {e}", sensor.name));
+    let wrong_sensor =
+        |e| Failure::Arguments(anyhow!("{}: frames of {size}: sensor {}: {e}", args.source, sensor.name));
     let mut builder = RestBuilder::new(&sensor, settings, size).map_err(wrong_sensor)?;
     let failed = |e| Failure::work(&args.source, e);
 
@@ -95,9 +117,12 @@ pub fn find(
             (choice.frames, choice.kind, RestOrigin { kind: choice.kind.into(), frames: Some(seqs) })
         }
     };
-    for frame in &whole[chosen] {
-        let frame = frame.frame().map_err(|e| Failure::work(&args.source, e))?;
-        builder.add(&frame).map_err(failed)?;
+    for buffer in &whole[chosen] {
+        let frame = buffer.frame().map_err(|e| Failure::work(&args.source, e))?;
+        builder.add(&frame).map_err(|e| match &args.rest {
+            Some(argument) => Failure::Arguments(anyhow!("{argument}: {}: {e}", called(buffer))),
+            None => failed(e),
+        })?;
     }
     let rest = builder.build(kind).map_err(failed)?;
     let report_note = (kind == RestKind::InContact).then(|| IN_CONTACT.to_owned());
@@ -111,15 +136,17 @@ fn most_common_size(frames: &[&FrameBuffer]) -> Option<SizePx> {
     frames.iter().map(|f| f.size).rev().max_by_key(|&size| count(size))
 }
 
-/// The one frame of an image file.
+/// The frame of an image file.
 fn image(path: &std::path::Path) -> Result<Vec<FrameBuffer>, Failure> {
     let shown = path.display().to_string();
-    let mut recording = Recording::new(source::open(&shown).map_err(Failure::arguments)?);
-    let first = recording.read_ahead(1).next().map(|a| (a.frame.clone(), a.torn.clone()));
-    match first {
-        Some((frame, None)) => Ok(vec![frame]),
-        Some((_, Some(reason))) => Err(Failure::Arguments(anyhow!("--rest {shown}: {reason}"))),
-        None => Err(Failure::Arguments(anyhow!("--rest {shown}: expected an image, got no frame"))),
+    let refused = |why: &dyn Display| Failure::Arguments(anyhow!("--rest {shown}: {why}"));
+    let mut recording = Recording::new(source::open(&shown).map_err(|e| refused(&e))?);
+    let mut all = recording.read_ahead(2).map(|a| (a.frame.clone(), a.torn.clone()));
+    match (all.next(), all.next()) {
+        (Some((frame, None)), None) => Ok(vec![frame]),
+        (Some((_, Some(reason))), None) => Err(refused(&reason)),
+        (Some(_), Some(_)) => Err(refused(&"expected one image or A..B, got a recording of several frames")),
+        (None, _) => Err(refused(&"expected an image, got no frame")),
     }
 }
 
@@ -127,19 +154,23 @@ fn image(path: &std::path::Path) -> Result<Vec<FrameBuffer>, Failure> {
 fn frames(args: &Watch, range: &Range<u64>) -> Result<Vec<FrameBuffer>, Failure> {
     let mut recording = args.open()?;
     let mut frames = Vec::new();
+    let mut frames_count = 0;
     loop {
         let arrived = recording.next()?;
         let frame = recording.frame();
         match arrived {
             super::Arrived::Over => {
-                let (from, to) = (range.start, range.end);
+                let (from, to, last) = (range.start, range.end, range.end - 1);
                 let source = &args.source;
-                return Err(Failure::Arguments(anyhow!("--rest {from}..{to}: {source} ends before frame {}", to - 1)));
+                return Err(Failure::Arguments(anyhow!(
+                    "--rest {from}..{to}: {source} ends before frame {last}: it has {frames_count} frames"
+                )));
             }
             super::Arrived::Whole if range.contains(&frame.seq) => frames.push(frame.clone()),
             _ => {}
         }
-        if frame.seq + 1 >= range.end {
+        frames_count = frame.seq + 1;
+        if frames_count >= range.end {
             break;
         }
     }
@@ -157,6 +188,10 @@ mod tests {
     fn a_range_or_an_image() {
         assert_eq!(RestArgument::parse("3..9"), Ok(RestArgument::Frames(3..9)));
         assert_eq!(RestArgument::parse("../a.png"), Ok(RestArgument::Image("../a.png".into())));
+        assert_eq!(RestArgument::parse("../..jpg"), Ok(RestArgument::Image("../..jpg".into())));
+        for half in ["3..", "..3", "..", "3...5", "1..99999999999999999999"] {
+            assert_eq!(RestArgument::parse(half), Err(format!("expected two whole numbers A..B, got {half}")));
+        }
         assert_eq!(RestArgument::parse("9..9"), Err("expected A below B, got 9..9".into()));
     }
 

@@ -27,8 +27,8 @@ impl Summary {
         Summary::default()
     }
 
-    /// Counts a frame.
-    pub fn see(&mut self, report: &SlipReport, frame: &FrameBuffer) {
+    /// Counts a frame. `torn`: why it did not arrive whole.
+    pub fn see(&mut self, report: &SlipReport, frame: &FrameBuffer, torn: Option<&str>) {
         match self.states.iter_mut().find(|(state, _)| *state == report.state) {
             Some((_, count)) => *count += 1,
             None => self.states.push((report.state, 1)),
@@ -47,6 +47,7 @@ impl Summary {
         match self.reasons.iter_mut().find(|u| u.why == why) {
             Some(unjudged) => unjudged.count += 1,
             None => {
+                let reason = torn.map_or_else(|| reason.to_string(), str::to_owned);
                 let first = format!("the first is {}: {reason}", called(frame));
                 self.reasons.push(Unjudged { why, count: 1, first });
             }
@@ -102,12 +103,13 @@ impl Summary {
     }
 }
 
-/// The line of a torn frame, when it is met.
-pub fn torn_line(source: &str, frame: &FrameBuffer, reason: &str) -> String {
-    format!("{source}: {} is torn: {reason}", called(frame))
+/// What is said of a torn frame.
+pub fn torn(frame: &FrameBuffer, reason: &str) -> String {
+    format!("{} is torn: {reason}", called(frame))
 }
 
-fn called(frame: &FrameBuffer) -> String {
+/// What a person knows a frame by.
+pub fn called(frame: &FrameBuffer) -> String {
     match frame.label.as_str() {
         "" => format!("frame {}", frame.seq),
         label => format!("frame {} ({label})", frame.seq),

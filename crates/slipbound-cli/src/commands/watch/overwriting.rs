@@ -1,0 +1,60 @@
+//! What is written must not destroy what is read, nor what else is written.
+
+use super::Watch;
+use super::rest::RestArgument;
+use crate::outcome::Failure;
+use anyhow::anyhow;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Refuses outputs that would fall on an input or on each other.
+pub fn refuse(args: &Watch) -> Result<(), Failure> {
+    let rest = match &args.rest {
+        Some(RestArgument::Image(path)) => Some(path.as_path()),
+        _ => None,
+    };
+    let source = Path::new(&args.source);
+    let inputs = [
+        ("SOURCE", Some(source)),
+        ("--rest", rest),
+        ("--sensor", args.sensor.as_deref().map(Path::new)),
+        ("--settings", args.settings.as_deref().map(Path::new)),
+    ];
+    let outputs = [
+        ("--json", args.json.as_deref().filter(|_| !args.json_on_stdout())),
+        ("--timings", args.timings.as_deref()),
+        ("--overlay", args.overlay.as_deref()),
+    ];
+    let mut taken: Vec<(&str, PathBuf)> =
+        inputs.into_iter().filter_map(|(name, path)| Some((name, place(path.filter(|p| p.exists())?)?))).collect();
+    if let (false, Some(folder)) = (source.is_dir(), source.parent()) {
+        // Pictures are named by number, and so may those of the source be.
+        if slipbound_rig::source::reads_images(&args.source) {
+            taken.extend(place(folder).map(|folder| ("SOURCE", folder)));
+        }
+    }
+    for (name, path) in outputs {
+        let (Some(path), Some(place)) = (path, path.and_then(place)) else {
+            continue;
+        };
+        if let Some((other, _)) = taken.iter().find(|(_, there)| *there == place) {
+            let path = path.display();
+            return Err(Failure::Arguments(anyhow!("{name} {path}: expected a place of its own, got that of {other}")));
+        }
+        taken.push((name, place));
+    }
+    Ok(())
+}
+
+/// Where a file is or would be; None for devices and pipes, which hold nothing, and for folders that are not there.
+fn place(path: &Path) -> Option<PathBuf> {
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
+    match fs::canonicalize(path) {
+        Ok(there) => (there.is_file() || there.is_dir()).then_some(there),
+        Err(_) => {
+            let folder = path.parent()?;
+            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+            Some(fs::canonicalize(folder).ok()?.join(path.file_name()?))
+        }
+    }
+}
