@@ -32,7 +32,7 @@
 //!     pitch_mm: Some(1.5),
 //!     marker_diameter_px: 6.0,
 //!     skin: Skin::Smooth,
-//!     bare_sharpness_levels: None,
+//!     bare_sharpness: None,
 //!     edge_bands: vec![],
 //!     rectification: None,
 //! };

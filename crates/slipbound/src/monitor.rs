@@ -71,7 +71,11 @@ impl Settings {
         Settings {
             rest: RestSettings { average_count: 1, ..RestSettings::default() },
             imprint: ImprintSettings { illumination: Illumination::Gaussian, ..ImprintSettings::default() },
-            contact: ContactSettings { hide_rest_edges: false, ..ContactSettings::default() },
+            contact: ContactSettings {
+                hide_rest_edges: false,
+                dilate_pitch: 25.0 / 15.2,
+                ..ContactSettings::default()
+            },
             markers: MarkerSettings {
                 finder: Finder::Threshold,
                 predict: false,

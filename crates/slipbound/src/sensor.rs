@@ -120,10 +120,11 @@ pub struct Sensor {
     pub marker_diameter_px: f64,
     /// What covers the gel.
     pub skin: Skin,
-    /// Smooth skin: how sharp its illumination is by itself, untouched, as [`crate::monitor::RestLook::sharpness`] measures
-    /// it. None where nobody measured it.
+    /// How sharp the untouched finger looks by itself (its light, its glare, its scratches), as
+    /// [`crate::monitor::RestLook::sharpness`] measures it: grey levels for a smooth skin, a share of the image for fabric.
+    /// None where nobody measured it.
     #[serde(default)]
-    pub bare_sharpness_levels: Option<f64>,
+    pub bare_sharpness: Option<f64>,
     /// Edge thresholds from top to bottom; needed for a fabric skin only.
     #[serde(default)]
     pub edge_bands: Vec<EdgeBand>,
@@ -149,8 +150,8 @@ impl Sensor {
         if let Some(pitch_mm) = self.pitch_mm {
             within("pitch_mm", pitch_mm, 0.1, 20.0)?;
         }
-        if let Some(sharpness) = self.bare_sharpness_levels {
-            within("bare_sharpness_levels", sharpness, 0.1, 100.0)?;
+        if let Some(sharpness) = self.bare_sharpness {
+            within("bare_sharpness", sharpness, 0.0, 100.0)?;
         }
         if self.skin == Skin::Fabric && self.edge_bands.is_empty() {
             return bad("edge_bands", "none".into(), "at least one band for a fabric skin");
@@ -268,7 +269,7 @@ pub(crate) mod tests {
             pitch_mm: Some(1.5),
             marker_diameter_px: 10.0,
             skin: Skin::Smooth,
-            bare_sharpness_levels: None,
+            bare_sharpness: None,
             edge_bands: Vec::new(),
             rectification: None,
         }

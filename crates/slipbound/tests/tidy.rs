@@ -41,7 +41,7 @@ fn every_number_among_the_settings_says_its_unit() {
 #[test]
 fn every_deviation_is_marked_in_the_code_and_has_its_tests() {
     let page = fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
-    let crates = sources(&root().join("crates/slipbound"));
+    let crates = sources(&root().join("crates"));
     let marked: BTreeSet<String> = crates
         .iter()
         .flat_map(|(_, text)| text.lines())

@@ -104,7 +104,7 @@ impl CameraSettings {
             pitch_mm: Some(1.5),
             marker_diameter_px: 5.3,
             skin: Skin::Fabric,
-            bare_sharpness_levels: None,
+            bare_sharpness: Some(0.046), // the foot of the glare and two scratches
             edge_bands: vec![
                 EdgeBand { rows_to_fraction: 0.8875, low_levels: 90, high_levels: 120 },
                 EdgeBand { rows_to_fraction: 1.0, low_levels: 50, high_levels: 70 },
@@ -168,7 +168,7 @@ impl CameraSettings {
                 pitch_mm: Some(2.0),
                 marker_diameter_px: 22.0,
                 skin: Skin::Smooth,
-                bare_sharpness_levels: None,
+                bare_sharpness: None,
                 edge_bands: Vec::new(),
                 rectification: None,
             },

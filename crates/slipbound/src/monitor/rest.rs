@@ -210,7 +210,8 @@ impl RestBuilder {
         };
         let before = self.looks.last().filter(|p| !p.cells.is_empty());
         look.change_levels = before.map_or(f64::INFINITY, |before| before.change_levels(&now));
-        let sharpest_at_rest = match self.sensor.skin {
+        let own = self.sensor.bare_sharpness.map(|bare| IMPRINT_RATIO * bare);
+        let unmeasured = match self.sensor.skin {
             Skin::Fabric => {
                 look.sharpness = texture_share(&self.sensor, &self.settings.contact, &self.imprint);
                 self.settings.contact.on_area_fraction
@@ -218,12 +219,11 @@ impl RestBuilder {
             Skin::Smooth => {
                 let border_cells = (self.sensor.marker_diameter_px / self.map.cell_px as f64).ceil() as usize;
                 look.sharpness = roughness_levels(&now.cells, &now.covered, self.map.columns, border_cells);
-                let own = self.sensor.bare_sharpness_levels.map(|bare| IMPRINT_RATIO * bare);
-                own.unwrap_or(self.settings.rest.imprint_levels)
+                self.settings.rest.imprint_levels
             }
         };
         look.mean_levels = Some(self.imprint.mean_levels);
-        look.touched = look.sharpness > sharpest_at_rest;
+        look.touched = look.sharpness > own.unwrap_or(unmeasured);
         self.looks.push(now);
         look
     }

@@ -84,7 +84,7 @@ impl Painter {
             pitch_mm: Some(1.5),
             marker_diameter_px: diameter_px,
             skin,
-            bare_sharpness_levels: None,
+            bare_sharpness: None,
             edge_bands: if skin == Skin::Fabric { edge_bands } else { Vec::new() },
             rectification: None,
         };
