@@ -74,6 +74,7 @@
 
 pub mod events;
 pub mod image;
+pub mod jaws;
 pub mod monitor;
 pub mod pixels;
 pub mod plane;

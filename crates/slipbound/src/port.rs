@@ -1,6 +1,14 @@
 //! The traits through which the world is reached. The core only names them; `slipbound-rig` (hardware, files)
 //! and the simulator implement them.
 
+mod gripper;
+mod plant;
+mod wrist;
+
+pub use gripper::{GripCommand, GripSample, Gripper, GripperError, GripperState, Jaws, Motion};
+pub use plant::Plant;
+pub use wrist::{LONGEST_TIME_TO_LIVE_NS, Wrist, WristCommand, WristError, WristMotion, WristState};
+
 use crate::image::{Frame, Gray, ImageError, Pixels, Rgb, SizePx};
 use serde::{Deserialize, Serialize};
 
@@ -115,11 +123,4 @@ pub trait FrameSource {
     fn frames_count(&self) -> Option<u64> {
         None
     }
-}
-
-/// What a gripper says of its force at the time of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct GripSample {
-    /// Normal force per finger in newtons.
-    pub force_n: f64,
 }

@@ -1,0 +1,75 @@
+//! The wrist: whatever turns, lowers or lifts the hand. Every motion is bounded and must be renewed.
+
+use serde::{Deserialize, Serialize};
+
+/// Any failure of a wrist; its text names the address, what was expected and what was got.
+pub type WristError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Longest time a motion may go on without being renewed, in nanoseconds: 200 ms.
+pub const LONGEST_TIME_TO_LIVE_NS: u64 = 200_000_000;
+
+/// A motion of the hand, in the hand frame (see ARCHITECTURE.md).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "motion")]
+pub enum WristMotion {
+    /// Turns about the axis along the fingers.
+    Turn {
+        /// Rate in rad/s, positive from y to z of the hand frame.
+        rate_rad_per_s: f64,
+        /// Angle after which it stops by itself, in rad from where this command found it; never negative.
+        most_rad: f64,
+    },
+    /// Moves along gravity.
+    Lower {
+        /// Rate in mm/s, positive downwards.
+        rate_mm_per_s: f64,
+        /// Distance after which it stops by itself, in mm; never negative.
+        most_mm: f64,
+    },
+    /// Stands still.
+    Pause,
+    /// Lets the hand's jaws open, where the wrist's controller also drives the gripper.
+    Open {
+        /// How far they may open, in mm.
+        most_mm: f64,
+    },
+}
+
+/// A motion and how long it may go on without being renewed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct WristCommand {
+    /// The motion.
+    pub motion: WristMotion,
+    /// Time after which the wrist pauses unless a new command has come, in nanoseconds; at most
+    /// [`LONGEST_TIME_TO_LIVE_NS`].
+    pub time_to_live_ns: u64,
+}
+
+impl WristCommand {
+    /// A motion that lives as long as it may.
+    pub const fn new(motion: WristMotion) -> Self {
+        WristCommand { motion, time_to_live_ns: LONGEST_TIME_TO_LIVE_NS }
+    }
+}
+
+/// What a wrist says.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct WristState {
+    /// Time of this state on the clock of the loop, in nanoseconds.
+    pub time_ns: u64,
+    /// Angle about the axis along the fingers since the start, in rad.
+    pub angle_rad: f64,
+    /// Distance lowered since the start, in mm.
+    pub lowered_mm: f64,
+    /// Whether it moves.
+    pub moving: bool,
+}
+
+/// The arm behind the hand. Neither call waits for the motion.
+pub trait Wrist {
+    /// Takes over a motion. An error means that it was not taken over: the last one runs out and the wrist pauses.
+    fn command(&mut self, command: WristCommand) -> Result<(), WristError>;
+
+    /// The newest state.
+    fn poll(&mut self) -> Result<WristState, WristError>;
+}
