@@ -157,7 +157,9 @@ impl Formatter for FourDecimals {
 mod tests {
     use super::*;
     use serde_json::Value;
-    use slipbound::monitor::{ContactReport, MarkerCounts, MotionReport, Reason, SlipKind, SlipState, SlipSummary};
+    use slipbound::monitor::{
+        ContactReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind, SlipState, SlipSummary,
+    };
     use slipbound::plane::Vec2;
 
     fn report() -> SlipReport {
@@ -176,6 +178,11 @@ mod tests {
                 translation_mm: None,
                 rotation_rad: f64::NAN,
                 icr_px: None,
+            }),
+            shear: Some(ShearReport {
+                translation_px: Vec2::new(2.0, -1.0),
+                translation_mm: None,
+                rotation_rad: 0.125,
             }),
             slip: SlipSummary {
                 markers_over: 9,
@@ -228,6 +235,7 @@ mod tests {
             + r#""contact":{"area_px":31,"area_mm2":null,"quality":0.1235},"#
             + r#""markers":{"detected":65,"matched":64,"lost":1,"inner":20},"reference_seq":3,"grip_n":10,"#
             + r#""motion":{"reference_px":[1,0],"translation_px":[0,2.5],"translation_mm":null,"rotation_rad":null,"icr_px":null},"#
+            + r#""shear":{"translation_px":[2,-1],"translation_mm":null,"rotation_rad":0.125},"#
             + r#""slip":{"markers_over":9,"max_pitch":0.3334,"max_mm":null,"kind":"both","direction_rad":-1.5}}"#;
         assert_eq!(lines()[1], expected);
     }

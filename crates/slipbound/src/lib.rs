@@ -33,6 +33,7 @@
 //!     marker_diameter_px: 6.0,
 //!     skin: Skin::Smooth,
 //!     bare_sharpness: None,
+//!     shear: None,
 //!     edge_bands: vec![],
 //!     rectification: None,
 //! };
@@ -65,16 +66,17 @@
 //! | [`monitor`] | the steps in order; settings, reports, the rest frame |
 //! | [`events`] | from verdicts to "slip begins", "slip ends" |
 //! | [`sensor`] | what is true of a finger: geometry, pitch, skin |
-//! | [`port`] | the traits through which frames come in |
+//! | [`port`] | the traits through which the world is reached: frames, gripper, wrist, plant |
+//! | [`drive`] | how jaws and a wrist move when commanded |
 //! | [`image`], [`plane`] | borrowed pixels, masks; points, rigid motions, homographies, the axes |
 //! | [`pixels`] | every loop over pixels, one kernel a file |
 //!
 //! The crate has no clock, no files, no sockets, and allocates nothing per frame: all memory is made when a
 //! [`monitor::SlipMonitor`] is. The same frames and settings give the same bytes on any machine.
 
+pub mod drive;
 pub mod events;
 pub mod image;
-pub mod jaws;
 pub mod monitor;
 pub mod pixels;
 pub mod plane;

@@ -287,8 +287,20 @@ impl SlipMonitor {
                 rotation_rad: m.rotation_rad,
                 icr_px: m.centre_of_rotation(self.settings.motion.icr_min_rotation_rad),
             }),
+            shear: self.shear(),
             slip: self.slip.summary,
         }
+    }
+
+    /// How far the gel is sheared since rest.
+    fn shear(&self) -> Option<ShearReport> {
+        let seen = self.markers.all.iter().filter(|m| m.in_contact && m.whole && m.matched);
+        let motion = fit_rigid(seen.map(|m| (m.rest, m.now))).filter(|_| self.contact.touches)?;
+        Some(ShearReport {
+            translation_px: motion.translation,
+            translation_mm: self.sensor.mm_per_px().map(|mm| motion.translation * mm),
+            rotation_rad: motion.rotation_rad,
+        })
     }
 
     fn unjudged(&self, seq: u64, time_ns: Option<u64>, grip: Option<GripSample>, reason: Reason) -> SlipReport {
@@ -303,6 +315,7 @@ impl SlipMonitor {
             reference_seq: self.reference_seq,
             grip_n: grip.map(|g| g.force_n),
             motion: None,
+            shear: None,
             slip: SlipSummary { max_mm: none, ..SlipSummary::default() },
         }
     }

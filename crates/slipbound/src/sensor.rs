@@ -91,6 +91,17 @@ pub struct Rectification {
     pub crop_px: [usize; 4],
 }
 
+/// How stiff a finger's gel is against shear. Forces and margins are reported for fingers that have it, never guessed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shear {
+    /// Shear traction per displacement of the gel's surface, in MPa/mm = N/mm2 per mm: for a wide contact on a layer,
+    /// shear modulus over thickness, G/h.
+    pub stiffness_mpa_per_mm: f64,
+    /// How it is known.
+    pub source: String,
+}
+
 /// The facts of one finger. Built from a sensor file; see `sensors/` for the built-in ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -125,6 +136,9 @@ pub struct Sensor {
     /// None where nobody measured it.
     #[serde(default)]
     pub bare_sharpness: Option<f64>,
+    /// Stiffness of the gel against shear; None where nobody measured it.
+    #[serde(default)]
+    pub shear: Option<Shear>,
     /// Edge thresholds from top to bottom; needed for a fabric skin only.
     #[serde(default)]
     pub edge_bands: Vec<EdgeBand>,
@@ -152,6 +166,9 @@ impl Sensor {
         }
         if let Some(sharpness) = self.bare_sharpness {
             within("bare_sharpness", sharpness, 0.0, 100.0)?;
+        }
+        if let Some(shear) = &self.shear {
+            within("shear.stiffness_mpa_per_mm", shear.stiffness_mpa_per_mm, 1e-4, 100.0)?;
         }
         if self.skin == Skin::Fabric && self.edge_bands.is_empty() {
             return bad("edge_bands", "none".into(), "at least one band for a fabric skin");
@@ -270,6 +287,7 @@ pub(crate) mod tests {
             marker_diameter_px: 10.0,
             skin: Skin::Smooth,
             bare_sharpness: None,
+            shear: None,
             edge_bands: Vec::new(),
             rectification: None,
         }

@@ -105,6 +105,7 @@ impl CameraSettings {
             marker_diameter_px: 5.3,
             skin: Skin::Fabric,
             bare_sharpness: Some(0.046), // the foot of the glare and two scratches
+            shear: None,
             edge_bands: vec![
                 EdgeBand { rows_to_fraction: 0.8875, low_levels: 90, high_levels: 120 },
                 EdgeBand { rows_to_fraction: 1.0, low_levels: 50, high_levels: 70 },
@@ -169,6 +170,7 @@ impl CameraSettings {
                 marker_diameter_px: 22.0,
                 skin: Skin::Smooth,
                 bare_sharpness: None,
+                shear: None,
                 edge_bands: Vec::new(),
                 rectification: None,
             },

@@ -106,6 +106,18 @@ pub struct MotionReport {
     pub icr_px: Option<Vec2>,
 }
 
+/// How far the object has dragged the gel since rest: the least-squares rigid motion of all markers in contact.
+/// Unlike the motion of the inner region it counts from the rest frame and is not begun anew after a slip.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ShearReport {
+    /// Mean displacement of the markers in contact, px.
+    pub translation_px: Vec2,
+    /// The same on the gel; None where the pitch in mm is unknown.
+    pub translation_mm: Option<Vec2>,
+    /// Rotation in radians, positive from x to y.
+    pub rotation_rad: f64,
+}
+
 /// What kind of motion slips.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -155,6 +167,8 @@ pub struct SlipReport {
     pub grip_n: Option<f64>,
     /// Step 3; None when too few markers are in contact.
     pub motion: Option<MotionReport>,
+    /// How far the gel is sheared; None without contact.
+    pub shear: Option<ShearReport>,
     /// Step 4.
     pub slip: SlipSummary,
 }

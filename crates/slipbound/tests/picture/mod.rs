@@ -85,6 +85,7 @@ impl Painter {
             marker_diameter_px: diameter_px,
             skin,
             bare_sharpness: None,
+            shear: None,
             edge_bands: if skin == Skin::Fabric { edge_bands } else { Vec::new() },
             rectification: None,
         };
