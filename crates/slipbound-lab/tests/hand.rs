@@ -55,7 +55,6 @@ fn a_free_cap_follows_the_wrist_against_its_running_torque() {
     let rate = 20.0 * DEG;
     let truth = bench.run(1.5, rate, 0.0, 20.0).clone();
     let cap = truth.cap.expect("a cap");
-    println!("{truth:?}");
     assert!((cap.torque_n_mm - 45.0).abs() < 0.5, "40 N mm and 5 of the viscous term: {}", cap.torque_n_mm);
     let behind_mm = 14.0 * (truth.angle_rad - cap.angle_rad);
     assert!((0.0..0.2).contains(&behind_mm), "{behind_mm} mm");
@@ -74,7 +73,6 @@ fn a_blocked_cap_saturates_at_two_mu_p_r_and_then_slides_as_the_wrist_turns() {
         let before = bench.run(0.5, 20.0 * DEG, 0.0, force_n).clone();
         let after = bench.run(1.0, 20.0 * DEG, 0.0, force_n).clone();
         let (cap, limit_n_mm) = (after.cap.expect("a cap"), 2.0 * mu * force_n * 14.0);
-        println!("{before:?}\n{after:?}");
         assert!((cap.limit_n_mm / limit_n_mm - 1.0).abs() < 0.01);
         assert!((cap.torque_n_mm / limit_n_mm - 1.0).abs() < 0.02, "{} of {limit_n_mm}", cap.torque_n_mm);
         assert!(after.gross && !cap.yields && cap.angle_rad == 0.0);
@@ -96,7 +94,6 @@ fn a_cap_screws_home_as_far_as_friction_turns_it() {
         let cap = truth.cap.expect("a cap");
         let limit_n_mm = 2.0 * mu * force_n * 14.0;
         let home_rad = 75.0 * DEG + (limit_n_mm - 40.0 - 600.0 * 15.0 * DEG) / 12_600.0;
-        println!("{cap:?} {home_rad} {limit_n_mm} {} {:?}", truth.slid_mm, truth.wrench[0]);
         assert!((cap.angle_rad - home_rad).abs() < 0.1 * DEG, "{} of {home_rad}", cap.angle_rad);
         assert!(truth.gross && cap.torque_n_mm <= limit_n_mm);
     }
@@ -112,7 +109,6 @@ fn a_cap_breaks_loose_just_when_two_mu_p_r_is_more_than_holds_it() {
             bench.press(force_n);
             let truth = bench.run(1.5, -20.0 * DEG, 0.0, force_n);
             let cap = truth.cap.expect("a cap");
-            println!("{share} {cap:?}");
             assert_eq!(cap.angle_rad > 2.0 * DEG, loose, "{share}: {cap:?}");
             assert!(loose || cap.angle_rad == 0.0, "{cap:?}");
             assert!(!loose || (cap.torque_n_mm - 45.0).abs() < 3.0, "{cap:?}");
@@ -153,9 +149,93 @@ fn cameras_see_the_same_twist_and_a_scene_is_the_same_bytes() {
         (bytes, [shift(0), shift(1)])
     };
     let (bytes, shifts) = run("screw?run_n_mm=1e6&seed=3");
-    println!("{shifts:?}");
     assert!(shifts[0] > 0.2 && (shifts[0] / shifts[1] - 1.0).abs() < 0.05, "{shifts:?}");
     assert!(bytes[0] != bytes[1], "two fingers have markers and noise of their own");
     assert!(run("screw?run_n_mm=1e6&seed=3").0 == bytes);
     assert!(run("screw?run_n_mm=1e6&seed=4").0[0] != bytes[0]);
+}
+
+const GRAVITY_M_PER_S2: f64 = 9.80665;
+
+#[test]
+fn a_bottle_falls_just_when_its_weight_is_more_than_two_mu_p() {
+    for (mu, force_n) in [(0.5, 10.0), (0.35, 20.0)] {
+        let limit_kg = 2.0 * mu * force_n / GRAVITY_M_PER_S2;
+        for (share, falls) in [(0.98, false), (1.02, true)] {
+            let mut bench = Bench::new(&format!(
+                "lift?mu={mu}&most_kg={}&fill_kg_per_s=0.5&fill_after_s=0.2&pulls=0",
+                share * limit_kg
+            ));
+            bench.press(force_n);
+            let lifted = bench.run(1.0, 0.0, -20.0, force_n).bottle.expect("a bottle");
+            assert!(lifted.lifted_at_s.is_some() && lifted.table_n == 0.0 && lifted.above_table_mm > 15.0);
+            let truth = bench.run(3.5, 0.0, 0.0, force_n).clone();
+            let bottle = truth.bottle.expect("a bottle");
+            assert_eq!(bottle.dropped, falls, "{bottle:?}");
+            assert_eq!(bench.world.width_mm().is_none(), falls);
+            if !falls {
+                assert!((bottle.mass_kg - share * limit_kg).abs() < 1e-9, "full");
+                let carried_n = truth.wrench[0].force_n.x + truth.wrench[1].force_n.x;
+                assert!((carried_n / bottle.load_n - 1.0).abs() < 1e-3, "{carried_n} N of {} N", bottle.load_n);
+                assert!((truth.required_n / (share * force_n) - 1.0).abs() < 0.01, "{}", truth.required_n);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tool_in_the_air_is_held_against_its_weight_and_its_lever() {
+    for (tilt_deg, off_mm) in [(20.0, 5.0), (-10.0, 8.0), (0.0, -5.0)] {
+        let mut bench = Bench::new(&format!("place?tilt_deg={tilt_deg}&off_mm={off_mm}"));
+        bench.press(10.0);
+        let truth = bench.run(0.6, 0.0, 0.0, 10.0).clone();
+        let ground = truth.ground.expect("a tool");
+        assert!(!ground.on_stand && ground.force_n == 0.0 && !truth.gross);
+        assert!((ground.tilt_rad - tilt_deg * DEG).abs() < 0.5 * DEG, "{ground:?}");
+        let [left, right] = truth.wrench;
+        assert!((left.force_n.x + right.force_n.x - ground.weight_n).abs() < 1e-3, "{left:?}");
+        // About Z of the hand, which is z of the right finger: the centre of mass is off along Y, its weight along X.
+        let expected_n_mm = -off_mm * (tilt_deg * DEG).cos() * ground.weight_n;
+        let torque_n_mm = right.torque_n_mm - left.torque_n_mm;
+        assert!((torque_n_mm / expected_n_mm - 1.0).abs() < 0.02, "{torque_n_mm} of {expected_n_mm}");
+        assert_eq!((left.force_n.x, left.force_n.y), (right.force_n.x, -right.force_n.y));
+    }
+}
+
+#[test]
+fn a_tool_pivots_on_its_lower_foot_then_stands_with_its_weight() {
+    let mut bench = Bench::new("place");
+    bench.press(8.0);
+    bench.run(0.5, 0.0, 0.0, 8.0);
+    let pivots = bench.run(2.0, 0.0, 10.0, 8.0).clone();
+    let ground = pivots.ground.expect("a tool");
+    assert!(ground.feet_gap_mm[0] < 0.0 && ground.feet_gap_mm[1] > 30.0, "{ground:?}");
+    let carried_n = pivots.wrench[0].force_n.x + pivots.wrench[1].force_n.x;
+    assert!((carried_n + ground.force_n - ground.weight_n).abs() < 0.01, "{carried_n} N, {ground:?}");
+    assert!(pivots.required_n > 0.95 * 8.0, "the pads turn: {}", pivots.required_n);
+    // Down until both feet stand, and no further.
+    while bench.world.truth().ground.expect("a tool").feet_gap_mm[1] > 0.0 {
+        bench.run(1.0 / 120.0, 0.0, 10.0, 8.0);
+    }
+    let peak_n = bench.run(0.3, 0.0, 0.0, 8.0).ground.expect("a tool").peak_force_n;
+    bench.run(1.0 / 120.0, 0.0, 0.0, 0.0);
+    let stands = bench.run(0.5, 0.0, 0.0, 0.0).clone();
+    let ground = stands.ground.expect("a tool");
+    assert!((ground.force_n / ground.weight_n - 1.0).abs() < 1e-6, "{ground:?}");
+    assert!(ground.tilt_rad.abs() < 1e-3 && ground.free_drop_mm.expect("let go") < 0.1, "{ground:?}");
+    assert!(peak_n > ground.force_n * 0.8 && ground.peak_force_n == peak_n, "{ground:?}");
+}
+
+#[test]
+fn a_tool_let_go_above_the_ground_falls_as_far_as_its_higher_foot_was_above_it() {
+    let mut bench = Bench::new("place?tilt_deg=3&height_mm=2");
+    bench.press(8.0);
+    let held = bench.run(0.5, 0.0, 0.0, 8.0).ground.expect("a tool");
+    assert_eq!(held.free_drop_mm, None);
+    bench.run(1.0 / 120.0, 0.0, 0.0, 0.0);
+    let stands = bench.run(1.0, 0.0, 0.0, 0.0).ground.expect("a tool");
+    let higher_mm = held.feet_gap_mm[0].max(held.feet_gap_mm[1]);
+    assert!((stands.free_drop_mm.expect("let go") - higher_mm).abs() < 0.01, "{held:?} {stands:?}");
+    assert!((stands.force_n / stands.weight_n - 1.0).abs() < 1e-3 && stands.tilt_rad.abs() < 1e-3, "{stands:?}");
+    assert_eq!(stands.peak_force_n, 0.0, "the ground pushed only after the pads had let go");
 }
