@@ -15,6 +15,7 @@ mod grasp;
 mod lift;
 mod place;
 mod screw;
+mod settings;
 mod shear_watch;
 mod turning;
 mod unscrew;
@@ -22,6 +23,7 @@ mod unscrew;
 pub use lift::{Lift, LiftSettings};
 pub use place::{Place, PlaceSettings};
 pub use screw::{Screw, ScrewEnd, ScrewSettings};
+pub use settings::{ControllerKind, TaskKind, TaskSettings};
 pub use unscrew::{Unscrew, UnscrewSettings};
 
 use crate::grip::Guard;

@@ -18,7 +18,7 @@ use super::{GripController, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::{GripCommand, GripperState, Motion};
-use crate::sensor::{SettingError, within};
+use crate::sensor::{SettingError, Shear, within};
 use serde::{Deserialize, Serialize};
 
 /// Mean shear of the gel when all of the contact slips, over mu P / (k A): 0.61 to 0.89, mostly 0.75, for a simulated
@@ -63,20 +63,28 @@ impl Default for MarginSettings {
 }
 
 impl MarginSettings {
-    fn check(&self) -> Result<(), SettingError> {
-        if self.stiffness_mpa_per_mm == 0.0 {
-            return Err(SettingError {
-                key: "margin.stiffness_mpa_per_mm".into(),
-                got: "0, and the sensor file has no [shear]".into(),
-                expected: "the shear stiffness of the gel: calibrate it, or use the law on_slip".into(),
-            });
-        }
-        within("margin.stiffness_mpa_per_mm", self.stiffness_mpa_per_mm, 1e-4, 100.0)?;
+    /// Checks every setting but whether there is a stiffness; the error names the first one that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        within("margin.stiffness_mpa_per_mm", self.stiffness_mpa_per_mm, 0.0, 100.0)?;
         within("margin.mu", self.mu, 0.05, 2.0)?;
         within("margin.target_fraction", self.target_fraction, 0.05, 0.95)?;
         within("margin.slack_fraction", self.slack_fraction, 0.0, self.target_fraction)?;
         within("margin.raise_n_per_s", self.raise_n_per_s, 0.1, 10_000.0)?;
         within("margin.release_n_per_s", self.release_n_per_s, 0.0, 1000.0)
+    }
+
+    /// The same with the stiffness of the finger where the settings have none. Refused when nobody knows it.
+    pub fn for_finger(&self, shear: Option<&Shear>) -> Result<Self, SettingError> {
+        let of_finger = shear.map_or(0.0, |shear| shear.stiffness_mpa_per_mm);
+        let stiffness_mpa_per_mm = if self.stiffness_mpa_per_mm > 0.0 { self.stiffness_mpa_per_mm } else { of_finger };
+        if stiffness_mpa_per_mm > 0.0 {
+            return Ok(MarginSettings { stiffness_mpa_per_mm, ..*self });
+        }
+        Err(SettingError {
+            key: "margin.stiffness_mpa_per_mm".into(),
+            got: "0, and the sensor has no [shear]".into(),
+            expected: "the shear stiffness of the gel: calibrate it, or use the controller on_slip".into(),
+        })
     }
 }
 
@@ -97,6 +105,7 @@ pub struct Margin {
 impl Margin {
     /// Starts with the starting force of the limits. Refuses settings that cannot be.
     pub fn new(settings: MarginSettings, limits: &GripLimits) -> Result<Self, SettingError> {
+        let settings = settings.for_finger(None)?;
         settings.check()?;
         Ok(Margin {
             settings,
