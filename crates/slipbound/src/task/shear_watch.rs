@@ -76,8 +76,8 @@ mod tests {
         for i in 0..40 {
             let turned_rad = 0.01 * f64::from(i);
             watch.see(turned_rad, (0.05 * f64::from(i)).min(1.0));
-            let flat = watch.is_flat(0.07, 0.03);
-            assert_eq!(flat, i >= 20 + 7 - 1, "after {turned_rad} rad");
+            let flat = watch.is_flat(0.069, 0.03);
+            assert_eq!(flat, i >= 20 + 7, "after {turned_rad} rad");
         }
         watch.restart();
         assert!(!watch.is_flat(0.07, 0.03), "a new grip begins anew");
