@@ -19,6 +19,7 @@ mod library;
 mod trial;
 
 pub use course::{Course, Pull};
+pub(crate) use keys::number;
 pub use keys::{COMMON_KEYS, Key, Kind, SCENE_KEYS};
 pub use library::SCENES;
 pub use trial::{Trial, Value};
