@@ -16,7 +16,7 @@ use slipbound::port::{
     FrameBuffer, FrameSource, GripSample, Gripper, GripperState, Next, Wrist, WristCommand, WristMotion, WristState,
 };
 use slipbound::sensor::Sensor;
-use slipbound::task::{Moment, Phase, Task, TaskStep};
+use slipbound::task::{Moment, Task, TaskStep};
 
 /// Frames of the open hand from which each finger's rest is averaged.
 pub const REST_FRAMES_COUNT: u32 = 10;
