@@ -1,5 +1,6 @@
 //! The arguments of the command.
 
+use crate::commands::demo::Demo;
 use crate::commands::simulate::Simulate;
 use crate::commands::watch::Watch;
 use clap::{Parser, Subcommand};
@@ -23,6 +24,9 @@ pub struct Args {
 /// What can be done.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Let a simulated hand screw a cap onto a bottle, or do another task of the paper
+    #[command(after_help = EXIT_CODES)]
+    Demo(Demo),
     /// Judge every frame of a recording or a simulated scene
     #[command(after_help = EXIT_CODES)]
     Watch(Watch),

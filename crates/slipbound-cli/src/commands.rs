@@ -1,5 +1,6 @@
 //! One file a command.
 
+pub mod demo;
 mod scenes;
 mod sensors;
 pub mod simulate;
@@ -11,6 +12,7 @@ use crate::outcome::{Failure, Outcome};
 /// Runs the command asked for.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     match &args.command {
+        Command::Demo(demo) => demo.run(),
         Command::Watch(watch) => watch.run(),
         Command::Sensors => sensors::run(),
         Command::Simulate(simulate) => simulate.run(),

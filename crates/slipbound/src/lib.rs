@@ -65,6 +65,9 @@
 //! |---|---|
 //! | [`monitor`] | the steps in order; settings, reports, the rest frame |
 //! | [`events`] | from verdicts to "slip begins", "slip ends" |
+//! | [`hand`] | the reports of several fingers as one, in the frame of the hand |
+//! | [`grip`] | controllers: hand report in, grip command out; the paper's law and ours |
+//! | [`task`] | screw, unscrew, place, lift: state machines over commands, for simulation and hardware alike |
 //! | [`sensor`] | what is true of a finger: geometry, pitch, skin |
 //! | [`port`] | the traits through which the world is reached: frames, gripper, wrist, plant |
 //! | [`drive`] | how jaws and a wrist move when commanded |
@@ -76,9 +79,12 @@
 
 pub mod drive;
 pub mod events;
+pub mod grip;
+pub mod hand;
 pub mod image;
 pub mod monitor;
 pub mod pixels;
 pub mod plane;
 pub mod port;
 pub mod sensor;
+pub mod task;

@@ -84,7 +84,12 @@ impl Settings {
                 ..MarkerSettings::default()
             },
             motion: MotionSettings { fit: Fit::Similarity, ..MotionSettings::default() },
-            slip: SlipSettings { field: RigidField::SmallAngle, ..SlipSettings::default() },
+            slip: SlipSettings {
+                field: RigidField::SmallAngle,
+                full_slip_fraction: 1000.0,
+                regrip_n: 1e6,
+                ..SlipSettings::default()
+            },
         }
     }
 
@@ -125,6 +130,7 @@ pub struct SlipMonitor {
     rest_seq: u64,
     reference_seq: u64,
     rebase_from: Option<u64>,
+    reference_grip_n: Option<f64>,
     in_contact_count: u32,
 }
 
@@ -143,6 +149,7 @@ impl SlipMonitor {
             rest_seq: rest.seq,
             reference_seq: rest.seq,
             rebase_from: None,
+            reference_grip_n: None,
             in_contact_count: 0,
             imprint,
             settings: settings.clone(),
@@ -179,7 +186,8 @@ impl SlipMonitor {
         }
         probe.after(Step::Motion, self);
 
-        self.slip.judge(self.motion.motion.as_ref(), &mut self.markers.all);
+        let area_px = self.contact.area_px as f64;
+        self.slip.judge(self.motion.motion.as_ref(), grip, area_px, &mut self.markers.all);
         probe.after(Step::Slip, self);
 
         let report = self.report(frame, grip);
@@ -189,7 +197,19 @@ impl SlipMonitor {
             SlipState::NoContact => self.return_to_rest(),
             _ => {}
         }
+        self.follow_grip(frame.seq, grip);
         report
+    }
+
+    /// A squeeze spreads the gel; once it is more than a little, displacement counts from after it.
+    fn follow_grip(&mut self, seq: u64, grip: Option<GripSample>) {
+        // Deviation: D14 reference taken anew when the grip changes
+        let Some(GripSample { force_n }) = grip.filter(|g| g.force_n.is_finite()) else { return };
+        let before_n = *self.reference_grip_n.get_or_insert(force_n);
+        if (force_n - before_n).abs() > self.settings.slip.regrip_n {
+            self.reference_grip_n = Some(force_n);
+            self.rebase_from = Some(seq);
+        }
     }
 
     /// Takes the markers as they were last seen for the reference from now on, as after a slip or a grip step.

@@ -48,6 +48,12 @@ impl Vec2 {
         self.x * other.y - self.y * other.x
     }
 
+    /// Rotated by an angle in radians, positive from x to y.
+    pub fn rotated(self, angle_rad: f64) -> Vec2 {
+        let (s, c) = (libm::sin(angle_rad), libm::cos(angle_rad));
+        Vec2::new(c * self.x - s * self.y, s * self.x + c * self.y)
+    }
+
     /// The vector turned by a right angle from x to y: the velocity, at this lever arm, of a unit rotation.
     pub fn turned(self) -> Vec2 {
         Vec2::new(-self.y, self.x)

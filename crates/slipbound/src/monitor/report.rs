@@ -135,6 +135,10 @@ pub enum SlipKind {
 pub struct SlipSummary {
     /// Markers in contact whose measured displacement leaves the rigid one by more than the threshold.
     pub markers_over: u32,
+    /// The fewest of them that mean slip.
+    pub markers_needed: u32,
+    /// That threshold, in marker pitches.
+    pub threshold_pitch: f64,
     /// Largest length of the slip field in contact, in marker pitches.
     pub max_pitch: f64,
     /// The same on the gel; None where the pitch in mm is unknown.

@@ -8,6 +8,7 @@
 use super::{Marker, SlipKind, SlipSummary};
 use crate::image::Mask;
 use crate::plane::{RigidMotion, Vec2};
+use crate::port::GripSample;
 use crate::sensor::{Sensor, SettingError, within};
 use serde::{Deserialize, Serialize};
 
@@ -33,7 +34,19 @@ pub struct SlipSettings {
     pub over_fraction: f64,
     /// Incipient slip is never fewer markers than this: one marker alone may be a broken one.
     pub over_min_count: u32,
+    /// Where the grip force P, the contact area A and the gel's shear stiffness k are known, the threshold is at most
+    /// this share of mu P / (k A), how far the gel shears before all of the contact slips (physics of a bonded layer).
+    /// A light grip can slide altogether before the rim lags by the paper's 4.5 px. 1000 turns it off.
+    pub full_slip_fraction: f64,
+    /// The least friction coefficient mu to reckon with there.
+    pub least_mu: f64,
+    /// Where the grip force is known: a change by more than this per finger, in N, takes the reference anew. A squeeze
+    /// spreads the gel, and that is no slip.
+    pub regrip_n: f64,
 }
+
+/// The threshold is never smaller than this, in pitches: a third of the paper's, five times the noise of a marker.
+const LEAST_THRESHOLD_PITCH: f64 = 0.1;
 
 impl Default for SlipSettings {
     fn default() -> Self {
@@ -42,6 +55,9 @@ impl Default for SlipSettings {
             threshold_pitch: 4.5 / 15.2,
             over_fraction: 7.0 / 400.0,
             over_min_count: 2,
+            full_slip_fraction: 0.5,
+            least_mu: 0.35,
+            regrip_n: 1.0,
         }
     }
 }
@@ -50,7 +66,10 @@ impl SlipSettings {
     pub(super) fn check(&self) -> Result<(), SettingError> {
         within("slip.threshold_pitch", self.threshold_pitch, 0.001, 10.0)?;
         within("slip.over_fraction", self.over_fraction, 0.0, 1.0)?;
-        within("slip.over_min_count", f64::from(self.over_min_count), 1.0, 1000.0)
+        within("slip.over_min_count", f64::from(self.over_min_count), 1.0, 1000.0)?;
+        within("slip.full_slip_fraction", self.full_slip_fraction, 0.05, 1000.0)?;
+        within("slip.least_mu", self.least_mu, 0.05, 2.0)?;
+        within("slip.regrip_n", self.regrip_n, 0.1, 1e6)
     }
 
     /// The fewest markers over the threshold that mean slip, for a finger with `markers_count` markers.
@@ -67,6 +86,7 @@ pub(super) struct Slip {
     settings: SlipSettings,
     pitch_px: f64,
     mm_per_px: Option<f64>,
+    stiffness_mpa_per_mm: Option<f64>,
     over_needed_count: u32,
     pub(super) summary: SlipSummary,
     pub(super) slips: bool,
@@ -78,6 +98,7 @@ impl Slip {
             settings: settings.clone(),
             pitch_px: sensor.pitch_px,
             mm_per_px: sensor.mm_per_px(),
+            stiffness_mpa_per_mm: sensor.shear.as_ref().map(|shear| shear.stiffness_mpa_per_mm),
             over_needed_count: settings.over_needed_count(markers_count),
             summary: SlipSummary::default(),
             slips: false,
@@ -86,15 +107,40 @@ impl Slip {
 
     /// No contact: no slip field.
     pub(super) fn clear(&mut self) {
-        self.summary = SlipSummary { max_mm: self.mm_per_px.map(|_| 0.0), ..SlipSummary::default() };
+        self.summary = SlipSummary {
+            max_mm: self.mm_per_px.map(|_| 0.0),
+            markers_needed: self.over_needed_count,
+            threshold_pitch: self.settings.threshold_pitch,
+            ..SlipSummary::default()
+        };
         self.slips = false;
     }
 
-    /// Fills in the slip of every marker in contact and judges it.
-    pub(super) fn judge(&mut self, motion: Option<&RigidMotion>, markers: &mut [Marker]) {
+    /// How far a marker may leave the rigid motion, in pitches.
+    fn threshold_pitch(&self, grip: Option<GripSample>, area_px: f64) -> f64 {
+        let fixed_pitch = self.settings.threshold_pitch;
+        let (Some(grip), Some(mm), Some(stiffness)) = (grip, self.mm_per_px, self.stiffness_mpa_per_mm) else {
+            return fixed_pitch;
+        };
+        // Deviation: D13 threshold from the grip
+        let full_slip_mm = self.settings.least_mu * grip.force_n / (stiffness * area_px * mm * mm);
+        let pitch = self.settings.full_slip_fraction * full_slip_mm / (mm * self.pitch_px);
+        // A force that is no number or an empty area leave the fixed threshold.
+        if pitch.is_nan() { fixed_pitch } else { pitch.max(LEAST_THRESHOLD_PITCH).min(fixed_pitch) }
+    }
+
+    /// Fills in the slip of every marker in contact and judges it. `area_px` is that of the contact.
+    pub(super) fn judge(
+        &mut self,
+        motion: Option<&RigidMotion>,
+        grip: Option<GripSample>,
+        area_px: f64,
+        markers: &mut [Marker],
+    ) {
         self.clear();
         let Some(motion) = motion else { return };
-        let threshold_px = self.settings.threshold_pitch * self.pitch_px;
+        self.summary.threshold_pitch = self.threshold_pitch(grip, area_px);
+        let threshold_px = self.summary.threshold_pitch * self.pitch_px;
         let (mut longest_px, mut over_sum, mut arm_squared, mut count) = (0.0f64, Vec2::ZERO, 0.0, 0u32);
         for m in markers.iter_mut().filter(|m| m.in_contact && m.whole && m.in_reference) {
             let rigid = match self.settings.field {

@@ -1,0 +1,121 @@
+//! Grip controllers: a hand report and the gripper's state in, a grip command out.
+//!
+//! ```text
+//!   HandReport ----> GripController ----> Guard ----> GripCommand { force_n, motion }
+//!   GripperState -->  constant            range, no letting go while blind
+//!                     on_slip (the paper)
+//!                     margin  (ours)
+//! ```
+//!
+//! Newtons are normal force per finger. A controller never fails: whatever it is shown, it answers with a force in
+//! its range, and a hand that sees nothing is held as it is.
+
+mod constant;
+mod guard;
+mod margin;
+mod on_slip;
+
+pub use constant::Constant;
+pub use guard::Guard;
+pub use margin::{Margin, MarginSettings};
+pub use on_slip::{OnSlip, OnSlipSettings};
+
+use crate::hand::HandReport;
+use crate::port::{GripCommand, GripperState};
+use crate::sensor::{SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// Decides how hard to hold.
+pub trait GripController {
+    /// The command for this moment. `now_ns` is the time of the loop in nanoseconds, which never goes back.
+    fn command(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripCommand;
+
+    /// How often it answered slip, or would have had it not been at its limit.
+    fn alarms_count(&self) -> u32;
+
+    /// Whether it has been shown slip while it was at its largest force: it wants more than it may.
+    fn wants_more(&self) -> bool;
+
+    /// The slip margin it reckons with, 0 to 1; None for a controller that has none.
+    fn margin(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// What every controller keeps to.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GripLimits {
+    /// Force per finger with which an object is taken, N. The paper starts at 10 N.
+    pub start_n: f64,
+    /// Least force while something is held, N per finger: 5 N is the least a WSG-50 holds with.
+    pub least_n: f64,
+    /// Largest force, N per finger: 60 N in the paper, less where the object would be crushed.
+    pub most_n: f64,
+    /// Force per finger to go to when nothing can be seen any more, N; None keeps the force that is there.
+    pub blind_force_n: Option<f64>,
+    /// Time without any live finger after which the hand counts as blind, ns.
+    pub blind_after_ns: u64,
+}
+
+impl Default for GripLimits {
+    fn default() -> Self {
+        // Three frames at 30 Hz: one lost frame is no reason to stop.
+        GripLimits { start_n: 10.0, least_n: 5.0, most_n: 60.0, blind_force_n: None, blind_after_ns: 100_000_000 }
+    }
+}
+
+impl GripLimits {
+    /// Checks every limit; the error names the first one that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        within("grip.least_n", self.least_n, 0.1, 1000.0)?;
+        within("grip.most_n", self.most_n, self.least_n, 1000.0)?;
+        within("grip.start_n", self.start_n, self.least_n, self.most_n)?;
+        if let Some(force_n) = self.blind_force_n {
+            within("grip.blind_force_n", force_n, self.least_n, self.most_n)?;
+        }
+        within("grip.blind_after_ns", self.blind_after_ns as f64, 0.0, 10e9)
+    }
+}
+
+/// Which controller, and its settings.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Law {
+    /// The starting force, always.
+    Constant,
+    /// The paper's: more on incipient slip.
+    OnSlip(OnSlipSettings),
+    /// Ours: holds a slip margin.
+    Margin(MarginSettings),
+}
+
+impl Law {
+    /// The controller behind its guard. Refuses limits and settings that cannot be.
+    pub fn controller(&self, limits: &GripLimits) -> Result<Guard, SettingError> {
+        limits.check()?;
+        let inner: Box<dyn GripController + Send> = match *self {
+            Law::Constant => Box::new(Constant::new(limits)),
+            Law::OnSlip(settings) => Box::new(OnSlip::new(settings, limits)?),
+            Law::Margin(settings) => Box::new(Margin::new(settings, limits)?),
+        };
+        Ok(Guard::new(inner, *limits))
+    }
+
+    /// Its name.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Law::Constant => "constant",
+            Law::OnSlip(_) => "on_slip",
+            Law::Margin(_) => "margin",
+        }
+    }
+}
+
+/// Whether a commanded force has arrived at the object: within half a newton or a twentieth.
+fn arrived(target_n: f64, gripper: &GripperState) -> bool {
+    match gripper.force_n {
+        Some(force_n) => (force_n - target_n).abs() <= 0.5f64.max(0.05 * target_n),
+        None => gripper.target_n.is_some_and(|taken_n| (taken_n - target_n).abs() <= 0.5f64.max(0.05 * target_n)),
+    }
+}

@@ -1,0 +1,38 @@
+//! Holds with one force, whatever happens: what the others are measured against.
+
+use super::{GripController, GripLimits};
+use crate::hand::HandReport;
+use crate::monitor::SlipState;
+use crate::port::{GripCommand, GripperState, Motion};
+
+/// The starting force, always.
+#[derive(Debug, Clone)]
+pub struct Constant {
+    force_n: f64,
+    alarms_count: u32,
+    slipping: bool,
+}
+
+impl Constant {
+    /// Holds with the starting force of the limits.
+    pub fn new(limits: &GripLimits) -> Self {
+        Constant { force_n: limits.start_n, alarms_count: 0, slipping: false }
+    }
+}
+
+impl GripController for Constant {
+    fn command(&mut self, _now_ns: u64, hand: &HandReport, _gripper: &GripperState) -> GripCommand {
+        let slips = matches!(hand.state, SlipState::Incipient | SlipState::Gross);
+        self.alarms_count += u32::from(slips && !self.slipping);
+        self.slipping = slips;
+        GripCommand { force_n: self.force_n, motion: Motion::Go }
+    }
+
+    fn alarms_count(&self) -> u32 {
+        self.alarms_count
+    }
+
+    fn wants_more(&self) -> bool {
+        self.alarms_count > 0
+    }
+}

@@ -1,0 +1,129 @@
+//! The law of the paper's bottle experiments: hold with 10 N; on incipient slip pause, add 10 N, go on; 60 N at most.
+//!
+//! ```text
+//!   force   60 |                    ____
+//!              |               ____|        x  incipient slip
+//!              |          ____|x   x
+//!           10 |_________|x
+//!              +---------------------------> time     the arm pauses at each step until the force has arrived
+//! ```
+
+use super::{GripController, GripLimits, arrived};
+use crate::hand::HandReport;
+use crate::monitor::SlipState;
+use crate::port::{GripCommand, GripperState, Motion};
+use crate::sensor::{SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// Settings of [`OnSlip`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OnSlipSettings {
+    /// Force per finger added at each slip, N: 10 in the paper. Negative for laying down: each slip loosens the grip.
+    pub step_n: f64,
+    /// Time after a step in which slip is still the same slip, ns.
+    pub hold_off_ns: u64,
+    /// Time the force has to stand before the arm goes on, ns. The reference is taken anew meanwhile.
+    pub settle_ns: u64,
+    /// Longest pause for one step, ns: a gripper that never reports its force does not stop the arm for ever.
+    pub longest_pause_ns: u64,
+}
+
+impl Default for OnSlipSettings {
+    fn default() -> Self {
+        OnSlipSettings {
+            step_n: 10.0,
+            hold_off_ns: 200_000_000,
+            settle_ns: 100_000_000,
+            longest_pause_ns: 1_000_000_000,
+        }
+    }
+}
+
+impl OnSlipSettings {
+    /// Checks every setting; the error names the first one that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        within("on_slip.step_n", self.step_n, -1000.0, 1000.0)?;
+        within("on_slip.hold_off_ns", self.hold_off_ns as f64, 0.0, 10e9)?;
+        within("on_slip.settle_ns", self.settle_ns as f64, 0.0, 10e9)?;
+        within("on_slip.longest_pause_ns", self.longest_pause_ns as f64, 0.0, 60e9)
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Phase {
+    Steady,
+    /// The force is on its way since the first time; it has stood since the second.
+    Stepping {
+        since_ns: u64,
+        arrived_ns: Option<u64>,
+    },
+}
+
+/// A step of force at each incipient slip.
+#[derive(Debug, Clone)]
+pub struct OnSlip {
+    settings: OnSlipSettings,
+    limits: GripLimits,
+    force_n: f64,
+    phase: Phase,
+    alarms_count: u32,
+    last_alarm_ns: Option<u64>,
+    wants_more: bool,
+}
+
+impl OnSlip {
+    /// Starts with the starting force of the limits.
+    pub fn new(settings: OnSlipSettings, limits: &GripLimits) -> Result<Self, SettingError> {
+        settings.check()?;
+        Ok(OnSlip {
+            settings,
+            limits: *limits,
+            force_n: limits.start_n,
+            phase: Phase::Steady,
+            alarms_count: 0,
+            last_alarm_ns: None,
+            wants_more: false,
+        })
+    }
+
+    fn alarm(&mut self, now_ns: u64) {
+        self.alarms_count += 1;
+        self.last_alarm_ns = Some(now_ns);
+        let force_n = (self.force_n + self.settings.step_n).clamp(self.limits.least_n, self.limits.most_n);
+        if force_n == self.force_n {
+            self.wants_more = self.settings.step_n > 0.0;
+            return;
+        }
+        self.force_n = force_n;
+        self.phase = Phase::Stepping { since_ns: now_ns, arrived_ns: None };
+    }
+}
+
+impl GripController for OnSlip {
+    fn command(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripCommand {
+        let held_off = self.last_alarm_ns.is_some_and(|last| now_ns.saturating_sub(last) < self.settings.hold_off_ns);
+        if matches!(hand.state, SlipState::Incipient | SlipState::Gross) && !held_off {
+            self.alarm(now_ns);
+        }
+        if let Phase::Stepping { since_ns, arrived_ns } = self.phase {
+            let arrived_ns = arrived(self.force_n, gripper).then(|| arrived_ns.unwrap_or(now_ns));
+            let stood = arrived_ns.is_some_and(|at| now_ns.saturating_sub(at) >= self.settings.settle_ns);
+            let too_long = now_ns.saturating_sub(since_ns) >= self.settings.longest_pause_ns;
+            self.phase = if stood || too_long { Phase::Steady } else { Phase::Stepping { since_ns, arrived_ns } };
+        }
+        let motion = match self.phase {
+            Phase::Steady => Motion::Go,
+            Phase::Stepping { .. } => Motion::Pause,
+        };
+        GripCommand { force_n: self.force_n, motion }
+    }
+
+    fn alarms_count(&self) -> u32 {
+        self.alarms_count
+    }
+
+    fn wants_more(&self) -> bool {
+        self.wants_more
+    }
+}

@@ -1,0 +1,336 @@
+//! One to [`FINGERS_MOST`] fingers' reports fused into one [`HandReport`], in the frame of the hand.
+//!
+//! ```text
+//!              X along the fingers, towards their tips (out of the page)
+//!    left      Y across them, Z from the left finger to the right one
+//!   |    |
+//!   | gel|  object  |gel |   finger frames: x = X; y = -Y on the left, y = Y on the right, z into each gel
+//!   |    |          |    |
+//!             Z ->  right    around (a cap turns about X): the same y in both fingers
+//!   Y up                     across (a pull along Y):      opposite y
+//!                            along  (a pull along X):      the same x
+//!                            pivot  (a turn about Z):      opposite rotation
+//! ```
+//!
+//! What one finger cannot tell apart (around or across), two can.
+
+use crate::monitor::{Reason, SlipKind, SlipReport, SlipState};
+use crate::plane::Vec2;
+use crate::sensor::{SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// Most fingers a hand can have.
+pub const FINGERS_MOST: usize = 4;
+
+/// A picture that has not changed in any number for this many frames is a frozen one: noise never repeats itself.
+const FROZEN_FRAMES_COUNT: u32 = 3;
+
+/// On which side of the object a finger is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// Its gel looks along Z.
+    Left,
+    /// Its gel looks against Z.
+    Right,
+}
+
+/// How a finger sits in the hand.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mounting {
+    /// Its side.
+    pub side: Side,
+    /// Angle by which its image is turned against the finger frame, radians from x to y.
+    #[serde(default)]
+    pub turn_rad: f64,
+}
+
+impl Mounting {
+    /// A finger on this side whose image is not turned.
+    pub const fn on(side: Side) -> Self {
+        Mounting { side, turn_rad: 0.0 }
+    }
+
+    /// +1 on the right, where y is Y and a rotation from x to y is one from X to Y; -1 on the left.
+    fn sense(&self) -> f64 {
+        match self.side {
+            Side::Left => -1.0,
+            Side::Right => 1.0,
+        }
+    }
+
+    /// A vector of the rectified image in the finger frame.
+    fn in_finger(&self, v: Vec2) -> Vec2 {
+        v.rotated(-self.turn_rad)
+    }
+}
+
+/// A vector of the contact in what the hand can do to an object: along X, across along Y, around X.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct HandVector {
+    /// Along the fingers.
+    pub along: f64,
+    /// Across them: both fingers are dragged the same way.
+    pub across: f64,
+    /// Around the axis along the fingers: they are dragged opposite ways, as by a cap that is turned.
+    pub around: f64,
+}
+
+impl HandVector {
+    /// Its length.
+    pub fn length(&self) -> f64 {
+        libm::sqrt(self.along * self.along + self.across * self.across + self.around * self.around)
+    }
+
+    fn scaled(self, factor: f64) -> Self {
+        HandVector { along: self.along * factor, across: self.across * factor, around: self.around * factor }
+    }
+}
+
+/// Whether a finger can be relied on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Health {
+    /// There is no such finger.
+    #[default]
+    Absent,
+    /// Its newest frame was judged.
+    Live,
+    /// No frame came, or it could not be judged.
+    Blind,
+    /// It shows the same picture again and again.
+    Frozen,
+}
+
+/// Slip as the hand sees it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct HandSlip {
+    /// Direction in which the object slides, of length 1; 0 throughout when it only pivots.
+    pub direction: HandVector,
+    /// Whether it turns about the axis through both fingers, alone or besides.
+    pub pivots: bool,
+    /// How many fingers say so.
+    pub fingers_count: u32,
+}
+
+/// What the fingers say together.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct HandReport {
+    /// Number of the frame: the newest among the fingers.
+    pub seq: u64,
+    /// Time of that frame.
+    pub time_ns: Option<u64>,
+    /// The verdict of the hand. [`SlipState::Unjudged`] when no finger is live.
+    pub state: SlipState,
+    /// Fingers that are live.
+    pub live_count: u32,
+    /// Every finger, in the order they were given.
+    pub health: [Health; FINGERS_MOST],
+    /// Whether around and across were told apart: a live finger on either side.
+    pub separated: bool,
+    /// Mean shear of the gels since rest in mm, towards where the object drags them; None without contact or where
+    /// the pitch in mm is unknown. Unless `separated`, `across` and `around` hold the same number.
+    pub shear_mm: Option<HandVector>,
+    /// Rotation of the contact about Z since rest in rad, from X to Y; None without contact.
+    pub pivot_rad: Option<f64>,
+    /// The longest slip vector among the fingers in mm; None where the pitch in mm is unknown.
+    pub slip_max_mm: Option<f64>,
+    /// Mean contact area per finger in mm2; None where the pitch in mm is unknown.
+    pub contact_area_mm2: Option<f64>,
+    /// The least contact quality among the live fingers, 0 to 1.
+    pub quality: f64,
+    /// What slips; None while nothing does.
+    pub slip: Option<HandSlip>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Finger {
+    mounting: Mounting,
+    report: Option<SlipReport>,
+    health: Health,
+    same_count: u32,
+}
+
+/// Fuses fingers. For each cycle give every finger's report with [`Hand::see`] or say [`Hand::missed`], then ask for
+/// the [`Hand::report`].
+#[derive(Debug, Clone)]
+pub struct Hand {
+    fingers: Vec<Finger>,
+}
+
+impl Hand {
+    /// A hand of these fingers. Refuses none, too many, and turns that are no numbers.
+    pub fn new(mountings: &[Mounting]) -> Result<Self, SettingError> {
+        within("hand.fingers (count)", mountings.len() as f64, 1.0, FINGERS_MOST as f64)?;
+        for mounting in mountings {
+            within("hand.fingers.turn_rad", mounting.turn_rad, -7.0, 7.0)?;
+        }
+        let finger = |&mounting| Finger { mounting, report: None, health: Health::Blind, same_count: 0 };
+        Ok(Hand { fingers: mountings.iter().map(finger).collect() })
+    }
+
+    /// Takes the report of a finger. Numbers of fingers that are not there are passed over.
+    pub fn see(&mut self, finger: usize, report: &SlipReport) {
+        let Some(finger) = self.fingers.get_mut(finger) else { return };
+        let repeats = finger.report.is_some_and(|last| last.seq != report.seq && same_picture(&last, report));
+        finger.same_count = if repeats { finger.same_count + 1 } else { 0 };
+        finger.report = Some(*report);
+        finger.health = match () {
+            _ if report.state == SlipState::Unjudged => Health::Blind,
+            _ if finger.same_count >= FROZEN_FRAMES_COUNT => Health::Frozen,
+            _ => Health::Live,
+        };
+    }
+
+    /// No frame came from a finger in this cycle.
+    pub fn missed(&mut self, finger: usize) {
+        if let Some(finger) = self.fingers.get_mut(finger) {
+            finger.health = Health::Blind;
+        }
+    }
+
+    /// What the fingers say together.
+    pub fn report(&self) -> HandReport {
+        let live = || self.fingers.iter().filter(|f| f.health == Health::Live).filter_map(|f| Some((f, f.report?)));
+        let newest = self.fingers.iter().filter_map(|f| f.report).max_by_key(|r| r.seq);
+        let side = |side| live().any(|(f, _)| f.mounting.side == side);
+        let separated = side(Side::Left) && side(Side::Right);
+        let mut health = [Health::Absent; FINGERS_MOST];
+        for (health, finger) in health.iter_mut().zip(&self.fingers) {
+            *health = finger.health;
+        }
+        let touching = || live().filter(|(_, r)| r.shear.is_some());
+        let shear = touching().map(|(f, r)| Some((f.mounting, r.shear?.translation_mm?)));
+        let area = || touching().map(|(_, r)| r.contact.area_mm2);
+        HandReport {
+            seq: newest.map_or(0, |r| r.seq),
+            time_ns: newest.and_then(|r| r.time_ns),
+            state: fused_state(live().map(|(_, r)| r)),
+            live_count: live().count() as u32,
+            health,
+            separated,
+            shear_mm: fused_vector(shear, separated),
+            pivot_rad: mean(touching().map(|(f, r)| Some(f.mounting.sense() * r.shear?.rotation_rad))),
+            slip_max_mm: touching().map(|(_, r)| r.slip.max_mm).try_fold(0.0f64, |most, mm| Some(most.max(mm?))),
+            contact_area_mm2: mean(area()),
+            quality: live().map(|(_, r)| r.contact.quality).fold(1.0, f64::min)
+                * f64::from(live().count().min(1) as u32),
+            slip: fused_slip(live(), separated),
+        }
+    }
+}
+
+/// Whether nothing measured differs. A finger that touches nothing measures nothing, and is not compared.
+fn same_picture(a: &SlipReport, b: &SlipReport) -> bool {
+    a.shear.is_some() && a.shear == b.shear && a.contact == b.contact && a.markers == b.markers
+}
+
+/// Any finger that sees slip is believed; so are two that each see half of what it takes.
+fn fused_state(reports: impl Iterator<Item = SlipReport> + Clone) -> SlipState {
+    let any = |state| reports.clone().any(|r| r.state == state);
+    let halves = reports.clone().filter(|r| {
+        r.state == SlipState::Stick && r.slip.markers_over > 0 && 2 * r.slip.markers_over >= r.slip.markers_needed
+    });
+    match () {
+        _ if reports.clone().next().is_none() => SlipState::Unjudged,
+        _ if any(SlipState::Gross) => SlipState::Gross,
+        _ if any(SlipState::Incipient) || halves.count() >= 2 => SlipState::Incipient,
+        _ if any(SlipState::Stick) => SlipState::Stick,
+        _ if any(SlipState::Unsure) => SlipState::Unsure,
+        _ => SlipState::NoContact,
+    }
+}
+
+/// Mean of what all have; None when there is nothing or one has none.
+fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0u32);
+    for value in values {
+        sum += value?;
+        count += 1;
+    }
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+/// Image vectors of several fingers as what the hand does. With fingers on both sides, each side counts once.
+fn fused_vector(vectors: impl Iterator<Item = Option<(Mounting, Vec2)>>, separated: bool) -> Option<HandVector> {
+    let mut sides = [(Vec2::ZERO, 0u32); 2];
+    for vector in vectors {
+        let (mounting, v) = vector?;
+        let (sum, count) = &mut sides[usize::from(mounting.side == Side::Right)];
+        *sum += mounting.in_finger(v);
+        *count += 1;
+    }
+    let of = |(sum, count): (Vec2, u32)| (count > 0).then(|| sum / f64::from(count));
+    match (of(sides[0]), of(sides[1])) {
+        (Some(left), Some(right)) if separated => Some(HandVector {
+            along: (left.x + right.x) / 2.0,
+            across: (right.y - left.y) / 2.0,
+            around: (right.y + left.y) / 2.0,
+        }),
+        (Some(one), _) | (None, Some(one)) => Some(HandVector { along: one.x, across: one.y, around: one.y }),
+        (None, None) => None,
+    }
+}
+
+fn fused_slip<'a>(live: impl Iterator<Item = (&'a Finger, SlipReport)> + Clone, separated: bool) -> Option<HandSlip> {
+    let slipping = live.filter(|(_, r)| matches!(r.state, SlipState::Incipient | SlipState::Gross));
+    let fingers_count = slipping.clone().count() as u32;
+    if fingers_count == 0 {
+        return None;
+    }
+    let pivots = slipping.clone().any(|(_, r)| r.slip.kind != Some(SlipKind::Translation));
+    let unit = |angle_rad: f64| Vec2::new(libm::cos(angle_rad), libm::sin(angle_rad));
+    let ways = slipping.filter_map(|(f, r)| Some(Some((f.mounting, unit(r.slip.direction_rad?)))));
+    // One finger alone that slips cannot tell around from across, though both are live.
+    let direction = fused_vector(ways, separated).unwrap_or_default();
+    let length = direction.length();
+    let direction = if length > 0.0 { direction.scaled(1.0 / length) } else { direction };
+    Some(HandSlip { direction, pivots, fingers_count })
+}
+
+/// Why a hand sees nothing, for a line to the user: the first finger that is not live.
+pub fn blind_reason(reports: &[SlipReport]) -> Option<(usize, Reason)> {
+    reports.iter().enumerate().find_map(|(i, r)| Some((i, r.reason.filter(|_| r.state == SlipState::Unjudged)?)))
+}
+
+/// Directions in which a task lets the object slide: along the thread yes, around it no.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Allowed {
+    /// Along the fingers.
+    pub along: bool,
+    /// Across them.
+    pub across: bool,
+    /// Around the axis along them.
+    pub around: bool,
+    /// Pivoting about the axis through both.
+    pub pivot: bool,
+}
+
+/// Sine of the angle, 30 deg, by which a slip may stray from an allowed direction.
+const STRAY_SIN: f64 = 0.5;
+
+impl Allowed {
+    /// Whether this slip is none of what is allowed.
+    pub fn forbids(&self, slip: &HandSlip) -> bool {
+        let d = slip.direction;
+        let part = |component: f64, allowed: bool| if allowed { 0.0 } else { component };
+        let outside = HandVector {
+            along: part(d.along, self.along),
+            across: part(d.across, self.across),
+            around: part(d.around, self.around),
+        };
+        let slides = d.length() > 0.0 && outside.length() > STRAY_SIN;
+        let pivots = slip.pivots && !self.pivot;
+        slides || pivots
+    }
+
+    /// The report as a controller should see it: slip in an allowed direction is none.
+    pub fn filter(&self, report: &HandReport) -> HandReport {
+        match report.slip {
+            Some(slip) if !self.forbids(&slip) => HandReport { state: SlipState::Stick, slip: None, ..*report },
+            _ => *report,
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Lifting and holding: raise what was taken, then hold it for a time, whatever is poured into it or pulls at it.
+
+use super::grasp::{Grasp, Grasped};
+use super::{Ending, Moment, PAUSE, Phase, Task, TaskStep, lower};
+use crate::grip::{GripController, Guard};
+use crate::hand::Allowed;
+use crate::port::{GripCommand, Jaws, Motion, WristMotion};
+use crate::sensor::{SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// Settings of [`Lift`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LiftSettings {
+    /// How far to lift, mm.
+    pub lift_mm: f64,
+    /// Rate, mm/s.
+    pub rate_mm_per_s: f64,
+    /// How long to hold it after that, ns.
+    pub hold_ns: u64,
+    /// Where the object may slide: nowhere.
+    pub allowed: Allowed,
+}
+
+impl Default for LiftSettings {
+    fn default() -> Self {
+        LiftSettings { lift_mm: 20.0, rate_mm_per_s: 20.0, hold_ns: 8_000_000_000, allowed: Allowed::default() }
+    }
+}
+
+impl LiftSettings {
+    /// Checks every setting; the error names the first one that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        within("lift.lift_mm", self.lift_mm, 0.0, 1000.0)?;
+        within("lift.rate_mm_per_s", self.rate_mm_per_s, 0.1, 100.0)?;
+        within("lift.hold_ns", self.hold_ns as f64, 0.0, 1e15)
+    }
+}
+
+/// Lifting and holding.
+#[derive(Debug)]
+pub struct Lift {
+    settings: LiftSettings,
+    grip: Guard,
+    grasp: Grasp,
+    phase: Phase,
+    start_mm: Option<f64>,
+    up_since_ns: Option<u64>,
+    last: GripCommand,
+}
+
+impl Lift {
+    /// An object is between the open jaws. Refuses settings that cannot be.
+    pub fn new(settings: LiftSettings, grip: Guard) -> Result<Self, SettingError> {
+        settings.check()?;
+        let last = GripCommand { force_n: grip.limits().start_n, motion: Motion::Pause };
+        let (grasp, phase) = (Grasp::default(), Phase::Grasping);
+        Ok(Lift { settings, grip, grasp, phase, start_mm: None, up_since_ns: None, last })
+    }
+
+    fn work(&mut self, moment: &Moment<'_>) {
+        let start_mm = *self.start_mm.get_or_insert(moment.wrist.lowered_mm);
+        self.last = self.grip.command(moment.now_ns, &self.settings.allowed.filter(moment.hand), moment.gripper);
+        if start_mm - moment.wrist.lowered_mm >= self.settings.lift_mm - 0.01 {
+            self.up_since_ns.get_or_insert(moment.now_ns);
+        }
+        let held_ns = self.up_since_ns.map(|up_ns| moment.now_ns.saturating_sub(up_ns));
+        self.phase = match held_ns {
+            _ if moment.gripper.jaws == Jaws::Lost => Phase::Ended(Ending::Lost),
+            Some(ns) if ns >= self.settings.hold_ns => Phase::Ended(Ending::Held),
+            Some(_) => Phase::Waiting,
+            None if self.last.motion == Motion::Go => Phase::Working,
+            None => Phase::Waiting,
+        };
+    }
+}
+
+impl Task for Lift {
+    fn step(&mut self, moment: &Moment<'_>) -> TaskStep {
+        match self.phase {
+            Phase::Grasping => match self.grasp.step(moment, &self.grip) {
+                Grasped::NotYet(grip) => self.last = grip,
+                Grasped::Yes => self.phase = Phase::Working,
+                Grasped::Never(ending) => self.phase = Phase::Ended(ending),
+            },
+            Phase::Ended(_) => {}
+            _ => self.work(moment),
+        }
+        let way_mm = self
+            .start_mm
+            .map_or(self.settings.lift_mm, |start_mm| self.settings.lift_mm - (start_mm - moment.wrist.lowered_mm));
+        let mut wrist = if self.phase == Phase::Working { lower(-self.settings.rate_mm_per_s) } else { PAUSE };
+        if let WristMotion::Lower { most_mm, .. } = &mut wrist.motion {
+            *most_mm = most_mm.min(way_mm.max(0.0));
+        }
+        TaskStep { grip: self.last, wrist, phase: self.phase }
+    }
+
+    fn grip(&self) -> &Guard {
+        &self.grip
+    }
+}

@@ -1,0 +1,148 @@
+//! Laying a tool down: lower it tilted until it touches and turns in the fingers, loosen the grip so that it goes on
+//! turning, lower on until the ground carries it, let go.
+//!
+//! ```text
+//!    ||          ||            ||              |  |
+//!   _||_.-'     _||_.-'       _||_____        ________      Grasping -> Working (down, then laying) -> Releasing
+//!  '           '=======      ==========      ==========                                           -> Ended(Placed)
+//!   down        touch         laying          let go
+//! ```
+
+use super::grasp::{Grasp, Grasped};
+use super::{Ending, Moment, PAUSE, Phase, Task, TaskStep, lower};
+use crate::grip::{GripController, Guard};
+use crate::hand::Allowed;
+use crate::port::{GripCommand, Jaws, Motion};
+use crate::sensor::{SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// Settings of [`Place`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlaceSettings {
+    /// Rate of lowering until it touches, mm/s.
+    pub rate_mm_per_s: f64,
+    /// Rate of lowering while it is laid down, mm/s.
+    pub laying_mm_per_s: f64,
+    /// Furthest lowering, mm.
+    pub most_mm: f64,
+    /// Turn of the object in the fingers that means it touches, rad, beside any slip.
+    pub touch_rad: f64,
+    /// Share of the shear of the hanging object below which the ground carries it.
+    pub carried_fraction: f64,
+    /// Force per finger while it is laid down, N; not below the least of the grip.
+    pub laying_n: f64,
+    /// Where the object may slide before it touches: nowhere. Pivoting is what tells of the touch.
+    pub allowed: Allowed,
+}
+
+impl Default for PlaceSettings {
+    fn default() -> Self {
+        PlaceSettings {
+            rate_mm_per_s: 3.0,
+            laying_mm_per_s: 3.0,
+            most_mm: 100.0,
+            touch_rad: 1f64.to_radians(),
+            carried_fraction: 0.3,
+            laying_n: 5.0,
+            allowed: Allowed { pivot: true, ..Allowed::default() },
+        }
+    }
+}
+
+impl PlaceSettings {
+    /// Checks every setting; the error names the first one that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        within("place.rate_mm_per_s", self.rate_mm_per_s, 0.5, 100.0)?;
+        within("place.laying_mm_per_s", self.laying_mm_per_s, 0.5, 100.0)?;
+        within("place.most_mm", self.most_mm, 0.1, 1000.0)?;
+        within("place.touch_rad", self.touch_rad, 1e-3, 1.0)?;
+        within("place.carried_fraction", self.carried_fraction, 0.0, 1.0)?;
+        within("place.laying_n", self.laying_n, 0.1, 1000.0)
+    }
+}
+
+/// What is known when the way down begins.
+#[derive(Debug, Clone, Copy)]
+struct Hanging {
+    lowered_mm: f64,
+    along_mm: f64,
+    pivot_rad: f64,
+}
+
+/// Laying down.
+#[derive(Debug)]
+pub struct Place {
+    settings: PlaceSettings,
+    grip: Guard,
+    grasp: Grasp,
+    phase: Phase,
+    hanging: Option<Hanging>,
+    touched: bool,
+    last: GripCommand,
+}
+
+impl Place {
+    /// A tool is between the open jaws. Refuses settings that cannot be.
+    pub fn new(settings: PlaceSettings, grip: Guard) -> Result<Self, SettingError> {
+        settings.check()?;
+        let last = GripCommand { force_n: grip.limits().start_n, motion: Motion::Pause };
+        let (grasp, phase) = (Grasp::default(), Phase::Grasping);
+        Ok(Place { settings, grip, grasp, phase, hanging: None, touched: false, last })
+    }
+
+    fn work(&mut self, moment: &Moment<'_>) {
+        let hand = moment.hand;
+        self.last = self.grip.command(moment.now_ns, &self.settings.allowed.filter(hand), moment.gripper);
+        if moment.gripper.jaws == Jaws::Lost {
+            self.phase = Phase::Ended(Ending::Lost);
+            return;
+        }
+        self.phase = if self.last.motion == Motion::Go { Phase::Working } else { Phase::Waiting };
+        let (Some(shear), Some(pivot_rad)) = (hand.shear_mm, hand.pivot_rad) else { return };
+        let now = Hanging { lowered_mm: moment.wrist.lowered_mm, along_mm: shear.along, pivot_rad };
+        let hanging = *self.hanging.get_or_insert(now);
+        let pivots = (pivot_rad - hanging.pivot_rad).abs() >= self.settings.touch_rad;
+        self.touched |= pivots || hand.slip.is_some_and(|slip| slip.pivots);
+        if !self.touched {
+            if now.lowered_mm - hanging.lowered_mm >= self.settings.most_mm {
+                self.phase = Phase::Ended(Ending::Limit);
+            }
+            return;
+        }
+        // It rests on one end and turns; a loose grip keeps the ground's answer small.
+        self.last.force_n = self.settings.laying_n.clamp(self.grip.limits().least_n, self.last.force_n);
+        self.phase = Phase::Working;
+        let carried = now.along_mm < self.settings.carried_fraction * hanging.along_mm;
+        if carried {
+            self.last.motion = Motion::Release;
+            self.phase = Phase::Releasing;
+        }
+    }
+}
+
+impl Task for Place {
+    fn step(&mut self, moment: &Moment<'_>) -> TaskStep {
+        match self.phase {
+            Phase::Grasping => match self.grasp.step(moment, &self.grip) {
+                Grasped::NotYet(grip) => self.last = grip,
+                Grasped::Yes => self.phase = Phase::Working,
+                Grasped::Never(ending) => self.phase = Phase::Ended(ending),
+            },
+            Phase::Ended(_) => {}
+            Phase::Releasing => {
+                if moment.gripper.jaws == Jaws::Open {
+                    self.phase = Phase::Ended(Ending::Placed);
+                }
+            }
+            _ => self.work(moment),
+        }
+        let rate_mm_per_s = if self.touched { self.settings.laying_mm_per_s } else { self.settings.rate_mm_per_s };
+        let wrist = if self.phase == Phase::Working { lower(rate_mm_per_s) } else { PAUSE };
+        TaskStep { grip: self.last, wrist, phase: self.phase }
+    }
+
+    fn grip(&self) -> &Guard {
+        &self.grip
+    }
+}

@@ -1,0 +1,97 @@
+//! Screwing a cap onto a bottle: turn; the controller answers slip; end on evidence that the cap is tight.
+//!
+//! ```text
+//!   Grasping -> Working  <->  Waiting (the grip is being raised)  -> Ended(Tight)
+//! ```
+//!
+//! The paper stops at incipient slip at 60 N. Incipient is not yet all: half of the torque can be unused then. Here
+//! the wrist turns on until the shear of the gels stays flat while it turns ([`ScrewEnd::Evidence`]).
+
+use super::turning::Turning;
+use super::{Ending, Moment, Task, TaskStep};
+use crate::grip::Guard;
+use crate::hand::Allowed;
+use crate::sensor::{SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// When a cap is tight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ScrewEnd {
+    /// At the largest force, slip was seen and then the shear stayed flat over `flat_window_rad` of turning.
+    Evidence,
+    /// At the first incipient slip at the largest force: the paper's literal law.
+    SlipAtMost,
+}
+
+/// Settings of [`Screw`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ScrewSettings {
+    /// When it is tight.
+    pub end: ScrewEnd,
+    /// Rate of the wrist, rad/s, positive tightens a right-hand thread: 20 deg/s.
+    pub rate_rad_per_s: f64,
+    /// Furthest turn, rad.
+    pub most_rad: f64,
+    /// Turn over which the shear has to stay flat, rad: 4 deg, a millimetre at the rim of a bottle cap.
+    pub flat_window_rad: f64,
+    /// Growth of the shear over that turn, as a share of itself, that still is flat.
+    pub flat_fraction: f64,
+    /// Where the cap may slide in the fingers: along the thread, for the wrist does not follow it down.
+    pub allowed: Allowed,
+}
+
+impl Default for ScrewSettings {
+    fn default() -> Self {
+        ScrewSettings {
+            end: ScrewEnd::Evidence,
+            rate_rad_per_s: 20f64.to_radians(),
+            most_rad: 180f64.to_radians(),
+            flat_window_rad: 4f64.to_radians(),
+            flat_fraction: 0.03,
+            allowed: Allowed { along: true, ..Allowed::default() },
+        }
+    }
+}
+
+impl ScrewSettings {
+    /// Checks every setting; the error names the first one that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        within("screw.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, 0.7)?;
+        within("screw.most_rad", self.most_rad, 0.01, 100.0)?;
+        within("screw.flat_window_rad", self.flat_window_rad, 0.01, 1.0)?;
+        within("screw.flat_fraction", self.flat_fraction, 0.0, 0.5)
+    }
+}
+
+/// Screwing.
+#[derive(Debug)]
+pub struct Screw {
+    settings: ScrewSettings,
+    turning: Turning,
+}
+
+impl Screw {
+    /// A cap is between the open jaws. Refuses settings that cannot be.
+    pub fn new(settings: ScrewSettings, grip: Guard) -> Result<Self, SettingError> {
+        settings.check()?;
+        let turning = Turning::new(grip, settings.rate_rad_per_s, settings.most_rad, settings.allowed);
+        Ok(Screw { settings, turning })
+    }
+}
+
+impl Task for Screw {
+    fn step(&mut self, moment: &Moment<'_>) -> TaskStep {
+        let ScrewSettings { end, flat_window_rad, flat_fraction, .. } = self.settings;
+        self.turning.step(moment, |seen| match end {
+            _ if !seen.slip_at_most => None,
+            ScrewEnd::SlipAtMost => Some(Ending::SlipAtMost),
+            ScrewEnd::Evidence => seen.shear.is_flat(flat_window_rad, flat_fraction).then_some(Ending::Tight),
+        })
+    }
+
+    fn grip(&self) -> &Guard {
+        &self.turning.grip
+    }
+}

@@ -1,0 +1,97 @@
+//! How the shear of the gels goes with the turn of the wrist: does the torque still grow, is it flat, has it fallen?
+//!
+//! ```text
+//!   shear |        ______ flat: the cap no longer follows      shear |  .-.
+//!         |     .-'                                                  | /   '.______ fallen: broken loose
+//!         |  .-'                                                     |/
+//!         +----------------> turn                                    +------------> turn
+//! ```
+
+/// Samples kept: at 30 Hz and 20 deg/s, 42 deg.
+const SAMPLES_COUNT: usize = 64;
+
+/// Change of shear below which nothing has changed, mm: three times the noise of a mean over a contact's markers.
+const NOISE_MM: f64 = 0.015;
+
+/// Shear over turn, since the grip last changed.
+#[derive(Debug, Clone)]
+pub(super) struct ShearWatch {
+    samples: [(f64, f64); SAMPLES_COUNT],
+    count: usize,
+    peak_mm: f64,
+    fallen_at_rad: Option<f64>,
+}
+
+impl ShearWatch {
+    pub fn new() -> Self {
+        ShearWatch { samples: [(0.0, 0.0); SAMPLES_COUNT], count: 0, peak_mm: 0.0, fallen_at_rad: None }
+    }
+
+    /// The grip has changed: shear is compared only with what follows. The peak stays.
+    pub fn restart(&mut self) {
+        self.count = 0;
+    }
+
+    /// Takes the shear, in the sense of the task, at an angle turned so far. Samples at the same angle replace each
+    /// other.
+    pub fn see(&mut self, turned_rad: f64, shear_mm: f64) {
+        self.peak_mm = self.peak_mm.max(shear_mm);
+        let fallen = shear_mm < 0.5 * self.peak_mm;
+        self.fallen_at_rad = if fallen { self.fallen_at_rad.or(Some(turned_rad)) } else { None };
+        if let Some(last) = self.count.checked_sub(1).map(|i| &mut self.samples[i])
+            && (last.0 - turned_rad).abs() < 1e-4
+        {
+            last.1 = shear_mm;
+            return;
+        }
+        if self.count == SAMPLES_COUNT {
+            self.samples.rotate_left(1);
+            self.count -= 1;
+        }
+        self.samples[self.count] = (turned_rad, shear_mm);
+        self.count += 1;
+    }
+
+    /// Whether over the last `window_rad` of turning the shear grew by no more than `fraction` of itself.
+    pub fn is_flat(&self, window_rad: f64, fraction: f64) -> bool {
+        let Some(&(now_rad, now_mm)) = self.count.checked_sub(1).map(|i| &self.samples[i]) else { return false };
+        let before = self.samples[..self.count].iter().rev().find(|(at_rad, _)| now_rad - at_rad >= window_rad);
+        before.is_some_and(|(_, before_mm)| now_mm - before_mm <= (fraction * now_mm.abs()).max(NOISE_MM))
+    }
+
+    /// How far the wrist has turned since the shear fell below half of its peak; None while it has not.
+    pub fn fallen_for_rad(&self, turned_rad: f64, least_peak_mm: f64) -> Option<f64> {
+        let at_rad = self.fallen_at_rad.filter(|_| self.peak_mm >= least_peak_mm)?;
+        Some(turned_rad - at_rad)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_still_grows_is_not_flat_and_what_grew_before_the_window_does_not_count() {
+        let mut watch = ShearWatch::new();
+        for i in 0..40 {
+            let turned_rad = 0.01 * f64::from(i);
+            watch.see(turned_rad, (0.05 * f64::from(i)).min(1.0));
+            let flat = watch.is_flat(0.069, 0.03);
+            assert_eq!(flat, i >= 20 + 7, "after {turned_rad} rad");
+        }
+        watch.restart();
+        assert!(!watch.is_flat(0.07, 0.03), "a new grip begins anew");
+    }
+
+    #[test]
+    fn a_fall_counts_from_where_it_fell_and_not_when_the_shear_comes_back() {
+        let mut watch = ShearWatch::new();
+        for (turned_rad, shear_mm) in [(0.0, 0.2), (0.1, 1.0), (0.2, 0.3), (0.3, 0.2)] {
+            watch.see(turned_rad, shear_mm);
+        }
+        assert!((watch.fallen_for_rad(0.3, 0.5).expect("fallen") - 0.1).abs() < 1e-12);
+        assert_eq!(watch.fallen_for_rad(0.3, 1.5), None, "a peak that was none");
+        watch.see(0.4, 0.9);
+        assert_eq!(watch.fallen_for_rad(0.4, 0.5), None);
+    }
+}

@@ -1,0 +1,93 @@
+//! Unscrewing a cap: turn back; the controller answers slip; end because the cap has opened, never because of slip.
+//!
+//! ```text
+//!   Grasping -> Working  <->  Waiting  -> Ended(Opened): the torque fell and stayed down while the fingers turned on
+//!                                      -> Ended(Stuck):  at the largest force the fingers slide over the cap
+//! ```
+
+use super::turning::Turning;
+use super::{Ending, Moment, Task, TaskStep};
+use crate::grip::Guard;
+use crate::hand::Allowed;
+use crate::sensor::{SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// Growth of the shear, as a share of itself, that is none.
+const SLIDING_FRACTION: f64 = 0.03;
+
+/// Settings of [`Unscrew`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct UnscrewSettings {
+    /// Rate of the wrist, rad/s, negative opens a right-hand thread: 20 deg/s.
+    pub rate_rad_per_s: f64,
+    /// Furthest turn, rad.
+    pub most_rad: f64,
+    /// Turn over which the torque has to stay below half of its peak, rad.
+    pub open_rad: f64,
+    /// A peak of shear below this was no resistance, mm.
+    pub least_peak_mm: f64,
+    /// At the largest force: turn over which the shear stays flat when the fingers slide, rad.
+    pub stuck_rad: f64,
+    /// Where the cap may slide in the fingers: along the thread.
+    pub allowed: Allowed,
+}
+
+impl Default for UnscrewSettings {
+    fn default() -> Self {
+        UnscrewSettings {
+            rate_rad_per_s: -20f64.to_radians(),
+            most_rad: 180f64.to_radians(),
+            open_rad: 10f64.to_radians(),
+            least_peak_mm: 0.2,
+            stuck_rad: 20f64.to_radians(),
+            allowed: Allowed { along: true, ..Allowed::default() },
+        }
+    }
+}
+
+impl UnscrewSettings {
+    /// Checks every setting; the error names the first one that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        within("unscrew.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, 0.7)?;
+        within("unscrew.most_rad", self.most_rad, 0.01, 100.0)?;
+        within("unscrew.open_rad", self.open_rad, 0.01, 10.0)?;
+        within("unscrew.least_peak_mm", self.least_peak_mm, 0.0, 10.0)?;
+        within("unscrew.stuck_rad", self.stuck_rad, 0.01, 10.0)
+    }
+}
+
+/// Unscrewing.
+#[derive(Debug)]
+pub struct Unscrew {
+    settings: UnscrewSettings,
+    turning: Turning,
+}
+
+impl Unscrew {
+    /// A cap is between the open jaws. Refuses settings that cannot be.
+    pub fn new(settings: UnscrewSettings, grip: Guard) -> Result<Self, SettingError> {
+        settings.check()?;
+        let turning = Turning::new(grip, settings.rate_rad_per_s, settings.most_rad, settings.allowed);
+        Ok(Unscrew { settings, turning })
+    }
+}
+
+impl Task for Unscrew {
+    fn step(&mut self, moment: &Moment<'_>) -> TaskStep {
+        let UnscrewSettings { open_rad, least_peak_mm, stuck_rad, .. } = self.settings;
+        self.turning.step(moment, |seen| {
+            let fallen_rad = seen.shear.fallen_for_rad(seen.turned_rad, least_peak_mm);
+            let slides =
+                || seen.slip_at_most && fallen_rad.is_none() && seen.shear.is_flat(stuck_rad, SLIDING_FRACTION);
+            match fallen_rad {
+                Some(rad) if rad >= open_rad => Some(Ending::Opened),
+                _ => slides().then_some(Ending::Stuck),
+            }
+        })
+    }
+
+    fn grip(&self) -> &Guard {
+        &self.turning.grip
+    }
+}
