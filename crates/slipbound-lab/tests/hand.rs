@@ -4,7 +4,7 @@
 use slipbound::port::{
     FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Motion, Next, Plant, Wrist, WristCommand, WristMotion,
 };
-use slipbound_lab::hand::{HandScene, HandTruth, HandWorld, SimHand};
+use slipbound_lab::hand::{HandScene, HandTruth, HandWorld};
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
@@ -116,45 +116,6 @@ fn a_cap_breaks_loose_just_when_two_mu_p_r_is_more_than_holds_it() {
     }
 }
 
-#[test]
-fn cameras_see_the_same_twist_and_a_scene_is_the_same_bytes() {
-    let run = |scene: &str| {
-        let hand = SimHand::new(&HandScene::parse(scene).expect("a sound scene")).expect("a sound hand");
-        let (mut left, mut right) = (hand.camera(0), hand.camera(1));
-        let (mut gripper, mut wrist) = (hand.gripper(), hand.wrist());
-        let (mut frame, mut bytes, mut jaws) = (FrameBuffer::default(), [Vec::new(), Vec::new()], Vec::new());
-        for n in 0..24u64 {
-            if n == 2 {
-                gripper.command(GripCommand { force_n: 15.0, motion: Motion::Go }).expect("taken over");
-            }
-            if n > 12 {
-                let motion = WristMotion::Turn { rate_rad_per_s: 20.0 * DEG, most_rad: 0.1 };
-                wrist.command(WristCommand::new(motion)).expect("taken over");
-            }
-            assert_eq!(left.next(&mut frame).expect("a frame"), Next::Frame);
-            assert_eq!(left.next(&mut FrameBuffer::default()).expect("an answer"), Next::Silent);
-            assert_eq!((frame.seq, frame.time_ns), (n, Some(hand.now_ns())));
-            bytes[0].extend_from_slice(&frame.encoded);
-            assert_eq!(right.next(&mut frame).expect("a frame"), Next::Frame);
-            bytes[1].extend_from_slice(&frame.encoded);
-            jaws.push(gripper.poll().expect("a state"));
-            hand.advance_frame();
-        }
-        assert_eq!((jaws[0].jaws, jaws[23].jaws), (Jaws::Open, Jaws::Holding));
-        assert!((jaws[23].force_n.expect("a force") - 15.0).abs() < 0.2, "{:?}", jaws[23]);
-        let shift = |finger: usize| {
-            let shifts = hand.marker_shifts_mm(finger);
-            shifts.iter().fold(0.0f64, |most, shift| if shift.y.abs() > most.abs() { shift.y } else { most })
-        };
-        (bytes, [shift(0), shift(1)])
-    };
-    let (bytes, shifts) = run("screw?run_n_mm=1e6&seed=3");
-    assert!(shifts[0] > 0.2 && (shifts[0] / shifts[1] - 1.0).abs() < 0.05, "{shifts:?}");
-    assert!(bytes[0] != bytes[1], "two fingers have markers and noise of their own");
-    assert!(run("screw?run_n_mm=1e6&seed=3").0 == bytes);
-    assert!(run("screw?run_n_mm=1e6&seed=4").0[0] != bytes[0]);
-}
-
 const GRAVITY_M_PER_S2: f64 = 9.80665;
 
 #[test]
@@ -193,7 +154,8 @@ fn a_tool_in_the_air_is_held_against_its_weight_and_its_lever() {
         assert!(!ground.on_stand && ground.force_n == 0.0 && !truth.gross);
         assert!((ground.tilt_rad - tilt_deg * DEG).abs() < 0.5 * DEG, "{ground:?}");
         let [left, right] = truth.wrench;
-        assert!((left.force_n.x + right.force_n.x - ground.weight_n).abs() < 1e-3, "{left:?}");
+        let carried_n = left.force_n.x + right.force_n.x;
+        assert!((carried_n / ground.weight_n - 1.0).abs() < 0.005, "to the solver's tolerance: {carried_n}");
         // About Z of the hand, which is z of the right finger: the centre of mass is off along Y, its weight along X.
         let expected_n_mm = -off_mm * (tilt_deg * DEG).cos() * ground.weight_n;
         let torque_n_mm = right.torque_n_mm - left.torque_n_mm;
@@ -238,4 +200,105 @@ fn a_tool_let_go_above_the_ground_falls_as_far_as_its_higher_foot_was_above_it()
     assert!((stands.free_drop_mm.expect("let go") - higher_mm).abs() < 0.01, "{held:?} {stands:?}");
     assert!((stands.force_n / stands.weight_n - 1.0).abs() < 1e-3 && stands.tilt_rad.abs() < 1e-3, "{stands:?}");
     assert_eq!(stands.peak_force_n, 0.0, "the ground pushed only after the pads had let go");
+}
+
+#[test]
+fn a_squeeze_without_load_is_no_gross_slip() {
+    for scene in ["screw", "unscrew?mu=0.3", "place?mu=0.4", "lift?mu=0.3&start_kg=0.01"] {
+        let mut bench = Bench::new(scene);
+        for force_n in [10.0, 40.0, 60.0, 5.0, 80.0] {
+            for _ in 0..24 {
+                let truth = bench.run(1.0 / 120.0, 0.0, 0.0, force_n);
+                assert!(!truth.gross && truth.slid_mm == 0.0, "{scene} at {force_n} N: {truth:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_hand_that_rises_faster_makes_a_bottle_heavier_and_pulls_add_to_its_weight() {
+    let mut bench = Bench::new("lift?start_kg=0.5&fill_kg_per_s=0&pulls=3&seed=5&pull_n=4");
+    bench.press(40.0);
+    let (mut most_n, mut least_n, weight_n) = (0.0f64, f64::MAX, 0.5 * GRAVITY_M_PER_S2);
+    for n in 0..24 {
+        let rate_mm_per_s = if n < 12 { -100.0 } else { 0.0 };
+        let load_n = bench.run(1.0 / 120.0, 0.0, rate_mm_per_s, 40.0).bottle.expect("a bottle").load_n;
+        (most_n, least_n) = (most_n.max(load_n), least_n.min(load_n));
+    }
+    // 100 mm/s taken up within 50 ms: 1.7 m/s2 in the first step, and as much the other way at the end.
+    assert!((most_n - weight_n - 0.5 * 1.714).abs() < 0.05, "{most_n}");
+    assert!(least_n < weight_n - 0.5, "{least_n}");
+    let (mut pulled_s, mut from_pads_n) = (0.0, 0.0f64);
+    for _ in 0..8 * 120 {
+        let truth = bench.run(1.0 / 120.0, 0.0, 0.0, 40.0);
+        let bottle = truth.bottle.expect("a bottle");
+        assert!(!bottle.dropped && bottle.pull_n <= 4.0);
+        pulled_s += if bottle.pull_n > 0.0 { 1.0 / 120.0 } else { 0.0 };
+        let [left, right] = truth.wrench;
+        from_pads_n =
+            from_pads_n.max((left.force_n.x + right.force_n.x - weight_n).hypot(left.force_n.y - right.force_n.y));
+    }
+    assert!((0.15..0.65).contains(&pulled_s), "3 pulls of 50 to 200 ms: {pulled_s} s");
+    assert!((2.5..6.0).contains(&from_pads_n), "the pads feel a pull of 4 N: {from_pads_n} N");
+}
+
+#[test]
+fn a_pull_across_is_felt_mirrored_and_a_pull_down_alike() {
+    // A pull across the pads, whose direction this seed draws; the bottle's weight is next to nothing.
+    let hand = |seed: u64| {
+        let mut bench = Bench::new(&format!("lift?start_kg=0.02&fill_kg_per_s=0&pulls=1&pull_n=8&seed={seed}"));
+        bench.press(30.0);
+        bench.run(0.5, 0.0, -20.0, 30.0);
+        for _ in 0..8 * 120 {
+            let truth = bench.run(1.0 / 120.0, 0.0, 0.0, 30.0);
+            if truth.bottle.expect("a bottle").pull_n > 6.0 && truth.wrench[0].force_n.length() > 2.0 {
+                return truth.wrench;
+            }
+        }
+        panic!("nothing pulled");
+    };
+    let mut across = 0;
+    for seed in 0..4 {
+        let [left, right] = hand(seed);
+        assert_eq!(
+            (left.force_n.x, left.force_n.y, left.torque_n_mm),
+            (right.force_n.x, -right.force_n.y, -right.torque_n_mm)
+        );
+        across += usize::from(left.force_n.y.abs() > 1.0);
+    }
+    assert!(across > 0, "one of them pulls across");
+}
+
+#[test]
+fn a_wrist_placed_once_a_frame_moves_evenly_between() {
+    let pressed = || {
+        let mut world = world("screw?run_n_mm=1e6");
+        world.press(20.0);
+        world.advance_to(300_000_000);
+        world
+    };
+    let (mut once, mut often) = (pressed(), pressed());
+    once.place_wrist(0.04, 0.0);
+    once.advance_to(333_333_334);
+    for n in 1..=4u64 {
+        often.place_wrist(0.01 * n as f64, 0.0);
+        often.advance_to(300_000_000 + n * 8_333_334);
+    }
+    assert_eq!(once.truth().time_ns, often.truth().time_ns);
+    assert!((once.truth().pose.position_mm.y - 14.0 * 0.04).abs() < 1e-9, "{:?}", once.truth().pose);
+    let apart_n = (once.truth().wrench[0].force_n - often.truth().wrench[0].force_n).length();
+    assert!(apart_n < 1e-6, "{apart_n} N");
+}
+
+#[test]
+fn a_force_that_is_no_number_stops_the_run_with_its_name() {
+    let mut world = world("screw");
+    world.press(f64::NAN);
+    world.advance_to(1_000_000_000);
+    let error = world.error().expect("refused");
+    assert!(error.got == "NaN", "{error}");
+    let stopped_ns = world.now_ns();
+    world.press(10.0);
+    world.advance_to(2_000_000_000);
+    assert_eq!(world.now_ns(), stopped_ns, "nothing goes on");
 }

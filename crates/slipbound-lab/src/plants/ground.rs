@@ -24,10 +24,10 @@ const GROUND_N_PER_MM: f64 = 50.0;
 const ARM_N_PER_MM: f64 = 20.0;
 
 /// How long the pads have a tool before its stand gives way, in s.
-const STAND_S: f64 = 0.4;
+const STAND_S: f64 = 0.15;
 
 /// Time in which it gives way, in s.
-const HANDOVER_S: f64 = 0.3;
+const HANDOVER_S: f64 = 0.2;
 
 /// Way over the pads after which something held is no longer held, in mm.
 pub(super) const LOST_AFTER_MM: f64 = 15.0;
