@@ -2,6 +2,7 @@
 
 use crate::commands::demo::Demo;
 use crate::commands::simulate::Simulate;
+use crate::commands::trials::Trials;
 use crate::commands::watch::Watch;
 use clap::{Parser, Subcommand};
 
@@ -30,6 +31,8 @@ pub enum Command {
     /// Judge every frame of a recording or a simulated scene
     #[command(after_help = EXIT_CODES)]
     Watch(Watch),
+    /// Run tasks in simulation over friction, seeds and controllers, and print the table
+    Trials(Trials),
     /// List the built-in fingers
     Sensors,
     /// Simulate a scene and write its frames with their exact truth

@@ -140,12 +140,7 @@ impl ClosedLoop {
 
     /// One turn: every finger's frame, the gripper's and the wrist's state, the commands. On an error the wrist has
     /// been paused and the gripper left alone.
-    pub fn turn(
-        &mut self,
-        now_ns: u64,
-        gripper: &mut dyn Gripper,
-        wrist: &mut dyn Wrist,
-    ) -> anyhow::Result<Turned> {
+    pub fn turn(&mut self, now_ns: u64, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> anyhow::Result<Turned> {
         let turned = self.try_turn(now_ns, gripper, wrist);
         if turned.is_err() {
             // A wrist that does not take this either runs out of its time to live.
@@ -154,14 +149,9 @@ impl ClosedLoop {
         turned
     }
 
-    fn try_turn(
-        &mut self,
-        now_ns: u64,
-        gripper: &mut dyn Gripper,
-        wrist: &mut dyn Wrist,
-    ) -> anyhow::Result<Turned> {
+    fn try_turn(&mut self, now_ns: u64, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> anyhow::Result<Turned> {
         let state = gripper.poll().map_err(|e| anyhow!("gripper: {e}"))?;
-        let grip = state.force_n.or(state.target_n).map(|force_n| GripSample { force_n });
+        let grip = state.pressed_n().map(|force_n| GripSample { force_n });
         for (i, eye) in self.eyes.iter_mut().enumerate() {
             if !eye.look(grip)? {
                 return Ok(Turned::Over);

@@ -4,6 +4,7 @@ pub mod demo;
 mod scenes;
 mod sensors;
 pub mod simulate;
+pub mod trials;
 pub mod watch;
 
 use crate::args::{Args, Command};
@@ -13,6 +14,7 @@ use crate::outcome::{Failure, Outcome};
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     match &args.command {
         Command::Demo(demo) => demo.run(),
+        Command::Trials(trials) => trials.run(),
         Command::Watch(watch) => watch.run(),
         Command::Sensors => sensors::run(),
         Command::Simulate(simulate) => simulate.run(),

@@ -4,6 +4,7 @@ mod args;
 mod closed_loop;
 mod commands;
 mod interruption;
+mod measures;
 mod outcome;
 mod simulated;
 mod spoiled;

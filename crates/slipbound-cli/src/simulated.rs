@@ -72,7 +72,10 @@ impl Simulated {
     }
 
     /// Turns until the task has ended and a little longer, or the scene has. Shows every turn.
-    pub fn run(&mut self, mut see: impl FnMut(&mut ClosedLoop, u64, &Turn, &HandTruth) -> anyhow::Result<()>) -> anyhow::Result<()> {
+    pub fn run(
+        &mut self,
+        mut see: impl FnMut(&mut ClosedLoop, u64, &Turn, &HandTruth) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
         let mut after_count = 0;
         loop {
             let now_ns = self.hand.now_ns();

@@ -3,6 +3,7 @@
 use crate::outcome::{Failure, Outcome};
 use crate::simulated::Simulated;
 use crate::spoiled::Spoiler;
+use anyhow::anyhow;
 use slipbound::monitor::Settings;
 use slipbound::task::ControllerKind;
 use slipbound_lab::hand::HandScene;
@@ -42,19 +43,15 @@ impl Demo {
     /// Runs the task to its end.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let mut settings = config::load_task_settings(self.settings.as_deref()).map_err(Failure::arguments)?;
-        settings.controller = match self.controller.as_str() {
-            "constant" => ControllerKind::Constant,
-            "paper" => ControllerKind::Paper,
-            "margin" => ControllerKind::Margin,
-            _ => ControllerKind::OnSlip,
-        };
+        settings.controller = controller(&self.controller)?;
         let mut text = format!("{}?seed={}&fingers={}", self.task, self.seed, self.fingers);
         for setting in &self.set {
             text = format!("{text}&{setting}");
         }
         let scene = HandScene::parse(&text).map_err(Failure::arguments)?;
         let start = std::time::Instant::now();
-        let mut sim = Simulated::new(&scene, &settings, &Settings::default(), self.fault).map_err(Failure::Arguments)?;
+        let mut sim =
+            Simulated::new(&scene, &settings, &Settings::default(), self.fault).map_err(Failure::Arguments)?;
         sim.run(|around, now_ns, turn, truth| {
             let h = &turn.hand;
             println!("{:.3} {:?} P {:.1}->{:.1} {:?} wrist {:.2} | {:?} live {} sh {:.3?} piv {:.3?} max {:.2?} A {:.0?} slip {:?} | m {:.2?} | cap {:?} st {:.2?} fu {:.2?} gross {} slid {:.2} req {:.1} strain {:.2}{} over {:?}",
@@ -67,4 +64,19 @@ impl Demo {
         eprintln!("{:.1} s simulated in {:.1} s", sim.hand.now_ns() as f64 * 1e-9, start.elapsed().as_secs_f64());
         Ok(Outcome::Done)
     }
+}
+
+/// The controller of a name.
+pub fn controller(name: &str) -> Result<ControllerKind, Failure> {
+    Ok(match name {
+        "constant" => ControllerKind::Constant,
+        "on_slip" => ControllerKind::OnSlip,
+        "paper" => ControllerKind::Paper,
+        "margin" => ControllerKind::Margin,
+        other => {
+            return Err(Failure::Arguments(anyhow!(
+                "controller: expected one of constant, on_slip, paper, margin, got `{other}`"
+            )));
+        }
+    })
 }

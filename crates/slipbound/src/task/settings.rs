@@ -82,8 +82,8 @@ impl TaskSettings {
             screw.end = ScrewEnd::SlipAtMost;
         }
         Ok(match kind {
-            TaskKind::Screw => Box::new(Screw::new(screw, grip)?),
-            TaskKind::Unscrew => Box::new(Unscrew::new(self.unscrew, grip)?),
+            TaskKind::Screw => Box::new(Screw::new(screw, grip, shear)?),
+            TaskKind::Unscrew => Box::new(Unscrew::new(self.unscrew, grip, shear)?),
             TaskKind::Place => Box::new(Place::new(self.place, grip)?),
             TaskKind::Lift => Box::new(Lift::new(self.lift, grip)?),
         })
