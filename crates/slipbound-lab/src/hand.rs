@@ -58,8 +58,9 @@ struct Inner {
     /// On a clock of its own, `BEFORE_START_NS` ahead.
     jaws: JawDrive,
     wrist: WristDrive,
-    frame: u64,
     longest_ns: u64,
+    /// Whether somebody else plays gripper and wrist.
+    is_plant: bool,
 }
 
 impl Inner {
@@ -67,23 +68,29 @@ impl Inner {
         self.world.now_ns()
     }
 
+    /// Whether gripper and wrist can be used.
     fn alive(&self) -> Result<(), SettingError> {
+        if self.is_plant {
+            return Err(SettingError {
+                key: "simulated hand".into(),
+                got: "its own gripper or wrist".into(),
+                expected: "the one that drives its plant".into(),
+            });
+        }
         self.world.error().map_or(Ok(()), |error| Err(error.clone()))
     }
 
     /// Jaws, wrist and world to the next frame.
     fn advance_frame(&mut self) {
+        let from = self.world.steps_count();
         for step in 1..=SUBSTEPS_COUNT {
-            let to_ns = world::time_ns(SUBSTEPS_COUNT * self.frame + step);
+            let to_ns = world::time_ns(from + step);
             self.jaws.advance_to(BEFORE_START_NS + to_ns, self.world.width_mm());
             self.wrist.advance_to(to_ns);
             let wrist = self.wrist.state();
             self.world.press(self.jaws.force_n());
             self.world.place_wrist(wrist.angle_rad, wrist.lowered_mm);
             self.world.advance_to(to_ns);
-        }
-        if self.world.error().is_none() {
-            self.frame += 1;
         }
     }
 }
@@ -108,7 +115,7 @@ impl SimHand {
             cameras,
             jaws,
             wrist: WristDrive::new(),
-            frame: 0,
+            is_plant: false,
             longest_ns: (scene.longest_s() * 1e9) as u64,
         }))))
     }
@@ -116,6 +123,14 @@ impl SimHand {
     /// The camera of a finger: 0 left, 1 right.
     pub fn camera(&self, finger: usize) -> SimCamera {
         SimCamera { hand: Rc::clone(&self.0), finger, delivered: None }
+    }
+
+    /// The world between the jaws, for a gripper and a wrist of somebody else: an emulator behind a real wire
+    /// protocol. From then on that one lets time pass, in steps of its own; gripper and wrist of this hand refuse,
+    /// [`SimHand::advance_frame`] does nothing, and the cameras go on.
+    pub fn plant(&self) -> SimPlant {
+        self.0.borrow_mut().is_plant = true;
+        SimPlant(Rc::clone(&self.0))
     }
 
     /// The facts of a finger, with the stiffness of its gel.
@@ -132,7 +147,10 @@ impl SimHand {
     /// first of them. After an error no time passes; cameras, gripper and wrist then say what it was, as
     /// [`SimHand::error`] does.
     pub fn advance_frame(&self) {
-        self.0.borrow_mut().advance_frame();
+        let mut inner = self.0.borrow_mut();
+        if !inner.is_plant {
+            inner.advance_frame();
+        }
     }
 
     /// What stopped the run; None while it goes on.
@@ -143,13 +161,36 @@ impl SimHand {
     /// What is true now.
     pub fn truth(&self) -> HandTruth {
         let inner = self.0.borrow();
-        HandTruth { opening_mm: Some(inner.jaws.opening_mm()), ..inner.world.truth().clone() }
+        let opening_mm = (!inner.is_plant).then(|| inner.jaws.opening_mm());
+        HandTruth { opening_mm, ..inner.world.truth().clone() }
     }
 
     /// Displacement of every marker of a finger in its own frame, in mm; empty where there is no camera.
     pub fn marker_shifts_mm(&self, finger: usize) -> Vec<Vec2> {
         let Inner { world, cameras, .. } = &mut *self.0.borrow_mut();
         cameras.marker_shifts_mm(finger, world)
+    }
+}
+
+/// The world of a [`SimHand`] as a [`Plant`].
+#[derive(Debug, Clone)]
+pub struct SimPlant(Rc<RefCell<Inner>>);
+
+impl Plant for SimPlant {
+    fn width_mm(&self) -> Option<f64> {
+        self.0.borrow().world.width_mm()
+    }
+
+    fn press(&mut self, force_n: f64) {
+        self.0.borrow_mut().world.press(force_n);
+    }
+
+    fn place_wrist(&mut self, angle_rad: f64, lowered_mm: f64) {
+        self.0.borrow_mut().world.place_wrist(angle_rad, lowered_mm);
+    }
+
+    fn advance_to(&mut self, now_ns: u64) {
+        self.0.borrow_mut().world.advance_to(now_ns);
     }
 }
 
@@ -164,19 +205,20 @@ pub struct SimCamera {
 
 impl FrameSource for SimCamera {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
-        let Inner { world, cameras, frame, longest_ns, .. } = &mut *self.hand.borrow_mut();
+        let Inner { world, cameras, longest_ns, .. } = &mut *self.hand.borrow_mut();
         if let Some(error) = world.error() {
             return Err(error.clone().into());
         }
         if world.now_ns() > *longest_ns {
             return Ok(Next::End);
         }
-        if self.delivered == Some(*frame) {
+        let frame = world.frame();
+        if self.delivered == Some(frame) {
             return Ok(Next::Silent);
         }
-        cameras.draw(*frame, world);
+        cameras.draw(frame, world);
         cameras.deliver(self.finger, into)?;
-        self.delivered = Some(*frame);
+        self.delivered = Some(frame);
         Ok(Next::Frame)
     }
 }

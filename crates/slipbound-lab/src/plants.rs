@@ -9,9 +9,13 @@
 //! along the finger, y = -Y of the hand, z = -Z, into its gel. The right finger feels the same or the mirror image,
 //! see [`Symmetry`].
 
+mod bottle;
 mod cap;
+mod ground;
 
+pub use bottle::{Bottle, BottleSettings, BottleTruth, Jerk};
 pub use cap::{Cap, CapTruth, Thread};
+pub use ground::{GroundTruth, Tool, ToolSettings};
 
 use crate::contact::{Drive, Pose, Truth, Wrench};
 use crate::hand::HandTruth;

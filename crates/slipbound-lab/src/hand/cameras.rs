@@ -104,7 +104,12 @@ impl Cameras {
         if let Some(failed) = &eye.failed {
             return Err(failed.clone().into());
         }
-        into.clone_from(&eye.frame);
+        // Field by field, so that the buffer keeps its memory.
+        into.encoded.clone_from(&eye.frame.encoded);
+        into.pixels.clone_from(&eye.frame.pixels);
+        (into.format, into.size) = (eye.frame.format, eye.frame.size);
+        (into.seq, into.time_ns, into.clock) = (eye.frame.seq, eye.frame.time_ns, eye.frame.clock);
+        into.label.clear();
         Ok(())
     }
 }

@@ -4,10 +4,12 @@ use crate::contact::shape::Shape;
 use crate::contact::{FingerSettings, Friction, Grid};
 use crate::faults::Faults;
 use crate::objects::{Form, Object, ObjectSurface};
-use crate::plants::{Cap, Held, Thread};
+use crate::plants::{Bottle, BottleSettings, Cap, Held, Thread, Tool, ToolSettings};
+use crate::random::Random;
 use crate::scenes::{Key, Kind, Value, number};
 use crate::world::{FRAME_RATE_HZ, SUBSTEPS_COUNT};
 use slipbound::sensor::SettingError;
+use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 
 /// Largest whole number up to which JSON readers are exact.
@@ -41,12 +43,23 @@ const fn key(name: &'static str, kind: Kind, default: &'static str, what: &'stat
     HandKey { key: Key { name, what, kind, default }, or_word: None, tasks: &[] }
 }
 
+/// The word of a number that is drawn from the seed.
+const SEED: &str = "seed";
+
+const fn drawn(key: Key) -> HandKey {
+    HandKey { key, or_word: Some(SEED), tasks: LIFT }
+}
+
+const PLACE: &[&str] = &["place"];
+const LIFT: &[&str] = &["lift"];
 const CAPS: &[&str] = &["screw", "unscrew"];
 
 /// The tasks, what they are, and what they hold unless a scene says otherwise.
-pub const HAND_TASKS: [(&str, &str, &str); 2] = [
+pub const HAND_TASKS: [(&str, &str, &str); 4] = [
     ("screw", "a cap turned until it stands on its end stop", "bottle_cap"),
     ("unscrew", "a cap broken loose and turned open", "bottle_cap"),
+    ("place", "a tilted tool put down on the ground", "screwdriver"),
+    ("lift", "a bottle lifted, filled in the air and pulled at", "water_bottle"),
 ];
 
 /// All parameters beside `seed`.
@@ -69,6 +82,26 @@ pub const HAND_KEYS: &[HandKey] = &[
         or_word: Some("closed"),
         tasks: &["unscrew"],
     },
+    of(PLACE, number("tilt_deg", -45.0, 45.0, "20", "how the tool is tilted, positive from X to Y")),
+    of(PLACE, number("off_mm", -40.0, 40.0, "5", "where its centre of mass is from the grip")),
+    of(PLACE, number("height_mm", 0.1, 50.0, "4", "gap under its lower foot")),
+    of(LIFT, number("start_kg", 0.01, 5.0, "0.05", "mass on the table")),
+    of(LIFT, number("most_kg", 0.01, 5.0, "1.5", "mass when it is full")),
+    drawn(number("fill_kg_per_s", 0.0, 2.0, SEED, "by which it is filled; the seed draws 0.1 to 0.5")),
+    drawn(number("fill_after_s", 0.0, 60.0, SEED, "from leaving the table to filling; the seed draws 0.3 to 1.5")),
+    drawn(Key {
+        name: "pulls",
+        what: "how often it is pulled at; the seed draws 2 or 3",
+        kind: Kind::Count(0, 20),
+        default: SEED,
+    }),
+    drawn(number(
+        "pull_n",
+        0.0,
+        100.0,
+        SEED,
+        "largest force of a pull; the seed draws 2 to 10, at most half the weight",
+    )),
 ];
 
 impl HandKey {
@@ -230,21 +263,73 @@ impl HandScene {
     /// The contact of one finger.
     pub(super) fn contact(&self) -> Result<(FingerSettings, ObjectSurface), SettingError> {
         let object = self.object();
-        let settings = FingerSettings {
+        let mut settings = FingerSettings {
             grid: if self.word("grid") == "fast" { Grid::fast() } else { Grid::standard() },
             soft_object: object.softness,
             friction: Friction::constant(self.mu()),
             substep_s: 1.0 / (FRAME_RATE_HZ * SUBSTEPS_COUNT) as f64,
             ..FingerSettings::standard()
         };
-        let surface = object.surface();
+        let mut surface = object.surface();
+        if self.task == "place" {
+            // Long objects lie along Y then, where the pad is narrower.
+            settings.shape_in_object.turn_rad = FRAC_PI_2;
+            let room_mm = settings.grid.half_size_mm().y - settings.grid.cell_mm;
+            surface.form = cut_to(surface.form, room_mm, self.set_number("tilt_deg")?.to_radians());
+        }
         surface.check()?;
         Ok((settings, surface))
     }
 
     /// What is held, at rest.
     pub(super) fn held(&self) -> Result<Box<dyn Held>, SettingError> {
-        self.cap().map(|cap| Box::new(cap) as Box<dyn Held>)
+        Ok(match self.task {
+            "place" => Box::new(Tool::new(self.tool()?)),
+            "lift" => Box::new(Bottle::new(self.bottle()?)),
+            _ => Box::new(self.cap()?),
+        })
+    }
+
+    fn tool(&self) -> Result<ToolSettings, SettingError> {
+        let object = self.object();
+        let underside_mm = match object.form {
+            Form::Ball { radius_mm } | Form::Cylinder { radius_mm, .. } => radius_mm,
+            Form::Flat { width_mm, .. } => 0.5 * width_mm,
+        };
+        Ok(ToolSettings {
+            mass_kg: object.mass_kg,
+            gyration_radius_mm: object.gyration_radius_mm,
+            // As of a rod of that radius of gyration.
+            half_length_mm: (3f64.sqrt() * object.gyration_radius_mm).max(25.0),
+            underside_mm,
+            off_mm: self.set_number("off_mm")?,
+            tilt_rad: self.set_number("tilt_deg")?.to_radians(),
+            height_mm: self.set_number("height_mm")?,
+        })
+    }
+
+    fn bottle(&self) -> Result<BottleSettings, SettingError> {
+        let object = self.object();
+        let mut random = Random::of(self.seed, 0xB0771E);
+        let mut or_drawn = |key: &str, low: f64, high: f64| {
+            let drawn = random.between(low, high); // always, so that one key set does not change the others
+            self.number(key).unwrap_or(drawn)
+        };
+        let fill_kg_per_s = or_drawn("fill_kg_per_s", 0.1, 0.5);
+        let fill_after_s = or_drawn("fill_after_s", 0.3, 1.5);
+        let pulls_count = or_drawn("pulls", 2.0, 4.0) as usize;
+        let radius_mm = 0.5 * self.width_mm();
+        let mut bottle = BottleSettings {
+            start_kg: self.set_number("start_kg")?,
+            most_kg: self.set_number("most_kg")?,
+            fill_kg_per_s,
+            fill_after_s,
+            jerks: Vec::new(),
+            gyration_radius_mm: object.gyration_radius_mm,
+            radius_mm,
+        };
+        bottle.draw_jerks(pulls_count, self.number("pull_n"), &mut random);
+        Ok(bottle)
     }
 
     fn cap(&self) -> Result<Cap, SettingError> {
@@ -265,6 +350,21 @@ impl HandScene {
             Thread::Unscrew { run_n_mm, break_n_mm: self.number("break_n_mm").unwrap_or(BREAK_FRACTION * closed_n_mm) }
         };
         Ok(Cap::new(radius_mm, self.mu(), thread, self.set_number("thread_mm_per_turn")?))
+    }
+}
+
+/// A form that lies along Y of the pad, shortened to fit between its borders from flat to a tilt.
+fn cut_to(form: Form, room_mm: f64, tilt_rad: f64) -> Form {
+    let (s, c) = (tilt_rad.sin().abs(), tilt_rad.cos());
+    match form {
+        Form::Ball { .. } => form,
+        Form::Cylinder { radius_mm, length_mm, edge_radius_mm } => {
+            Form::Cylinder { radius_mm, length_mm: length_mm.min(2.0 * room_mm), edge_radius_mm }
+        }
+        Form::Flat { length_mm, width_mm, edge_radius_mm } => {
+            let tilted_mm = (2.0 * room_mm - s * width_mm) / c;
+            Form::Flat { length_mm: length_mm.min(2.0 * room_mm).min(tilted_mm), width_mm, edge_radius_mm }
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! What is exactly known of the hand and of what it holds.
 
 use crate::contact::{Pose, Wrench};
-use crate::plants::CapTruth;
+use crate::plants::{BottleTruth, CapTruth, GroundTruth};
 use serde::Serialize;
 
 /// What is true at the end of a step, and what has added up since the start.
@@ -56,4 +56,8 @@ pub struct HandTruth {
     pub converged: bool,
     /// Of a cap.
     pub cap: Option<CapTruth>,
+    /// Of a bottle.
+    pub bottle: Option<BottleTruth>,
+    /// Of a tool and the ground.
+    pub ground: Option<GroundTruth>,
 }

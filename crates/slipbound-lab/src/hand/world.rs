@@ -84,6 +84,16 @@ impl HandWorld {
         time_ns(self.steps_count)
     }
 
+    /// Whole frames since the start.
+    pub(super) fn frame(&self) -> u64 {
+        self.steps_count / SUBSTEPS_COUNT
+    }
+
+    /// Steps since the start.
+    pub(super) fn steps_count(&self) -> u64 {
+        self.steps_count
+    }
+
     /// The gel of a finger as its camera sees it, cell by cell, in its own frame: 0 left, 1 right.
     pub(super) fn show(&self, finger: usize, displacement: &mut [Displacement], pressure_mpa: &mut [f64]) {
         let width = self.finger.settings().grid.width_cells;
