@@ -34,7 +34,7 @@ pub struct ScrewSettings {
     pub rate_rad_per_s: f64,
     /// Furthest turn, rad.
     pub most_rad: f64,
-    /// Turn over which the shear has to stay flat, rad: 4 deg, a millimetre at the rim of a bottle cap.
+    /// Turn over which the shear has to stay flat, rad: 8 deg, 2 mm at the rim of a bottle cap. Over 4 deg
     pub flat_window_rad: f64,
     /// Growth of the shear over that turn, as a share of itself, that still is flat.
     pub flat_fraction: f64,
@@ -50,7 +50,7 @@ impl Default for ScrewSettings {
             end: ScrewEnd::Evidence,
             rate_rad_per_s: 20f64.to_radians(),
             most_rad: 180f64.to_radians(),
-            flat_window_rad: 4f64.to_radians(),
+            flat_window_rad: 8f64.to_radians(),
             flat_fraction: 0.03,
             allowed: Allowed { along: true, ..Allowed::default() },
             slide: SlideSettings::default(),
