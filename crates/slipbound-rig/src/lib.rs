@@ -8,6 +8,7 @@
 //! | reports as JSON lines | [`report_json`] |
 //! | pictures of what was found | [`overlay`] |
 //! | Motion-JPEG AVI files | [`avi_writer`] |
+//! | the folder and the page that a closed loop leaves | [`run`] |
 //!
 //! ```no_run
 //! use slipbound::monitor::{RestBuilder, Settings, SlipMonitor};
@@ -34,5 +35,6 @@ pub mod avi_writer;
 pub mod config;
 pub mod overlay;
 pub mod report_json;
+pub mod run;
 pub mod sensors;
 pub mod source;

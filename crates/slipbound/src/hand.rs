@@ -104,7 +104,7 @@ pub enum Health {
 }
 
 /// Slip as the hand sees it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HandSlip {
     /// Direction in which the object slides, of length 1; 0 throughout when it only pivots.
     pub direction: HandVector,
@@ -115,7 +115,7 @@ pub struct HandSlip {
 }
 
 /// What the fingers say together.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HandReport {
     /// Number of the frame: the newest among the fingers.
     pub seq: u64,
