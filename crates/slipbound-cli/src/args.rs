@@ -1,6 +1,7 @@
 //! The arguments of the command.
 
 use crate::commands::demo::Demo;
+use crate::commands::replay::Replay;
 use crate::commands::simulate::Simulate;
 use crate::commands::trials::Trials;
 use crate::commands::watch::Watch;
@@ -31,6 +32,8 @@ pub enum Command {
     /// Judge every frame of a recording or a simulated scene
     #[command(after_help = EXIT_CODES)]
     Watch(Watch),
+    /// Run a recorded demo again from its frames and compare every command
+    Replay(Replay),
     /// Run tasks in simulation over friction, seeds and controllers, and print the table
     Trials(Trials),
     /// List the built-in fingers

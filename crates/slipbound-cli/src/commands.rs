@@ -1,6 +1,7 @@
 //! One file a command.
 
 pub mod demo;
+pub mod replay;
 mod scenes;
 mod sensors;
 pub mod simulate;
@@ -14,6 +15,7 @@ use crate::outcome::{Failure, Outcome};
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     match &args.command {
         Command::Demo(demo) => demo.run(),
+        Command::Replay(replay) => replay.run(),
         Command::Trials(trials) => trials.run(),
         Command::Watch(watch) => watch.run(),
         Command::Sensors => sensors::run(),
