@@ -202,7 +202,8 @@ fn markers_are_where_the_camera_shows_them_at_rest_and_under_load() {
         let off = off(&mut camera.clone(), frames, name);
         assert!(off.lost <= most_lost * off.count, "{name}: {} lost", off.lost);
         assert!(off.count > 300.0 && off.rms_px <= most_rms_px, "{name}: RMS {}", off.rms_px);
-        assert!(off.bias_px < 0.06, "{name}: bias {}", off.bias_px);
+        let most_bias_px = if name.starts_with("box") { 0.06 } else { 0.05 };
+        assert!(off.bias_px < most_bias_px, "{name}: bias {}", off.bias_px);
     }
 }
 
