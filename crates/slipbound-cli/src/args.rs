@@ -1,6 +1,8 @@
 //! The arguments of the command.
 
+use crate::commands::demo::Demo;
 use crate::commands::simulate::Simulate;
+use crate::commands::trials::Trials;
 use crate::commands::watch::Watch;
 use clap::{Parser, Subcommand};
 
@@ -23,9 +25,14 @@ pub struct Args {
 /// What can be done.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Let a simulated hand screw a cap onto a bottle, or do another task of the paper
+    #[command(after_help = EXIT_CODES)]
+    Demo(Demo),
     /// Judge every frame of a recording or a simulated scene
     #[command(after_help = EXIT_CODES)]
     Watch(Watch),
+    /// Run tasks in simulation over friction, seeds and controllers, and print the table
+    Trials(Trials),
     /// List the built-in fingers
     Sensors,
     /// Simulate a scene and write its frames with their exact truth

@@ -1,8 +1,10 @@
 //! One file a command.
 
+pub mod demo;
 mod scenes;
 mod sensors;
 pub mod simulate;
+pub mod trials;
 pub mod watch;
 
 use crate::args::{Args, Command};
@@ -11,6 +13,8 @@ use crate::outcome::{Failure, Outcome};
 /// Runs the command asked for.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     match &args.command {
+        Command::Demo(demo) => demo.run(),
+        Command::Trials(trials) => trials.run(),
         Command::Watch(watch) => watch.run(),
         Command::Sensors => sensors::run(),
         Command::Simulate(simulate) => simulate.run(),

@@ -1,9 +1,13 @@
 //! The command `slipbound`.
 
 mod args;
+mod closed_loop;
 mod commands;
 mod interruption;
+mod measures;
 mod outcome;
+mod simulated;
+mod spoiled;
 mod terminal;
 
 use clap::Parser;

@@ -29,7 +29,7 @@ mod tangential;
 mod transform;
 mod truth;
 
-pub use body::{Body, Drive, Inertia, Mount, Pose, Wrench};
+pub use body::{Body, Drive, Inertia, Mount, Pose, Rail, Springs, Wrench};
 pub use finger::Finger;
 pub use friction::{Friction, Law};
 pub use grid::{Grid, Region};

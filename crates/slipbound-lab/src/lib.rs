@@ -44,9 +44,11 @@
 
 pub mod contact;
 pub mod faults;
+pub mod hand;
 mod jpeg;
 pub mod layer;
 pub mod objects;
+pub mod plants;
 pub mod protocol;
 pub mod random;
 pub mod record;

@@ -18,7 +18,9 @@ mod keys;
 mod library;
 mod trial;
 
+pub(crate) use course::GRAVITY_MM_PER_S2;
 pub use course::{Course, Pull};
+pub(crate) use keys::number;
 pub use keys::{COMMON_KEYS, Key, Kind, SCENE_KEYS};
 pub use library::SCENES;
 pub use trial::{Trial, Value};

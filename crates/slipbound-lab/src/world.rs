@@ -15,6 +15,7 @@ mod gross;
 mod load;
 mod truth;
 
+pub(crate) use gross::Sliding;
 pub use gross::{GROSS_FRICTION_FRACTION, Gross, GrossRule};
 pub use truth::{FrameTruth, SlipTruth, TRUTH_FORMAT_VERSION, TimedEvent, TruthHeader, complete, runs, unpacked};
 

@@ -4,6 +4,7 @@
 use serde::de::DeserializeOwned;
 use slipbound::monitor::Settings;
 use slipbound::sensor::SettingError;
+use slipbound::task::TaskSettings;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -116,6 +117,15 @@ pub fn load_settings(name_or_file: &str) -> Result<Settings, Error> {
     }
     let layer = Layer::read(path)?;
     let settings: Settings = typed(layer.table.clone(), std::slice::from_ref(&layer))?;
+    settings.check().map_err(|source| Error::OutOfRange { file: layer.file, source })?;
+    Ok(settings)
+}
+
+/// Everything a task is run with: the defaults, or those with the keys of a TOML file over them.
+pub fn load_task_settings(file: Option<&Path>) -> Result<TaskSettings, Error> {
+    let Some(path) = file else { return Ok(TaskSettings::default()) };
+    let layer = Layer::read(path)?;
+    let settings: TaskSettings = typed(layer.table.clone(), std::slice::from_ref(&layer))?;
     settings.check().map_err(|source| Error::OutOfRange { file: layer.file, source })?;
     Ok(settings)
 }

@@ -186,6 +186,8 @@ mod tests {
             }),
             slip: SlipSummary {
                 markers_over: 9,
+                markers_needed: 8,
+                threshold_pitch: 0.29605,
                 max_pitch: 0.33336,
                 max_mm: None,
                 kind: Some(SlipKind::Both),
@@ -236,7 +238,7 @@ mod tests {
             + r#""markers":{"detected":65,"matched":64,"lost":1,"inner":20},"reference_seq":3,"grip_n":10,"#
             + r#""motion":{"reference_px":[1,0],"translation_px":[0,2.5],"translation_mm":null,"rotation_rad":null,"icr_px":null},"#
             + r#""shear":{"translation_px":[2,-1],"translation_mm":null,"rotation_rad":0.125},"#
-            + r#""slip":{"markers_over":9,"max_pitch":0.3334,"max_mm":null,"kind":"both","direction_rad":-1.5}}"#;
+            + r#""slip":{"markers_over":9,"markers_needed":8,"threshold_pitch":0.2961,"max_pitch":0.3334,"max_mm":null,"kind":"both","direction_rad":-1.5}}"#;
         assert_eq!(lines()[1], expected);
     }
 

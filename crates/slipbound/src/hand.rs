@@ -152,6 +152,21 @@ struct Finger {
     same_count: u32,
 }
 
+/// Mean shear of the gel when all of a contact slips, over mu P / (k A), with k the shear stiffness and A the area:
+/// 0.61 to 0.89, mostly 0.75, for a simulated cap under 10 to 60 N. It is below 1 because the rim carries less.
+const FULL_SLIP_SHEAR: f64 = 0.75;
+
+impl HandReport {
+    /// Tangential load per finger in N, from the shear of gels with this shear stiffness in MPa/mm; None without
+    /// contact or where the pitch in mm is unknown. An estimate: it takes the gel for a wide layer.
+    pub fn load_n(&self, stiffness_mpa_per_mm: f64) -> Option<f64> {
+        let (shear, area_mm2) = (self.shear_mm?, self.contact_area_mm2?);
+        let across = libm::hypot(shear.across, if self.separated { shear.around } else { 0.0 });
+        let shear_mm = libm::hypot(shear.along, across);
+        Some(stiffness_mpa_per_mm * area_mm2 * shear_mm / FULL_SLIP_SHEAR)
+    }
+}
+
 /// Fuses fingers. For each cycle give every finger's report with [`Hand::see`] or say [`Hand::missed`], then ask for
 /// the [`Hand::report`].
 #[derive(Debug, Clone)]

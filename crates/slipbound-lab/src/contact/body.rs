@@ -62,6 +62,34 @@ pub struct Mount {
     pub damping_n_mm_s_per_rad: f64,
 }
 
+/// Springs and dampers of any kind between the object and the world, over (x in mm, y in mm, turn in rad). The force
+/// that the springs exert where the object now is belongs to the commanded wrench.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Springs {
+    /// Growth of the force against a displacement, symmetric and not negative, in N/mm, N and N mm/rad.
+    pub stiffness: [[f64; 3]; 3],
+    /// Force against a velocity, the same in s.
+    pub damping: [[f64; 3]; 3],
+}
+
+/// A line along which an object that else follows the commanded pose gives way: a screw that turns in its thread.
+/// Its coordinate r is counted from the commanded pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rail {
+    /// Displacement in mm per unit of r.
+    pub shift_mm: Vec2,
+    /// Rotation in rad per unit of r.
+    pub turn_rad: f64,
+    /// Generalised force along r at r = 0, beside that of the gel.
+    pub push: f64,
+    /// Growth of the force against r, 0 or above.
+    pub stiffness: f64,
+    /// Force against the rate of r, in s, 0 or above; with the stiffness above 0.
+    pub damping_s: f64,
+}
+
 /// What decides where the object goes.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -73,6 +101,10 @@ pub enum Drive {
     Free(Inertia),
     /// A spring pulls it to the commanded pose, and the commanded wrench acts on it too.
     Mounted(Mount, Option<Inertia>),
+    /// The commanded wrench accelerates its mass, springs and dampers hold it back.
+    Sprung(Springs, Inertia),
+    /// It follows the commanded pose but for a line along which it gives way.
+    Railed(Rail),
 }
 
 /// The object as a body.
@@ -112,6 +144,23 @@ impl Body {
         match &self.drive {
             Drive::Guided => Ok(()),
             Drive::Free(inertia) => check_inertia(inertia),
+            Drive::Sprung(springs, inertia) => {
+                for (key, matrix) in [("body.stiffness", &springs.stiffness), ("body.damping", &springs.damping)] {
+                    let sound = |i: usize, j: usize| matrix[i][j].is_finite() && matrix[i][j] == matrix[j][i];
+                    if !(0..3).all(|i| (0..3).all(|j| sound(i, j)) && matrix[i][i] >= 0.0) {
+                        return bad(key, format!("{matrix:?}"), "a symmetric matrix that is not negative");
+                    }
+                }
+                check_inertia(inertia)
+            }
+            Drive::Railed(rail) => {
+                let along = rail.shift_mm.length() + rail.turn_rad.abs();
+                above_zero("body.shift_mm + turn_rad of a rail", along)?;
+                zero_or_above("body.push of a rail, its size", rail.push.abs())?;
+                zero_or_above("body.stiffness of a rail", rail.stiffness)?;
+                zero_or_above("body.damping_s of a rail", rail.damping_s)?;
+                above_zero("body.stiffness + damping_s of a rail", rail.stiffness + rail.damping_s)
+            }
             Drive::Mounted(mount, inertia) => {
                 zero_or_above("body.stiffness_n_per_mm", mount.stiffness_n_per_mm)?;
                 zero_or_above("body.stiffness_n_mm_per_rad", mount.stiffness_n_mm_per_rad)?;
@@ -147,10 +196,13 @@ impl Body {
     ) -> (Motion, Option<Resistance>) {
         let away =
             Motion { shift: complex(target.position_mm - pose.position_mm), turn: target.turn_rad - pose.turn_rad };
-        let (mount, inertia) = match self.drive {
+        let share = area * f64::from(self.fingers_count);
+        let (mount, springs, inertia) = match self.drive {
             Drive::Guided => return (away, None),
-            Drive::Free(inertia) => (None, Some(inertia)),
-            Drive::Mounted(mount, inertia) => (Some(mount), inertia),
+            Drive::Free(inertia) => (None, None, Some(inertia)),
+            Drive::Mounted(mount, inertia) => (Some(mount), None, inertia),
+            Drive::Sprung(springs, inertia) => (None, Some(springs), Some(inertia)),
+            Drive::Railed(rail) => return rail.step(away, dt, share),
         };
         let mut stiff = [[0.0; 3]; 3];
         let mut push = [wrench.force_n.x, wrench.force_n.y, wrench.torque_n_mm];
@@ -182,11 +234,30 @@ impl Body {
                 push[i] += k * away;
             }
         }
+        if let Some(springs) = springs {
+            for (stiff, (k, d)) in stiff.iter_mut().zip(springs.stiffness.iter().zip(&springs.damping)) {
+                for (stiff, (k, d)) in stiff.iter_mut().zip(k.iter().zip(d)) {
+                    *stiff += k + d / dt;
+                }
+            }
+        }
         let give = inverse(&stiff);
         let free = times(&give, push);
-        let share = area * f64::from(self.fingers_count);
         let give = give.map(|row| row.map(|entry| entry * share));
         (Motion { shift: Complex64::new(free[0], free[1]), turn: free[2] }, Some(Resistance { give }))
+    }
+}
+
+impl Rail {
+    /// (K + D/dt) r = push - n a . Q and dd = away + a r, with a the direction of the rail. `share` turns sums of
+    /// tractions of one finger into the forces of all.
+    fn step(&self, away: Motion, dt: f64, share: f64) -> (Motion, Option<Resistance>) {
+        let yields = 1.0 / (self.stiffness + self.damping_s / dt);
+        let along = [self.shift_mm.x, self.shift_mm.y, self.turn_rad];
+        let far = self.push * yields;
+        let free = Motion { shift: away.shift + complex(self.shift_mm) * far, turn: away.turn + self.turn_rad * far };
+        let give = along.map(|row| along.map(|column| row * column * yields * share));
+        (free, Some(Resistance { give }))
     }
 }
 

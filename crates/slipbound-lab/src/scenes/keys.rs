@@ -35,7 +35,7 @@ pub enum Kind {
     Faults,
 }
 
-const fn number(name: &'static str, low: f64, high: f64, default: &'static str, what: &'static str) -> Key {
+pub(crate) const fn number(name: &'static str, low: f64, high: f64, default: &'static str, what: &'static str) -> Key {
     Key { name, what, kind: Kind::Number(low, high), default }
 }
 
@@ -95,7 +95,7 @@ impl Key {
     }
 
     /// Reads a value; refuses what is out of range.
-    pub(super) fn read(&self, text: &str) -> Result<Value, SettingError> {
+    pub(crate) fn read(&self, text: &str) -> Result<Value, SettingError> {
         let refuse = |expected: String| SettingError { key: self.name.into(), got: text.into(), expected };
         let number = |low: f64, high: f64| {
             let value = text.parse().ok().filter(|value| (low..=high).contains(value));

@@ -68,7 +68,8 @@ impl GrossWatch {
         let truth = finger.truth();
         let before = std::mem::replace(&mut self.pose_before, truth.pose);
         let loaded = self.load_from_s.is_some_and(|from_s| path_s > from_s + 1e-9) && load > 0.0;
-        self.friction_used = if loaded { friction_used(finger, before) } else { None };
+        self.friction_used =
+            if loaded { Sliding::since(finger, before).and_then(|s| s.friction_used_fraction) } else { None };
         let (Some(stick_ratio), true, None) = (truth.stick_ratio, loaded, self.found) else { return false };
         let rule = match () {
             _ if stick_ratio < GROSS_STICK_RATIO => GrossRule::StickRatio,
@@ -80,17 +81,50 @@ impl GrossWatch {
     }
 }
 
-/// Work of the tractions on the motion of the object since `before`, over the most they could do; -1 to 1.
-fn friction_used(finger: &Finger, before: Pose) -> Option<f64> {
-    let grid = finger.settings().grid;
-    let now = finger.truth().pose;
-    let (shift_mm, turn_rad) = (now.position_mm - before.position_mm, now.turn_rad - before.turn_rad);
-    let (mut done, mut most) = (0.0, 0.0);
-    for (cell, bound_mpa) in finger.bound_mpa().iter().enumerate().filter(|(_, bound)| **bound > 0.0) {
-        let lever_mm = grid.centre_mm(cell) + finger.displacement(cell).shift_mm - before.position_mm;
-        let way_mm = shift_mm + Vec2::new(-lever_mm.y, lever_mm.x) * turn_rad;
-        done += finger.traction_mpa(cell).dot(way_mm);
-        most += bound_mpa * way_mm.length();
+/// How an object moved over one finger since a pose, seen from the friction there is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Sliding {
+    /// Work of the tractions on that motion over the most they could do, -1 to 1; None when it did not move.
+    pub friction_used_fraction: Option<f64>,
+    /// How far it moved, in mm: the mean over the contact, a cell counting by the friction it can carry.
+    pub way_mm: f64,
+    /// Middle of the contact, counted alike, in mm on the gel.
+    pub middle_mm: Vec2,
+    /// Mean distance from there, counted alike, in mm: the lever of friction against turning.
+    pub arm_mm: f64,
+}
+
+impl Sliding {
+    /// None without contact. Rotation counts at the lever of every cell.
+    pub fn since(finger: &Finger, before: Pose) -> Option<Self> {
+        let grid = finger.settings().grid;
+        let now = finger.truth().pose;
+        let (shift_mm, turn_rad) = (now.position_mm - before.position_mm, now.turn_rad - before.turn_rad);
+        let skin_mm = |cell: usize| grid.centre_mm(cell) + finger.displacement(cell).shift_mm;
+        let (mut done, mut most, mut whole, mut moment) = (0.0, 0.0, 0.0, Vec2::ZERO);
+        for (cell, bound_mpa) in loaded(finger) {
+            let lever_mm = skin_mm(cell) - before.position_mm;
+            let way_mm = shift_mm + Vec2::new(-lever_mm.y, lever_mm.x) * turn_rad;
+            done += finger.traction_mpa(cell).dot(way_mm);
+            most += bound_mpa * way_mm.length();
+            whole += bound_mpa;
+            moment += skin_mm(cell) * bound_mpa;
+        }
+        if whole <= 0.0 {
+            return None;
+        }
+        let middle_mm = moment / whole;
+        let arm: f64 = loaded(finger).map(|(cell, bound_mpa)| bound_mpa * (skin_mm(cell) - middle_mm).length()).sum();
+        Some(Sliding {
+            friction_used_fraction: (most > 0.0).then(|| done / most),
+            way_mm: most / whole,
+            middle_mm,
+            arm_mm: arm / whole,
+        })
     }
-    (most > 0.0).then(|| done / most)
+}
+
+/// The cells that carry friction, and how much each can.
+fn loaded(finger: &Finger) -> impl Iterator<Item = (usize, f64)> + '_ {
+    finger.bound_mpa().iter().copied().enumerate().filter(|(_, bound_mpa)| *bound_mpa > 0.0)
 }

@@ -2,7 +2,7 @@
 //! by a floor, a largest force and a rate.
 //!
 //! ```text
-//!   load         F = k A s / 0.75      s: mean shear of the gel since rest, k A: its stiffness over the contact
+//!   load         F   from the mean shear of the gel since rest, see `HandReport::load_n`
 //!   used         f = F / (mu P)        margin = 1 - f
 //!   f > target         : P -> F / (mu target)     at once, at most `raise_n_per_s`
 //!   f < target - slack : P falls by `release_n_per_s`, not below the floor
@@ -18,12 +18,8 @@ use super::{GripController, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::{GripCommand, GripperState, Motion};
-use crate::sensor::{SettingError, within};
+use crate::sensor::{SettingError, Shear, within};
 use serde::{Deserialize, Serialize};
-
-/// Mean shear of the gel when all of the contact slips, over mu P / (k A): 0.61 to 0.89, mostly 0.75, for a simulated
-/// cap under 10 to 60 N. It is below 1 because the rim carries less.
-const FULL_SLIP_SHEAR: f64 = 0.75;
 
 /// Share of the friction reckoned with that one slip may take away.
 const SLIP_COST: f64 = 0.2;
@@ -63,20 +59,28 @@ impl Default for MarginSettings {
 }
 
 impl MarginSettings {
-    fn check(&self) -> Result<(), SettingError> {
-        if self.stiffness_mpa_per_mm == 0.0 {
-            return Err(SettingError {
-                key: "margin.stiffness_mpa_per_mm".into(),
-                got: "0, and the sensor file has no [shear]".into(),
-                expected: "the shear stiffness of the gel: calibrate it, or use the law on_slip".into(),
-            });
-        }
-        within("margin.stiffness_mpa_per_mm", self.stiffness_mpa_per_mm, 1e-4, 100.0)?;
+    /// Checks every setting but whether there is a stiffness; the error names the first one that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        within("margin.stiffness_mpa_per_mm", self.stiffness_mpa_per_mm, 0.0, 100.0)?;
         within("margin.mu", self.mu, 0.05, 2.0)?;
         within("margin.target_fraction", self.target_fraction, 0.05, 0.95)?;
         within("margin.slack_fraction", self.slack_fraction, 0.0, self.target_fraction)?;
         within("margin.raise_n_per_s", self.raise_n_per_s, 0.1, 10_000.0)?;
         within("margin.release_n_per_s", self.release_n_per_s, 0.0, 1000.0)
+    }
+
+    /// The same with the stiffness of the finger where the settings have none. Refused when nobody knows it.
+    pub fn for_finger(&self, shear: Option<&Shear>) -> Result<Self, SettingError> {
+        let of_finger = shear.map_or(0.0, |shear| shear.stiffness_mpa_per_mm);
+        let stiffness_mpa_per_mm = if self.stiffness_mpa_per_mm > 0.0 { self.stiffness_mpa_per_mm } else { of_finger };
+        if stiffness_mpa_per_mm > 0.0 {
+            return Ok(MarginSettings { stiffness_mpa_per_mm, ..*self });
+        }
+        Err(SettingError {
+            key: "margin.stiffness_mpa_per_mm".into(),
+            got: "0, and the sensor has no [shear]".into(),
+            expected: "the shear stiffness of the gel: calibrate it, or use the controller on_slip".into(),
+        })
     }
 }
 
@@ -97,6 +101,7 @@ pub struct Margin {
 impl Margin {
     /// Starts with the starting force of the limits. Refuses settings that cannot be.
     pub fn new(settings: MarginSettings, limits: &GripLimits) -> Result<Self, SettingError> {
+        let settings = settings.for_finger(None)?;
         settings.check()?;
         Ok(Margin {
             settings,
@@ -109,14 +114,6 @@ impl Margin {
             slipping: false,
             wants_more: false,
         })
-    }
-
-    /// Tangential load per finger, N; None without contact.
-    fn load_n(&self, hand: &HandReport) -> Option<f64> {
-        let (shear, area_mm2) = (hand.shear_mm?, hand.contact_area_mm2?);
-        let across = libm::hypot(shear.across, if hand.separated { shear.around } else { 0.0 });
-        let shear_mm = libm::hypot(shear.along, across);
-        Some(self.settings.stiffness_mpa_per_mm * area_mm2 * shear_mm / FULL_SLIP_SHEAR)
     }
 
     /// An incipient slip says: no more friction than is used now.
@@ -135,8 +132,8 @@ impl GripController for Margin {
     fn command(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripCommand {
         let seconds = now_ns.saturating_sub(self.last_ns.unwrap_or(now_ns)) as f64 * 1e-9;
         self.last_ns = Some(now_ns);
-        let pressed_n = gripper.force_n.or(gripper.target_n).filter(|n| *n > 0.0);
-        let (Some(load_n), Some(pressed_n)) = (self.load_n(hand), pressed_n) else {
+        let pressed_n = gripper.pressed_n().filter(|n| *n > 0.0);
+        let (Some(load_n), Some(pressed_n)) = (hand.load_n(self.settings.stiffness_mpa_per_mm), pressed_n) else {
             return GripCommand { force_n: self.force_n, motion: Motion::Go };
         };
         self.learn(hand, load_n / pressed_n);

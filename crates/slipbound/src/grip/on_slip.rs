@@ -41,7 +41,8 @@ impl Default for OnSlipSettings {
 }
 
 impl OnSlipSettings {
-    fn check(&self) -> Result<(), SettingError> {
+    /// Checks every setting; the error names the first one that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
         within("on_slip.step_n", self.step_n, -1000.0, 1000.0)?;
         within("on_slip.hold_off_ns", self.hold_off_ns as f64, 0.0, 10e9)?;
         within("on_slip.settle_ns", self.settle_ns as f64, 0.0, 10e9)?;

@@ -17,7 +17,7 @@ pub enum SlipState {
     Stick,
     /// Part of the contact lags behind the rigid body: it has begun to slip.
     Incipient,
-    /// The whole contact slides. Not used yet.
+    /// The whole contact slides. Said by tasks, from the load; one frame of one finger does not show it.
     Gross,
     /// The frame could not be judged; the reason says why.
     Unjudged,

@@ -190,6 +190,11 @@ impl RestBuilder {
         })
     }
 
+    /// Frames added so far.
+    pub fn frames_count(&self) -> u32 {
+        self.frames_count
+    }
+
     /// The facts of the finger at the size of its frames.
     pub fn sensor(&self) -> &Sensor {
         &self.sensor

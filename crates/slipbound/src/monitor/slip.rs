@@ -55,7 +55,7 @@ impl Default for SlipSettings {
             threshold_pitch: 4.5 / 15.2,
             over_fraction: 7.0 / 400.0,
             over_min_count: 2,
-            full_slip_fraction: 0.5,
+            full_slip_fraction: 0.3,
             least_mu: 0.35,
             regrip_n: 1.0,
         }

@@ -1,0 +1,101 @@
+//! A simulated hand brought together with the loop.
+
+use crate::closed_loop::{ClosedLoop, Eye, Turn, Turned};
+use crate::spoiled::{Spoiled, Spoiler};
+use slipbound::hand::{Mounting, Side};
+use slipbound::monitor::Settings;
+use slipbound::sensor::SettingError;
+use slipbound::task::{TaskKind, TaskSettings};
+use slipbound_lab::hand::{HandScene, HandTruth, SimGripper, SimHand, SimWrist};
+
+/// Sides of the fingers 0 and 1, and their names.
+const SIDES: [(Side, &str); 2] = [(Side::Left, "left"), (Side::Right, "right")];
+
+/// A task in simulation, before or between two turns.
+pub struct Simulated {
+    /// The hand.
+    pub hand: SimHand,
+    /// The loop around it.
+    pub around: ClosedLoop,
+    gripper: SimGripper,
+    wrist: SimWrist,
+}
+
+/// The task a scene is of.
+pub fn kind(scene: &HandScene) -> Result<TaskKind, SettingError> {
+    match scene.task_name() {
+        "screw" => Ok(TaskKind::Screw),
+        "unscrew" => Ok(TaskKind::Unscrew),
+        "place" => Ok(TaskKind::Place),
+        "lift" => Ok(TaskKind::Lift),
+        other => Err(SettingError {
+            key: "task".into(),
+            got: other.into(),
+            expected: "one of screw, unscrew, place, lift".into(),
+        }),
+    }
+}
+
+impl Simulated {
+    /// The hand of a scene with a task around it. Refuses what either cannot be.
+    pub fn new(
+        scene: &HandScene,
+        settings: &TaskSettings,
+        monitor: &Settings,
+        spoiler: Option<Spoiler>,
+    ) -> anyhow::Result<Self> {
+        let hand = SimHand::new(scene)?;
+        let mut eyes = Vec::new();
+        for finger in 0..scene.fingers_count() {
+            let (mut side, name) = SIDES[finger];
+            if spoiler.is_some_and(|spoiler| spoiler.swaps()) {
+                side = SIDES[1 - finger].0;
+            }
+            let camera = hand.camera(finger);
+            let source = Spoiled::new(camera, spoiler.filter(|spoiler| spoiler.hits(finger)));
+            eyes.push(Eye::new(name, Mounting::on(side), hand.sensor(finger), monitor.clone(), Box::new(source)));
+        }
+        let task = settings.task(kind(scene)?, hand.sensor(0).shear.as_ref())?;
+        let (gripper, wrist) = (hand.gripper(), hand.wrist());
+        Ok(Simulated { around: ClosedLoop::new(eyes, task)?, hand, gripper, wrist })
+    }
+
+    /// One turn of the loop, then 1/30 s of the world. The truth is of the time of the frames.
+    pub fn turn(&mut self) -> anyhow::Result<(Turned, HandTruth)> {
+        let (now_ns, truth) = (self.hand.now_ns(), self.hand.truth());
+        let turned = self.around.turn(now_ns, &mut self.gripper, &mut self.wrist)?;
+        self.hand.advance_frame();
+        if let Some(error) = self.hand.error() {
+            return Err(error.into());
+        }
+        Ok((turned, truth))
+    }
+
+    /// Turns until the task has ended and a little longer, or the scene has. Shows every turn.
+    pub fn run(
+        &mut self,
+        mut see: impl FnMut(&mut ClosedLoop, u64, &Turn, &HandTruth) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let mut after_count = 0;
+        loop {
+            let now_ns = self.hand.now_ns();
+            let (turned, truth) = self.turn()?;
+            match turned {
+                Turned::AtRest => {}
+                Turned::Over => return Ok(()),
+                Turned::Commanded(turn) => {
+                    see(&mut self.around, now_ns, &turn, &truth)?;
+                    if matches!(turn.step.phase, slipbound::task::Phase::Ended(_)) {
+                        after_count += 1;
+                        if after_count > AFTER_TURNS_COUNT {
+                            return Ok(());
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Turns after the end of a task: half a second in which a hold that was none would show.
+const AFTER_TURNS_COUNT: u32 = 15;

@@ -1,0 +1,131 @@
+//! The cameras of the fingers.
+
+use super::scene::HandScene;
+use super::world::HandWorld;
+use crate::contact::{Displacement, Grid};
+use crate::jpeg::Codec;
+use crate::random::Random;
+use crate::render::{Renderer, Surface};
+use slipbound::plane::Vec2;
+use slipbound::port::{Clock, FrameBuffer, SourceError};
+use slipbound::sensor::{Sensor, Shear};
+
+/// One finger's camera with its own markers, threads and defects, and what it saw last.
+#[derive(Debug)]
+struct Eye {
+    renderer: Renderer,
+    codec: Codec,
+    grid: Grid,
+    seed: u64,
+    displacement: Vec<Displacement>,
+    pressure_mpa: Vec<f64>,
+    rgb: Vec<u8>,
+    frame: FrameBuffer,
+    failed: Option<String>,
+}
+
+/// The cameras of a hand: one or two.
+#[derive(Debug)]
+pub(super) struct Cameras {
+    eyes: Vec<Eye>,
+    shear: Shear,
+    /// The frame that the pictures show; None before the first.
+    drawn: Option<u64>,
+}
+
+impl Cameras {
+    pub fn new(scene: &HandScene, world: &HandWorld) -> Self {
+        let settings = world.finger().settings();
+        let cells_count = settings.grid.cells_count();
+        let quality = scene.number("jpeg_quality").map_or(85, |quality| quality as u8);
+        let eyes = (0..scene.fingers_count()).map(|finger| {
+            let seed = Random::of(scene.seed(), finger as u64).next_u64();
+            let renderer = match scene.word("camera") {
+                "gelsight_mini" => Renderer::gelsight_mini(seed),
+                _ => Renderer::gelslim(seed),
+            };
+            let size = renderer.size();
+            Eye {
+                codec: Codec::new(size, quality),
+                grid: settings.grid,
+                seed,
+                displacement: vec![Displacement::default(); cells_count],
+                pressure_mpa: vec![0.0; cells_count],
+                rgb: vec![0; 3 * size.area()],
+                frame: FrameBuffer::default(),
+                failed: None,
+                renderer,
+            }
+        });
+        let stiffness_mpa_per_mm = settings.gel.shear_modulus_mpa() / settings.gel.thickness_mm;
+        Cameras { eyes: eyes.collect(), shear: Shear { stiffness_mpa_per_mm, source: "simulator".into() }, drawn: None }
+    }
+
+    /// The facts of a finger; those of the last one beyond it.
+    pub fn sensor(&self, finger: usize) -> Sensor {
+        let eye = &self.eyes[finger.min(self.eyes.len() - 1)];
+        Sensor { shear: Some(self.shear.clone()), ..eye.renderer.sensor() }
+    }
+
+    /// Displacement in the plane of every marker of a finger, in its own frame, in mm.
+    pub fn marker_shifts_mm(&mut self, finger: usize, world: &HandWorld) -> Vec<Vec2> {
+        let Some(eye) = self.eyes.get_mut(finger) else { return Vec::new() };
+        world.show(finger, &mut eye.displacement, &mut eye.pressure_mpa);
+        let surface = eye.surface();
+        eye.renderer.markers_at_rest_mm().iter().map(|&rest_mm| surface.displacement_at(rest_mm).shift_mm).collect()
+    }
+
+    /// Draws the present frame of all fingers, each on a thread of its own, unless that is done.
+    pub fn draw(&mut self, frame: u64, world: &HandWorld) {
+        if self.drawn == Some(frame) {
+            return;
+        }
+        self.drawn = Some(frame);
+        for (finger, eye) in self.eyes.iter_mut().enumerate() {
+            world.show(finger, &mut eye.displacement, &mut eye.pressure_mpa);
+        }
+        let time_ns = world.now_ns();
+        if let [eye] = &mut self.eyes[..] {
+            return eye.draw(frame, time_ns);
+        }
+        std::thread::scope(|scope| {
+            for eye in &mut self.eyes {
+                scope.spawn(move || eye.draw(frame, time_ns));
+            }
+        });
+    }
+
+    /// The picture of a finger drawn last, into a recycled buffer.
+    pub fn deliver(&self, finger: usize, into: &mut FrameBuffer) -> Result<(), SourceError> {
+        let eye = self
+            .eyes
+            .get(finger)
+            .ok_or_else(|| format!("camera: expected finger 0 to {}, got {finger}", self.eyes.len() - 1))?;
+        if let Some(failed) = &eye.failed {
+            return Err(failed.clone().into());
+        }
+        // Field by field, so that the buffer keeps its memory.
+        into.encoded.clone_from(&eye.frame.encoded);
+        into.pixels.clone_from(&eye.frame.pixels);
+        (into.format, into.size) = (eye.frame.format, eye.frame.size);
+        (into.seq, into.time_ns, into.clock) = (eye.frame.seq, eye.frame.time_ns, eye.frame.clock);
+        into.label.clear();
+        Ok(())
+    }
+}
+
+impl Eye {
+    fn surface(&self) -> Surface<'_> {
+        Surface { grid: &self.grid, displacement: &self.displacement, pressure_mpa: &self.pressure_mpa }
+    }
+
+    fn draw(&mut self, frame: u64, time_ns: u64) {
+        let surface = Surface { grid: &self.grid, displacement: &self.displacement, pressure_mpa: &self.pressure_mpa };
+        self.renderer.render(&surface, Random::of(self.seed, frame).next_u64(), &mut self.rgb);
+        self.frame.seq = frame;
+        self.frame.time_ns = Some(time_ns);
+        self.frame.clock = Clock::Device;
+        let coded = self.codec.encode(&self.rgb, &mut self.frame.encoded);
+        self.failed = coded.and_then(|()| self.codec.decode(&mut self.frame)).err().map(|error| error.to_string());
+    }
+}

@@ -1,0 +1,223 @@
+//! The contact of both fingers with what they hold, stepped in time by whoever plays the gripper and the wrist.
+
+use super::scene::HandScene;
+use super::truth::HandTruth;
+use crate::contact::{
+    Body, Command, Displacement, Drive, Finger, GROSS_STICK_RATIO, Grip, LINEAR_STRAIN, Pose, Wrench,
+};
+use crate::plants::{Ask, FINGERS_COUNT, HandPlace, Held, Symmetry};
+use crate::world::{FRAME_RATE_HZ, GROSS_FRICTION_FRACTION, SUBSTEPS_COUNT, Sliding};
+use slipbound::plane::Vec2;
+use slipbound::port::Plant;
+use slipbound::sensor::SettingError;
+
+/// Steps of the contact per second.
+const STEPS_HZ: u64 = FRAME_RATE_HZ * SUBSTEPS_COUNT;
+
+/// Share of the grip that must be required before anything counts as sliding as a whole: the first cells of a press
+/// may slip without anything sliding.
+const LOADED_FRACTION: f64 = 0.5;
+
+/// What is between the jaws, without jaws and wrist: a [`Plant`].
+///
+/// The two fingers are identical and so are their loads, up to the sign of y; one contact is computed.
+#[derive(Debug)]
+pub struct HandWorld {
+    finger: Finger,
+    held: Box<dyn Held>,
+    width_mm: f64,
+    mu: f64,
+    steps_count: u64,
+    now: HandPlace,
+    asked: HandPlace,
+    truth: HandTruth,
+    error: Option<SettingError>,
+}
+
+impl HandWorld {
+    /// The object untouched between the fingers. Refuses what the contact cannot be.
+    pub fn new(scene: &HandScene) -> Result<Self, SettingError> {
+        let (settings, surface) = scene.contact()?;
+        let held = scene.held()?;
+        let mut finger = Finger::new(settings, surface)?;
+        let off =
+            Command { grip: Grip::ForceN(0.0), pose: held.start(), roll_mm: Vec2::ZERO, wrench: Wrench::default() };
+        finger.step(&off)?;
+        finger.step(&off)?; // a second time, for the first left it with a velocity
+        let mut world = HandWorld {
+            finger,
+            width_mm: scene.width_mm(),
+            mu: scene.mu(),
+            steps_count: 0,
+            now: HandPlace::default(),
+            asked: HandPlace::default(),
+            truth: HandTruth { converged: true, pose: held.start(), ..HandTruth::default() },
+            error: None,
+            held,
+        };
+        world.held.tell(&mut world.truth);
+        Ok(world)
+    }
+
+    /// What is true at the end of the last step.
+    pub fn truth(&self) -> &HandTruth {
+        &self.truth
+    }
+
+    /// The computed contact, that of the left finger.
+    pub fn finger(&self) -> &Finger {
+        &self.finger
+    }
+
+    /// What the right finger feels.
+    pub fn symmetry(&self) -> Symmetry {
+        self.held.symmetry()
+    }
+
+    /// What stopped the run; None while it goes on. Time no longer passes then.
+    pub fn error(&self) -> Option<&SettingError> {
+        self.error.as_ref()
+    }
+
+    /// Time of the last step, in ns since the start.
+    pub fn now_ns(&self) -> u64 {
+        time_ns(self.steps_count)
+    }
+
+    /// Whole frames since the start.
+    pub(super) fn frame(&self) -> u64 {
+        self.steps_count / SUBSTEPS_COUNT
+    }
+
+    /// Steps since the start.
+    pub(super) fn steps_count(&self) -> u64 {
+        self.steps_count
+    }
+
+    /// The gel of a finger as its camera sees it, cell by cell, in its own frame: 0 left, 1 right.
+    pub(super) fn show(&self, finger: usize, displacement: &mut [Displacement], pressure_mpa: &mut [f64]) {
+        let width = self.finger.settings().grid.width_cells;
+        let mirrored = finger == 1 && self.symmetry() == Symmetry::Mirrored;
+        for cell in 0..displacement.len() {
+            let (row, column) = (cell / width, cell % width);
+            let from = if mirrored { (displacement.len() / width - 1 - row) * width + column } else { cell };
+            displacement[cell] = self.finger.displacement(from);
+            pressure_mpa[cell] = self.finger.pressure_mpa()[from];
+            if mirrored {
+                displacement[cell].shift_mm.y = -displacement[cell].shift_mm.y;
+            }
+        }
+    }
+
+    fn step(&mut self, hand: HandPlace) -> Result<(), SettingError> {
+        let step_s = self.finger.settings().substep_s;
+        let gone = self.held.is_gone();
+        let hand = if gone { HandPlace { force_n: 0.0, ..hand } } else { hand };
+        let before = self.finger.truth().pose;
+        let ask = if gone {
+            Ask { drive: Drive::Guided, pose: before, roll_mm: Vec2::ZERO, wrench: Wrench::default() }
+        } else {
+            self.held.ask(self.finger.truth(), hand, step_s)
+        };
+        self.finger.set_body(Body { drive: ask.drive, fingers_count: FINGERS_COUNT })?;
+        self.finger.step(&Command {
+            grip: Grip::ForceN(hand.force_n),
+            pose: ask.pose,
+            roll_mm: ask.roll_mm,
+            wrench: ask.wrench,
+        })?;
+        self.steps_count += 1;
+        self.now = hand;
+        self.account(before);
+        if !gone {
+            self.held.took(self.finger.truth(), hand, step_s, self.truth.slid_mm);
+        }
+        self.held.tell(&mut self.truth);
+        Ok(())
+    }
+
+    /// The numbers of a step.
+    fn account(&mut self, before: Pose) {
+        let contact = *self.finger.truth();
+        let sliding = Sliding::since(&self.finger, before);
+        let truth = &mut self.truth;
+        truth.time_ns = time_ns(self.steps_count);
+        truth.angle_rad = self.now.angle_rad;
+        truth.lowered_mm = self.now.lowered_mm;
+        truth.grip_force_n = contact.grip_force_n;
+        truth.pose = contact.pose;
+        truth.contact_area_mm2 = contact.contact_area_mm2;
+        truth.stick_ratio = contact.stick_ratio;
+        truth.friction_used_fraction = sliding.and_then(|s| s.friction_used_fraction);
+        truth.peak_pressure_mpa = contact.peak_pressure_mpa;
+        truth.largest_strain_fraction = contact.largest_strain_fraction;
+        let soft = self.finger.settings().soft_object;
+        let object_strain = soft.map_or(0.0, |object| contact.peak_pressure_mpa / object.modulus_mpa);
+        truth.beyond_linear = contact.beyond_linear || object_strain > LINEAR_STRAIN;
+        truth.at_border = contact.at_border;
+        truth.converged = contact.converged;
+
+        let force_n = contact.wrench.force_n;
+        let middle_mm = sliding.map_or(contact.pose.position_mm, |s| s.middle_mm);
+        let to_object_mm = contact.pose.position_mm - middle_mm;
+        let torque_n_mm = contact.wrench.torque_n_mm + to_object_mm.cross(force_n);
+        let left = Wrench { force_n, torque_n_mm };
+        let right = match self.held.symmetry() {
+            Symmetry::Same => left,
+            Symmetry::Mirrored => Wrench { force_n: Vec2::new(force_n.x, -force_n.y), torque_n_mm: -torque_n_mm },
+        };
+        truth.wrench = [left, right];
+        let by_torque_n = sliding.map_or(0.0, |s| torque_n_mm / s.arm_mm.max(f64::MIN_POSITIVE));
+        truth.required_n = force_n.length().hypot(by_torque_n) / self.mu;
+
+        let slides = contact.stick_ratio.is_some_and(|phi| phi < GROSS_STICK_RATIO)
+            || truth.friction_used_fraction.is_some_and(|used| used >= GROSS_FRICTION_FRACTION);
+        truth.gross = slides && truth.required_n > LOADED_FRACTION * contact.grip_force_n;
+        if truth.gross {
+            truth.gross_steps_count += 1;
+            truth.first_gross_ns.get_or_insert(truth.time_ns);
+            truth.slid_mm += sliding.map_or(0.0, |s| s.way_mm);
+        }
+    }
+}
+
+/// Time at the end of a step, in ns.
+pub(super) fn time_ns(steps_count: u64) -> u64 {
+    (steps_count * 1_000_000_000 + STEPS_HZ / 2) / STEPS_HZ
+}
+
+impl Plant for HandWorld {
+    fn width_mm(&self) -> Option<f64> {
+        (!self.held.is_gone()).then_some(self.width_mm)
+    }
+
+    /// A force that is no number or below 0 stops the run.
+    fn press(&mut self, force_n: f64) {
+        self.asked.force_n = force_n;
+    }
+
+    fn place_wrist(&mut self, angle_rad: f64, lowered_mm: f64) {
+        self.asked.angle_rad = angle_rad;
+        self.asked.lowered_mm = lowered_mm;
+    }
+
+    /// In whole steps of 1/120 s; what is left of the time waits for the next call. The wrist gets to its place
+    /// evenly over the steps of one call.
+    fn advance_to(&mut self, now_ns: u64) {
+        let mut left = 0;
+        while time_ns(self.steps_count + left + 1) <= now_ns {
+            left += 1;
+        }
+        while left > 0 && self.error.is_none() {
+            let share = 1.0 / left as f64;
+            let (now, to) = (self.now, self.asked);
+            let hand = HandPlace {
+                angle_rad: now.angle_rad + (to.angle_rad - now.angle_rad) * share,
+                lowered_mm: now.lowered_mm + (to.lowered_mm - now.lowered_mm) * share,
+                force_n: to.force_n,
+            };
+            self.error = self.step(hand).err();
+            left -= 1;
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! A cap on its bottle, turned between the two pads about the axis along the fingers.
+//!
+//! ```text
+//!         Y ^   ___
+//!           | /  ^  \     seen along X, down onto the cap: R radius, pads at the left and the right (Z)
+//!    left [||    phi  ||] right      T = 2 R F_y
+//!             \ ___ /     the wrist turns by theta, the cap by phi: over a pad it moves R (theta - phi)
+//! ```
+//!
+//! The thread resists with a torque that depends on how far the cap has been turned. It only resists: while the pads
+//! carry less, the cap stands, and it never springs back. As it turns it moves along X by its pitch, which shears the
+//! pads unless the wrist follows.
+
+use super::{Ask, FINGERS_COUNT, HandPlace, Held, Symmetry};
+use crate::contact::{Drive, Pose, Rail, Truth, Wrench};
+use crate::hand::HandTruth;
+use serde::Serialize;
+use slipbound::plane::Vec2;
+use std::f64::consts::TAU;
+
+/// Torque against the rate of turning, in N mm s/rad: 5 N mm at 20 deg/s. It makes the motion of a yielding cap well
+/// posed and is small beside everything else.
+const VISCOUS_N_MM_S_PER_RAD: f64 = 14.3;
+
+/// Growth of the torque once the seal is squeezed, in N mm/rad. Estimate.
+const SEAL_N_MM_PER_RAD: f64 = 600.0;
+
+/// Growth of the torque at the end stop, in N mm/rad. Estimate.
+const STOP_N_MM_PER_RAD: f64 = 12_000.0;
+
+/// Angle within which a cap that has broken loose loses most of its torque, in rad: 2 deg. Estimate.
+const BREAK_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
+
+/// The torque of a thread over the angle turned in the sense of the task.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Thread {
+    /// Closing: it runs, then squeezes its seal, then stands on its end stop.
+    Screw {
+        /// While it runs, in N mm.
+        run_n_mm: f64,
+        /// Where the seal begins, in rad.
+        seal_rad: f64,
+        /// Where the end stop begins, in rad.
+        stop_rad: f64,
+    },
+    /// Opening: it breaks loose, then runs.
+    Unscrew {
+        /// While it runs, in N mm.
+        run_n_mm: f64,
+        /// Before it has moved, in N mm.
+        break_n_mm: f64,
+    },
+}
+
+impl Thread {
+    /// Torque in N mm that holds against a turn which has come `turned_rad` far, 0 or above.
+    pub fn torque_n_mm(&self, turned_rad: f64) -> f64 {
+        match *self {
+            Thread::Screw { run_n_mm, seal_rad, stop_rad } => {
+                run_n_mm
+                    + SEAL_N_MM_PER_RAD * (turned_rad - seal_rad).max(0.0)
+                    + STOP_N_MM_PER_RAD * (turned_rad - stop_rad).max(0.0)
+            }
+            Thread::Unscrew { run_n_mm, break_n_mm } => {
+                run_n_mm + (break_n_mm - run_n_mm) * (-turned_rad / BREAK_RAD).exp()
+            }
+        }
+    }
+
+    /// The sense of the task about X: a right-handed thread closes from Y to Z and comes down.
+    fn sense(&self) -> f64 {
+        match self {
+            Thread::Screw { .. } => 1.0,
+            Thread::Unscrew { .. } => -1.0,
+        }
+    }
+}
+
+/// What is true of a cap.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct CapTruth {
+    /// How far it has been turned in the sense of the task, in rad, 0 or above.
+    pub angle_rad: f64,
+    /// Torque about X that both pads exert on it, in N mm, positive in the sense of the task.
+    pub torque_n_mm: f64,
+    /// Torque that the thread holds against, in N mm.
+    pub thread_n_mm: f64,
+    /// Largest torque that friction can carry at the present force, 2 mu P R, in N mm.
+    pub limit_n_mm: f64,
+    /// Whether it turned in the last step.
+    pub yields: bool,
+}
+
+/// A cap in its thread.
+#[derive(Debug, Clone)]
+pub struct Cap {
+    radius_mm: f64,
+    mu: f64,
+    thread: Thread,
+    pitch_mm_per_rad: f64,
+    /// In the last step, in rad.
+    step_rad: f64,
+    truth: CapTruth,
+}
+
+impl Cap {
+    /// A cap that has not been turned; `pitch_mm` is its way along X in a whole turn.
+    pub fn new(radius_mm: f64, mu: f64, thread: Thread, pitch_mm: f64) -> Self {
+        let truth = CapTruth { thread_n_mm: thread.torque_n_mm(0.0), ..CapTruth::default() };
+        Cap { radius_mm, mu, thread, pitch_mm_per_rad: pitch_mm / TAU, step_rad: 0.0, truth }
+    }
+
+    /// Motion over the pads in mm when the cap turns by one rad in the sense of the task and the hand stands.
+    fn along_mm(&self) -> Vec2 {
+        Vec2::new(self.pitch_mm_per_rad, -self.radius_mm) * self.thread.sense()
+    }
+
+    /// Where it is over the pads while it stands.
+    fn pose(&self, hand: HandPlace) -> Pose {
+        let by_hand_mm = Vec2::new(-hand.lowered_mm, self.radius_mm * hand.angle_rad);
+        Pose { position_mm: by_hand_mm + self.along_mm() * self.truth.angle_rad, turn_rad: 0.0 }
+    }
+
+    /// What the pads do along the thread, per rad in the sense of the task, in N mm.
+    fn drive_n_mm(&self, contact: &Truth) -> f64 {
+        -f64::from(FINGERS_COUNT) * contact.wrench.force_n.dot(self.along_mm())
+    }
+}
+
+impl Held for Cap {
+    fn start(&self) -> Pose {
+        Pose::default()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::Same
+    }
+
+    fn ask(&mut self, contact: &Truth, hand: HandPlace, _step_s: f64) -> Ask {
+        let angle_rad = self.truth.angle_rad;
+        let now_n_mm = self.thread.torque_n_mm(angle_rad);
+        self.truth.yields = self.drive_n_mm(contact) > now_n_mm;
+        let drive = if self.truth.yields {
+            // Where the torque grows it is a spring of this step. Where it falls, which no implicit step can hold,
+            // it is that of the end of the step, judged from the last one.
+            let step_rad = self.step_rad.max(1e-4);
+            let next_n_mm = self.thread.torque_n_mm(angle_rad + step_rad);
+            Drive::Railed(Rail {
+                shift_mm: self.along_mm(),
+                turn_rad: 0.0,
+                push: -now_n_mm.min(next_n_mm),
+                stiffness: ((next_n_mm - now_n_mm) / step_rad).max(0.0),
+                damping_s: VISCOUS_N_MM_S_PER_RAD,
+            })
+        } else {
+            Drive::Guided
+        };
+        // The round profile stays between the pads whatever the cap does; only its skin walks.
+        let roll_mm = Vec2::new(0.0, -contact.pose.position_mm.y);
+        Ask { drive, pose: self.pose(hand), roll_mm, wrench: Wrench::default() }
+    }
+
+    fn took(&mut self, contact: &Truth, hand: HandPlace, _step_s: f64, _slid_mm: f64) {
+        let along_mm = self.along_mm();
+        let turned_mm = contact.pose.position_mm - self.pose(hand).position_mm;
+        // It never springs back: what the step took back is undone by the next one.
+        let turns = self.truth.yields && contact.contact_cells_count > 0;
+        self.step_rad = if turns { (turned_mm.dot(along_mm) / along_mm.length_squared()).max(0.0) } else { 0.0 };
+        self.truth.angle_rad += self.step_rad;
+        self.truth.torque_n_mm =
+            f64::from(FINGERS_COUNT) * self.radius_mm * contact.wrench.force_n.y * self.thread.sense();
+        self.truth.thread_n_mm = self.thread.torque_n_mm(self.truth.angle_rad);
+        self.truth.limit_n_mm = f64::from(FINGERS_COUNT) * self.mu * contact.grip_force_n * self.radius_mm;
+    }
+
+    fn tell(&self, truth: &mut HandTruth) {
+        truth.cap = Some(self.truth);
+    }
+}

@@ -1,0 +1,91 @@
+//! Everything a task is run with, as one file holds it.
+
+use super::{Lift, LiftSettings, Place, PlaceSettings, Screw, ScrewEnd, ScrewSettings, Task, Unscrew, UnscrewSettings};
+use crate::grip::{GripLimits, Law, MarginSettings, OnSlipSettings};
+use crate::sensor::{SettingError, Shear};
+use serde::{Deserialize, Serialize};
+
+/// Which task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TaskKind {
+    /// Close a cap.
+    Screw,
+    /// Open a cap.
+    Unscrew,
+    /// Lay a tool down.
+    Place,
+    /// Lift and hold.
+    Lift,
+}
+
+/// Which controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ControllerKind {
+    /// One force.
+    Constant,
+    /// A step at each incipient slip; tasks end on evidence.
+    #[default]
+    OnSlip,
+    /// The paper to the letter: the same, but screwing ends at incipient slip at the largest force.
+    Paper,
+    /// Holds a slip margin.
+    Margin,
+}
+
+/// Everything a task is run with.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TaskSettings {
+    /// Which controller.
+    pub controller: ControllerKind,
+    /// What every controller keeps to.
+    pub grip: GripLimits,
+    /// The controllers `on_slip` and `paper`.
+    pub on_slip: OnSlipSettings,
+    /// The controller `margin`.
+    pub margin: MarginSettings,
+    /// The task of this name.
+    pub screw: ScrewSettings,
+    /// The task of this name.
+    pub unscrew: UnscrewSettings,
+    /// The task of this name.
+    pub place: PlaceSettings,
+    /// The task of this name.
+    pub lift: LiftSettings,
+}
+
+impl TaskSettings {
+    /// Checks everything that does not depend on the finger; the error names the first key that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        self.grip.check()?;
+        self.on_slip.check()?;
+        self.margin.check()?;
+        self.screw.check()?;
+        self.unscrew.check()?;
+        self.place.check()?;
+        self.lift.check()
+    }
+
+    /// A task, ready to be stepped. `shear` is the stiffness of the fingers' gels, which `margin` needs.
+    pub fn task(&self, kind: TaskKind, shear: Option<&Shear>) -> Result<Box<dyn Task + Send>, SettingError> {
+        self.check()?;
+        let law = match self.controller {
+            ControllerKind::Constant => Law::Constant,
+            ControllerKind::OnSlip | ControllerKind::Paper => Law::OnSlip(self.on_slip),
+            ControllerKind::Margin => Law::Margin(self.margin.for_finger(shear)?),
+        };
+        let grip = law.controller(&self.grip)?;
+        let mut screw = self.screw;
+        if self.controller == ControllerKind::Paper {
+            screw.end = ScrewEnd::SlipAtMost;
+        }
+        Ok(match kind {
+            TaskKind::Screw => Box::new(Screw::new(screw, grip, shear)?),
+            TaskKind::Unscrew => Box::new(Unscrew::new(self.unscrew, grip, shear)?),
+            TaskKind::Place => Box::new(Place::new(self.place, grip)?),
+            TaskKind::Lift => Box::new(Lift::new(self.lift, grip)?),
+        })
+    }
+}
