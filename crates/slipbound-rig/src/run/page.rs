@@ -137,7 +137,7 @@ impl Page<'_> {
             f,
             "<p class=\"key\">Arrows on the left: <span class=\"measured\">yellow</span> measured, \
              <span class=\"rigid\">red</span> as a rigid body would move. On the right: black the difference, \
-             <span class=\"slipping\">purple</span> the markers that slip.</p>"
+             <span class=\"slipping\">purple</span> the markers that slip. A click enlarges a picture.</p>"
         )?;
         if !before.is_empty() {
             writeln!(f, "<article>\n<h3>Before any slip</h3>")?;
@@ -164,7 +164,9 @@ impl Page<'_> {
             let (finger, caption, file) = (Escaped(&picture.finger), Escaped(&picture.caption), Escaped(&picture.file));
             if i < PICTURES_MOST {
                 let data = base64(&picture.jpeg);
-                writeln!(f, "<img alt=\"{finger} finger, slip {slip}\" src=\"data:image/jpeg;base64,{data}\"/>")?;
+                write!(f, "<label><input type=\"checkbox\" aria-label=\"enlarge\"/>")?;
+                let alt = format_args!("{finger} finger, slip {slip}");
+                writeln!(f, "<img alt=\"{alt}\" src=\"data:image/jpeg;base64,{data}\"/></label>")?;
             }
             writeln!(f, "<figcaption><b>{finger}</b> {caption} <code>{file}</code></figcaption>\n</figure>")?;
         }

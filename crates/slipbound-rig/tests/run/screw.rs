@@ -136,22 +136,3 @@ pub fn cycles() -> Vec<Cycle> {
         })
         .collect()
 }
-
-/// Width and height of [`picture`], px.
-pub const PICTURE_PX: (usize, usize) = (1208, 560);
-
-/// Two panels of dots, as RGB bytes.
-pub fn picture() -> Vec<u8> {
-    let (width, height) = PICTURE_PX;
-    let colour = |i: usize| {
-        let (x, y) = (i % width, i / width);
-        let dot = (x % 40).abs_diff(20).pow(2) + (y % 40).abs_diff(20).pow(2) < 50;
-        let gap = (600..608).contains(&x);
-        match (gap, dot) {
-            (true, _) => [22, 25, 30],
-            (_, true) => [40, 40, 44],
-            _ => [120 + (x / 12) as u8, 130 + (y / 8) as u8, 150],
-        }
-    };
-    (0..width * height).flat_map(colour).collect()
-}

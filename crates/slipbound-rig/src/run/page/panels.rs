@@ -90,7 +90,7 @@ pub(super) fn of(cycles: &[Cycle]) -> Vec<Panel> {
             1,
             vec![
                 line("wrist", "--c1", Solid, &|c| Some(c.wrist.angle_rad.to_degrees()).filter(|_| turned)),
-                truth("cap (truth)", "--c3", Solid, &|t| t.cap_angle_rad.map(f64::to_degrees)),
+                truth("cap (truth)", "--c2", Dashed, &|t| t.cap_angle_rad.map(f64::to_degrees)),
             ],
         ),
         panel(

@@ -58,3 +58,29 @@ fn smaller(rgb: &[u8], width: u32, height: u32) -> Option<(Vec<u8>, u32, u32)> {
     let bytes = small.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue()]).collect();
     Some((bytes, small.width(), small.height()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slipbound::image::SizePx;
+    use zune_core::bytestream::ZCursor;
+    use zune_jpeg::JpegDecoder;
+
+    #[test]
+    fn the_file_is_whole_and_the_page_gets_a_smaller_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, size) = (folder.path().join("a.png"), SizePx::new(2000, 30));
+        let bytes: Vec<u8> = [200, 100, 50].repeat(size.area());
+        let jpeg = write(&path, Rgb::new(&bytes, size).expect("whole")).expect("writes");
+        let file = std::io::BufReader::new(File::open(&path).expect("opens"));
+        let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
+        let mut pixels = vec![0; reader.output_buffer_size().expect("fits")];
+        reader.next_frame(&mut pixels).expect("decodes");
+        assert_eq!(pixels, bytes);
+        let mut decoder = JpegDecoder::new(ZCursor::new(jpeg.as_slice()));
+        let pixels = decoder.decode().expect("a JPEG");
+        assert_eq!(decoder.dimensions(), Some((1000, 15)));
+        let middle = &pixels[3 * (7 * 1000 + 500)..][..3];
+        assert!(middle.iter().zip([200u8, 100, 50]).all(|(got, wanted)| got.abs_diff(wanted) <= 3), "{middle:?}");
+    }
+}

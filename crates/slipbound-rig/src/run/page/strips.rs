@@ -70,10 +70,10 @@ pub(super) fn write(f: &mut fmt::Formatter<'_>, time: &TimeAxis, page: &Page<'_>
         rows.push(("slides".into(), bands(time, &stretches(page.cycles, |c| name(gross(c))))));
     }
     for (i, finger) in page.info.fingers.iter().enumerate() {
-        let Some(0) = page.cycles.first().and_then(|c| c.hand.health.get(i)).map(|_| 0) else { continue };
-        if page.cycles.iter().any(|c| c.hand.health[i] != Health::Live) {
+        let health = |c: &Cycle| c.hand.health.get(i).copied().unwrap_or_default();
+        if page.cycles.iter().any(|c| health(c) != Health::Live) {
             let name = |health| Some((if health == Health::Live { "live" } else { "gone" }, health_name(health)));
-            rows.push((finger.clone(), bands(time, &stretches(page.cycles, |c| name(c.hand.health[i])))));
+            rows.push((finger.clone(), bands(time, &stretches(page.cycles, |c| name(health(c))))));
         }
     }
     let notes = notes(time, page);
@@ -81,10 +81,21 @@ pub(super) fn write(f: &mut fmt::Formatter<'_>, time: &TimeAxis, page: &Page<'_>
         rows.push(("notes".into(), notes));
     }
     let height_px = ROW_PX * rows.len() as f64;
-    writeln!(
-        f,
-        "<figure class=\"plot strips\">\n<svg viewBox=\"0 0 {WIDTH_PX} {height_px}\" role=\"img\" aria-label=\"phases\">"
-    )?;
+    writeln!(f, "<figure class=\"plot strips\">\n<figcaption><b>Phases</b>")?;
+    let mut named: Vec<&str> = Vec::new();
+    for Stretch { what, .. } in stretches(page.cycles, |c| c.phase) {
+        let name = phase_name(what);
+        if !named.contains(&name) {
+            named.push(name);
+            writeln!(
+                f,
+                "<span class=\"line\"><i class=\"fill\" style=\"--c:var(--{})\"></i>{name}</span>",
+                class(what)
+            )?;
+        }
+    }
+    writeln!(f, "</figcaption>")?;
+    writeln!(f, "<svg viewBox=\"0 0 {WIDTH_PX} {height_px}\" role=\"img\" aria-label=\"phases\">")?;
     for (i, (name, drawn)) in rows.iter().enumerate() {
         let y_px = ROW_PX * i as f64;
         writeln!(f, "<g transform=\"translate(0 {y_px})\">")?;
