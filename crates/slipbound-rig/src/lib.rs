@@ -8,6 +8,9 @@
 //! | reports as JSON lines | [`report_json`] |
 //! | pictures of what was found | [`overlay`] |
 //! | Motion-JPEG AVI files | [`avi_writer`] |
+//! | grippers by their own protocols | [`gripper`] |
+//! | the arm behind the hand | [`wrist`] |
+//! | the same protocols from the other side, to try all that without hardware | [`emulator`] |
 //!
 //! ```no_run
 //! use slipbound::monitor::{RestBuilder, Settings, SlipMonitor};
@@ -32,7 +35,11 @@
 
 pub mod avi_writer;
 pub mod config;
+pub mod emulator;
+pub mod gripper;
+pub mod link;
 pub mod overlay;
 pub mod report_json;
 pub mod sensors;
 pub mod source;
+pub mod wrist;
