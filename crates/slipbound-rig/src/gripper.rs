@@ -56,8 +56,11 @@ pub fn open(address: &str, config: Option<&Path>) -> Result<Box<dyn Gripper + Se
     Ok(Box::new(Device::open(address, config)?))
 }
 
-/// An address taken apart: what speaks, how the link is made.
-fn parts(address: &str, file: Option<&Path>) -> Result<(Box<dyn Driver>, Option<Arc<dyn Dial>>), Error> {
+/// What speaks, and how its link is made (not at all for `dry`).
+type Parts = (Box<dyn Driver>, Option<Arc<dyn Dial>>);
+
+/// An address taken apart.
+fn parts(address: &str, file: Option<&Path>) -> Result<Parts, Error> {
     let (place, query) = address.split_once('?').unwrap_or((address, ""));
     let wrong = |why: &str| Error::Address { address: address.into(), why: why.into() };
     let (scheme, rest) = match place.split_once("://") {

@@ -228,7 +228,7 @@ impl Socket {
 
     fn set(&mut self, pairs: &[&str]) -> bool {
         let mut outputs = self.gripper.outputs;
-        if pairs.is_empty() || pairs.len() % 2 != 0 {
+        if pairs.is_empty() || !pairs.len().is_multiple_of(2) {
             return false;
         }
         for pair in pairs.chunks_exact(2) {

@@ -69,7 +69,7 @@ impl CheckHold {
     }
 
     fn force_n(&self) -> f64 {
-        if self.changes_count % 2 == 0 { self.low_n } else { self.high_n }
+        if self.changes_count.is_multiple_of(2) { self.low_n } else { self.high_n }
     }
 
     fn command(&mut self, now_ns: u64) -> Step {
@@ -91,10 +91,8 @@ impl CheckHold {
             jaws if self.changes_count == 0 => return failed(format!("expected something held, got jaws {jaws:?}")),
             jaws => return failed(format!("expected the object to stay held, got jaws {jaws:?}")),
         }
-        if self.changes_count > 0 {
-            if let Some(why) = self.watch(state) {
-                return failed(why);
-            }
+        if let Some(why) = self.watch(state) {
+            return failed(why);
         }
         if waited_ns < SETTLE_NS {
             return Step::Wait;
@@ -108,7 +106,7 @@ impl CheckHold {
         if state.target_n.is_none_or(|target_n| (target_n - asked_n).abs() > reach_n) {
             return failed(format!("expected {asked_n} N to be taken over, got {:?}", state.target_n));
         }
-        self.held_mm = self.held_mm.or(state.opening_mm);
+        self.held_mm = self.held_mm.or(state.opening_mm).or(Some(0.0));
         self.changes_count += 1;
         if self.changes_count > 2 * ROUNDS_COUNT {
             return Step::Done(Verdict::Held { least_n: self.least_n, opened_mm: self.opened_mm });
@@ -118,6 +116,7 @@ impl CheckHold {
 
     /// What is wrong while the force changes.
     fn watch(&mut self, state: &GripperState) -> Option<String> {
+        self.held_mm?; // not before the first grasp has settled
         if let Some(force_n) = state.force_n {
             let least_n = self.least_n.map_or(force_n, |least_n| least_n.min(force_n));
             self.least_n = Some(least_n);

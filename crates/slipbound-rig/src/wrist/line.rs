@@ -130,10 +130,11 @@ impl LineWrist {
     }
 
     fn advance(&mut self, now_ns: u64) {
-        if self.is_linked && self.awaited.is_none() {
-            if let Some(words) = self.wanted.take() {
-                self.say(now_ns, words);
-            }
+        if self.is_linked
+            && self.awaited.is_none()
+            && let Some(words) = self.wanted.take()
+        {
+            self.say(now_ns, words);
         }
     }
 
