@@ -40,7 +40,7 @@ pub struct Gcl {
     ledger: Ledger,
     lines: Lines,
     question: usize,
-    asked_ns: u64,
+    asked_ns: Option<u64>,
     grasp: Option<u8>,
     want: Want,
     awaited: Option<Awaited>,
@@ -59,7 +59,7 @@ impl Gcl {
             ledger: Ledger::new(address, config),
             lines: Lines::default(),
             question: 0,
-            asked_ns: 0,
+            asked_ns: None,
             grasp: None,
             want: Want::Nothing,
             awaited: None,
@@ -131,13 +131,12 @@ impl Gcl {
 
     /// The three questions one after the other, once a period.
     fn ask(&mut self, now_ns: u64) {
-        let is_new_round = self.question == 0;
-        if is_new_round && self.asked_ns != 0 && now_ns.saturating_sub(self.asked_ns) < ns(self.ledger.config.update_ms)
-        {
-            return;
-        }
-        if is_new_round {
-            self.asked_ns = now_ns;
+        if self.question == 0 {
+            let period_ns = ns(self.ledger.config.update_ms);
+            if self.asked_ns.is_some_and(|asked_ns| now_ns.saturating_sub(asked_ns) < period_ns) {
+                return;
+            }
+            self.asked_ns = Some(now_ns);
         }
         let name = QUESTIONS[self.question];
         self.question = (self.question + 1) % QUESTIONS.len();
@@ -324,7 +323,7 @@ impl Talker for Gcl {
     fn linked(&mut self, now_ns: u64) {
         self.ledger.linked(now_ns);
         self.lines.clear();
-        (self.question, self.asked_ns, self.grasp) = (0, 0, None);
+        (self.question, self.asked_ns, self.grasp) = (0, None, None);
         (self.want, self.awaited, self.running) = (Want::Nothing, None, None);
         self.is_release_given = false;
         self.ledger.state.jaws = Jaws::Unknown;

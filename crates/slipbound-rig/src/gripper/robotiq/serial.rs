@@ -38,7 +38,7 @@ pub struct Serial {
     outputs: Option<[u8; 6]>,
     want: Want,
     sent: Option<(Sent, u64, u32)>,
-    read_ns: u64,
+    read_ns: Option<u64>,
     is_homing: bool,
     is_leaving: bool,
 }
@@ -53,7 +53,7 @@ impl Serial {
             outputs: None,
             want: Want::Nothing,
             sent: None,
-            read_ns: 0,
+            read_ns: None,
             is_homing: false,
             is_leaving: false,
         }
@@ -76,10 +76,11 @@ impl Serial {
             return;
         }
         let wanted = self.outputs_for(self.want).filter(|outputs| self.outputs != Some(*outputs));
+        let period_ns = ns(self.ledger.config.update_ms);
         let sent = match wanted {
             Some(outputs) => Sent::Write(self.want, outputs),
-            None if self.read_ns == 0 || now_ns.saturating_sub(self.read_ns) >= ns(self.ledger.config.update_ms) => {
-                self.read_ns = now_ns;
+            None if self.read_ns.is_none_or(|read_ns| now_ns.saturating_sub(read_ns) >= period_ns) => {
+                self.read_ns = Some(now_ns);
                 Sent::Read
             }
             None => return,
@@ -172,7 +173,7 @@ impl Talker for Serial {
         self.ledger.linked(now_ns);
         self.parser.clear();
         (self.status, self.outputs, self.sent) = (None, None, None);
-        (self.want, self.read_ns, self.is_homing, self.is_leaving) = (Want::Nothing, 0, false, false);
+        (self.want, self.read_ns, self.is_homing, self.is_leaving) = (Want::Nothing, None, false, false);
         self.advance(now_ns);
     }
 

@@ -45,7 +45,7 @@ pub struct Socket {
     /// How many of the questions have been answered since the link was made.
     heard_count: usize,
     question: usize,
-    round_ns: u64,
+    round_ns: Option<u64>,
     want: Want,
     done: Want,
     sent: Option<(Sent, u64)>,
@@ -63,7 +63,7 @@ impl Socket {
             status: Status::default(),
             heard_count: 0,
             question: 0,
-            round_ns: 0,
+            round_ns: None,
             want: Want::Nothing,
             done: Want::Nothing,
             sent: None,
@@ -108,11 +108,11 @@ impl Socket {
     /// The force it has been set to is asked for as long as it is not known; the rest in turn, once a period.
     fn next_question(&mut self, now_ns: u64) -> Option<&'static str> {
         if self.question == 0 {
-            let is_early = now_ns.saturating_sub(self.round_ns) < ns(self.ledger.config.update_ms);
-            if self.round_ns != 0 && is_early {
+            let period_ns = ns(self.ledger.config.update_ms);
+            if self.round_ns.is_some_and(|round_ns| now_ns.saturating_sub(round_ns) < period_ns) {
                 return None;
             }
-            self.round_ns = now_ns;
+            self.round_ns = Some(now_ns);
             if self.ledger.state.target_n.is_none() && self.is_known() {
                 self.question = QUESTIONS.len();
             }
@@ -222,7 +222,7 @@ impl Talker for Socket {
     fn linked(&mut self, now_ns: u64) {
         self.ledger.linked(now_ns);
         self.held.clear();
-        (self.status, self.heard_count, self.question, self.round_ns) = (Status::default(), 0, 0, 0);
+        (self.status, self.heard_count, self.question, self.round_ns) = (Status::default(), 0, 0, None);
         (self.want, self.done, self.sent) = (Want::Nothing, Want::Nothing, None);
         (self.is_homing, self.is_leaving) = (false, false);
         self.advance(now_ns);
