@@ -1,5 +1,7 @@
 //! The arguments of the command.
 
+use crate::commands::emulate::Emulate;
+use crate::commands::gripper::Gripper;
 use crate::commands::simulate::Simulate;
 use crate::commands::watch::Watch;
 use clap::{Parser, Subcommand};
@@ -32,4 +34,9 @@ pub enum Command {
     Simulate(Simulate),
     /// List the scenes, their parameters and the objects in them
     Scenes,
+    /// Try a gripper by hand
+    #[command(after_help = EXIT_CODES)]
+    Gripper(Gripper),
+    /// Be a gripper that is not there, to try a driver without hardware
+    Emulate(Emulate),
 }

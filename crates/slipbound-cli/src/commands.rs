@@ -1,5 +1,7 @@
 //! One file a command.
 
+pub mod emulate;
+pub mod gripper;
 mod scenes;
 mod sensors;
 pub mod simulate;
@@ -15,5 +17,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Sensors => sensors::run(),
         Command::Simulate(simulate) => simulate.run(),
         Command::Scenes => scenes::run(),
+        Command::Gripper(gripper) => gripper.run(),
+        Command::Emulate(emulate) => emulate.run(),
     }
 }

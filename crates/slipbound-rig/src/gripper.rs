@@ -11,7 +11,7 @@
 //!
 //! Settings may follow the address: `wsg50://192.168.1.20:1000?part_width_mm=28&most_n=40`. Newtons are per finger.
 //! A driver is a state machine told the time; [`Device`] is its thin end at a socket or a serial line. No call waits
-//! for the jaws. Whatever breaks, the gripper is left with the force it has.
+//! for the jaws; `poll` carries the bytes, so it is to be called every few ms. Whatever breaks, the gripper is left with the force it has.
 //!
 //! ```
 //! use slipbound::port::{GripCommand, Gripper, Motion};

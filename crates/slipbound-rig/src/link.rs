@@ -5,6 +5,8 @@ mod serial;
 mod tcp;
 mod wire;
 
+#[cfg(all(feature = "serial", target_os = "linux"))]
+pub use serial::PseudoTerminal;
 #[cfg(feature = "serial")]
 pub use serial::{SerialDial, SerialLink};
 pub use tcp::{TcpDial, TcpLink};

@@ -44,6 +44,29 @@ impl Link for SerialLink {
     }
 }
 
+/// A serial line that is not there: our end of a pseudo-terminal, and the device to be opened at the other.
+#[cfg(target_os = "linux")]
+#[derive(Debug)]
+pub struct PseudoTerminal {
+    /// Our end.
+    pub link: SerialLink,
+    /// The other end, as in `/dev/pts/3`.
+    pub device: PathBuf,
+    /// Keeps the other end there while nobody has opened it.
+    _other: SerialPort,
+}
+
+#[cfg(target_os = "linux")]
+impl PseudoTerminal {
+    /// A new one.
+    pub fn new() -> io::Result<Self> {
+        use std::os::fd::AsRawFd;
+        let (ours, other) = SerialPort::pair()?;
+        let device = std::fs::read_link(format!("/proc/self/fd/{}", other.as_raw_fd()))?;
+        Ok(PseudoTerminal { link: SerialLink::new(ours)?, device, _other: other })
+    }
+}
+
 /// A serial device, opened anew whenever it must be.
 #[derive(Debug, Clone)]
 pub struct SerialDial {

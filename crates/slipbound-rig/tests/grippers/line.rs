@@ -64,8 +64,7 @@ impl Arm {
         let faults: Faults = faults.parse().expect("faults");
         let emulator = Faulty::new(by_name("line").expect("a name"), faults);
         let wrist = LineWrist::new("line://arm");
-        let mut arm =
-            Arm { wrist, emulator, plant: Block::new(50.0), now_ns: 0, sent: Vec::new(), is_carrying: true };
+        let mut arm = Arm { wrist, emulator, plant: Block::new(50.0), now_ns: 0, sent: Vec::new(), is_carrying: true };
         arm.emulator.connected(0);
         arm.wrist.linked(0);
         arm.run(50);

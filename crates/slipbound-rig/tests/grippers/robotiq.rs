@@ -68,7 +68,7 @@ fn activation_is_asked_for_and_never_done_by_itself() {
         assert_eq!(bench.state().expect("there").jaws, Jaws::Unknown);
         assert!(matches!(bench.grip(40.0), Err(Error::NotHomed { .. })), "{name}");
         bench.order(Order::Home).expect("taken over");
-        bench.run(50);
+        bench.run(10);
         assert!(bench.driver.is_busy() && matches!(bench.grip(40.0), Err(Error::NotHomed { .. })), "{name}");
         bench.until(3000, |state| state.jaws == Jaws::Open);
         bench.run(300);
@@ -115,7 +115,10 @@ fn what_it_was_set_to_is_known_after_a_new_link_only_by_the_socket() {
         bench.connect();
         bench.run(400);
         let got = bench.state().expect("there").target_n;
-        assert!(got.zip(target_n).is_none_or(|(got, wanted): (f64, f64)| (got - wanted).abs() < 0.5), "{name}: {got:?}");
+        assert!(
+            got.zip(target_n).is_none_or(|(got, wanted): (f64, f64)| (got - wanted).abs() < 0.5),
+            "{name}: {got:?}"
+        );
         assert_eq!(got.is_some(), target_n.is_some(), "{name}: {got:?}");
         let lower = bench.grip(30.0);
         assert!(matches!(lower, Err(Error::Lowering { .. } | Error::NotReady { .. })), "{name}: {lower:?}");

@@ -3,8 +3,8 @@
 use crate::bench::{Bench, MS, WIDTH_MM, config};
 use slipbound::port::{GripCommand, Jaws, Motion};
 use slipbound_rig::gripper::config::{Config, ForceChange, ForceIs, Lowering};
-use slipbound_rig::gripper::wsg50::frame::{self, Parser};
 use slipbound_rig::gripper::wsg50::Wsg50;
+use slipbound_rig::gripper::wsg50::frame::{self, Parser};
 use slipbound_rig::gripper::{Driver, Error, Note, Order};
 use slipbound_rig::link::Talker;
 
