@@ -3,8 +3,7 @@
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
-use slipbound_rig::emulator::{Block, Emulator, Faults, Faulty, NAMES, by_name, faults, serve_link, serve_tcp};
-use slipbound_rig::link::PseudoTerminal;
+use slipbound_rig::emulator::{Block, Emulator, Faults, Faulty, NAMES, by_name, faults, serve_tcp};
 use std::net::{IpAddr, Ipv4Addr, TcpListener};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -65,7 +64,15 @@ impl Emulate {
             .map_err(|e| Failure::work("cannot serve", e))
     }
 
+    #[cfg(not(target_os = "linux"))]
+    fn serve_serial(&self, _: &mut Faulty, _: &mut Block, _: &AtomicBool) -> Result<(), Failure> {
+        Err(Failure::Arguments(anyhow::anyhow!("robotiq-rtu: expected Linux, whose pseudo-terminals have names")))
+    }
+
+    #[cfg(target_os = "linux")]
     fn serve_serial(&self, emulator: &mut Faulty, block: &mut Block, interrupted: &AtomicBool) -> Result<(), Failure> {
+        use slipbound_rig::emulator::serve_link;
+        use slipbound_rig::link::PseudoTerminal;
         let mut terminal = PseudoTerminal::new().map_err(|e| Failure::work("cannot make a serial device", e))?;
         Terminal::plain().say(&format!("robotiq://{}", terminal.device.display()))?;
         while !interrupted.load(Ordering::Relaxed) {

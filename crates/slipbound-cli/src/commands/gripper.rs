@@ -6,7 +6,7 @@ use crate::terminal::Terminal;
 use clap::Subcommand;
 use slipbound::port::{GripCommand, GripperState, Jaws, Motion};
 use slipbound_rig::gripper::check_hold::{CheckHold, Step, Verdict};
-use slipbound_rig::gripper::{Device, Error, Order};
+use slipbound_rig::gripper::{Device, Error, Note, Order};
 use slipbound_rig::link::now_ns;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,6 +15,12 @@ use std::time::Duration;
 
 /// Time between two looks at the gripper.
 const PAUSE: Duration = Duration::from_millis(5);
+
+/// Time for which nothing may change before an order counts as carried out, ns.
+const SETTLED_NS: u64 = 300_000_000;
+
+/// Changes of opening, mm, and of force, N, that are none.
+const SAME: (f64, f64) = (0.02, 0.1);
 
 /// Longest wait for an order to be carried out, s.
 const MOST_S: u64 = 30;
@@ -100,7 +106,9 @@ impl Session<'_> {
     fn look(&mut self) -> Result<GripperState, Failure> {
         let state = self.device.state();
         while let Some(note) = self.device.next_note() {
-            self.terminal.note(&note.to_string());
+            if note != Note::Linked {
+                self.terminal.note(&note.to_string());
+            }
         }
         if self.interrupted.load(Ordering::Relaxed) {
             return Err(Failure::Work(anyhow::anyhow!("interrupted; the gripper keeps its force")));
@@ -113,13 +121,16 @@ impl Session<'_> {
         self.terminal.say(&in_words(&state))
     }
 
-    /// Gives an order and waits until it is done and the state is as wanted.
+    /// Gives an order and waits until it is done, the state is as wanted, and nothing moves any more.
     fn carry_out(&mut self, order: Order, wanted: impl Fn(&GripperState) -> bool) -> Result<(), Failure> {
         self.device.order(order).map_err(|error| Failure::Work(error.into()))?;
         let until_ns = now_ns() + MOST_S * 1_000_000_000;
+        let (mut last, mut since_ns) = (self.look()?, now_ns());
         loop {
             let state = self.look()?;
-            if !self.device.is_busy() && wanted(&state) {
+            if self.device.is_busy() || !wanted(&state) || !is_same(&state, &last) {
+                (last, since_ns) = (state, now_ns());
+            } else if now_ns() - since_ns > SETTLED_NS {
                 return self.tell();
             }
             if now_ns() > until_ns {
@@ -141,6 +152,13 @@ impl Session<'_> {
                     self.device.order(Order::Grip(command)).map_err(|error| Failure::Work(error.into()))?;
                 }
                 Step::Wait => thread::sleep(PAUSE),
+                Step::Done(Verdict::Held { least_n: None, .. }) => {
+                    let said =
+                        "the jaws stayed closed, but this gripper measures no force, so a dip would not have been seen";
+                    return self
+                        .terminal
+                        .say(&format!("{said}: put a load cell between the jaws before you allow lowering"));
+                }
                 Step::Done(Verdict::Held { least_n, opened_mm }) => {
                     let known =
                         |value: Option<f64>, unit| value.map_or("not told".into(), |v| format!("{v:.2} {unit}"));
@@ -154,6 +172,11 @@ impl Session<'_> {
             }
         }
     }
+}
+
+fn is_same(a: &GripperState, b: &GripperState) -> bool {
+    let near = |a: Option<f64>, b: Option<f64>, most: f64| a.zip(b).is_none_or(|(a, b)| (a - b).abs() < most);
+    a.jaws == b.jaws && near(a.opening_mm, b.opening_mm, SAME.0) && near(a.force_n, b.force_n, SAME.1)
 }
 
 fn in_words(state: &GripperState) -> String {
