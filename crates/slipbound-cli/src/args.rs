@@ -1,6 +1,8 @@
 //! The arguments of the command.
 
 use crate::commands::demo::Demo;
+use crate::commands::emulate::Emulate;
+use crate::commands::gripper::Gripper;
 use crate::commands::replay::Replay;
 use crate::commands::simulate::Simulate;
 use crate::commands::trials::Trials;
@@ -42,4 +44,9 @@ pub enum Command {
     Simulate(Simulate),
     /// List the scenes, their parameters and the objects in them
     Scenes,
+    /// Try a gripper by hand
+    #[command(after_help = EXIT_CODES)]
+    Gripper(Gripper),
+    /// Be a gripper that is not there, to try a driver without hardware
+    Emulate(Emulate),
 }

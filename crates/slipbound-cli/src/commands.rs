@@ -1,6 +1,8 @@
 //! One file a command.
 
 pub mod demo;
+pub mod emulate;
+pub mod gripper;
 pub mod replay;
 mod scenes;
 mod sensors;
@@ -21,5 +23,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Sensors => sensors::run(),
         Command::Simulate(simulate) => simulate.run(),
         Command::Scenes => scenes::run(),
+        Command::Gripper(gripper) => gripper.run(),
+        Command::Emulate(emulate) => emulate.run(),
     }
 }

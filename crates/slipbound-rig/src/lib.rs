@@ -9,6 +9,9 @@
 //! | pictures of what was found | [`overlay`] |
 //! | Motion-JPEG AVI files | [`avi_writer`] |
 //! | the folder and the page that a closed loop leaves | [`run`] |
+//! | grippers by their own protocols | [`gripper`] |
+//! | the arm behind the hand | [`wrist`] |
+//! | the same protocols from the other side, to try all that without hardware | [`emulator`] |
 //!
 //! ```no_run
 //! use slipbound::monitor::{RestBuilder, Settings, SlipMonitor};
@@ -33,8 +36,12 @@
 
 pub mod avi_writer;
 pub mod config;
+pub mod emulator;
+pub mod gripper;
+pub mod link;
 pub mod overlay;
 pub mod report_json;
 pub mod run;
 pub mod sensors;
 pub mod source;
+pub mod wrist;
