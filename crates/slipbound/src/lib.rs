@@ -35,6 +35,8 @@
 //!     bare_sharpness: None,
 //!     edge_bands: vec![],
 //!     rectification: None,
+//!     defects_px: vec![],
+//!     shear: None,
 //! };
 //! // A picture of the finger at rest.
 //! let dark = |v: usize| (8..14).contains(&(v % 20));
@@ -64,6 +66,7 @@
 //! |---|---|
 //! | [`monitor`] | the steps in order; settings, reports, the rest frame |
 //! | [`events`] | from verdicts to "slip begins", "slip ends" |
+//! | [`calibrate`] | the facts of an unknown finger from pictures of it at rest |
 //! | [`sensor`] | what is true of a finger: geometry, pitch, skin |
 //! | [`port`] | the traits through which frames come in |
 //! | [`image`], [`plane`] | borrowed pixels, masks; points, rigid motions, homographies, the axes |
@@ -72,6 +75,7 @@
 //! The crate has no clock, no files, no sockets, and allocates nothing per frame: all memory is made when a
 //! [`monitor::SlipMonitor`] is. The same frames and settings give the same bytes on any machine.
 
+pub mod calibrate;
 pub mod events;
 pub mod image;
 pub mod monitor;

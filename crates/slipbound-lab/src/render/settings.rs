@@ -116,7 +116,10 @@ impl CameraSettings {
                     [-0.00010275817, -0.00143881538, 1.0],
                 ]),
                 crop_px: [50, 0, 377, 320],
+                distortion: None,
             }),
+            defects_px: Vec::new(),
+            shear: None,
         };
         CameraSettings {
             sensor: facts.at_size(SizePx::new(640, 480)).expect("the same shape"),
@@ -171,6 +174,8 @@ impl CameraSettings {
                 bare_sharpness: None,
                 edge_bands: Vec::new(),
                 rectification: None,
+                defects_px: Vec::new(),
+                shear: None,
             },
             eye_mm: [0.0, 0.0, 30.0],
             refractive_index: 1.41,

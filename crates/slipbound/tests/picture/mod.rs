@@ -87,6 +87,8 @@ impl Painter {
             bare_sharpness: None,
             edge_bands: if skin == Skin::Fabric { edge_bands } else { Vec::new() },
             rectification: None,
+            defects_px: Vec::new(),
+            shear: None,
         };
         Painter { sensor, rest, contrast_levels: 60.0, edge_px: 0.8, noise_levels: 3.0, jpeg_quality: Some(85) }
     }
