@@ -1,5 +1,6 @@
 //! The arguments of the command.
 
+use crate::commands::calibrate::Calibrate;
 use crate::commands::simulate::Simulate;
 use crate::commands::watch::Watch;
 use clap::{Parser, Subcommand};
@@ -26,6 +27,9 @@ pub enum Command {
     /// Judge every frame of a recording or a simulated scene
     #[command(after_help = EXIT_CODES)]
     Watch(Watch),
+    /// Make the sensor file of an unknown finger from a picture of it at rest
+    #[command(after_help = EXIT_CODES)]
+    Calibrate(Calibrate),
     /// List the built-in fingers
     Sensors,
     /// Simulate a scene and write its frames with their exact truth

@@ -1,5 +1,6 @@
 //! One file a command.
 
+pub mod calibrate;
 mod scenes;
 mod sensors;
 pub mod simulate;
@@ -12,6 +13,7 @@ use crate::outcome::{Failure, Outcome};
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     match &args.command {
         Command::Watch(watch) => watch.run(),
+        Command::Calibrate(calibrate) => calibrate.run(),
         Command::Sensors => sensors::run(),
         Command::Simulate(simulate) => simulate.run(),
         Command::Scenes => scenes::run(),

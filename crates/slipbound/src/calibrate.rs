@@ -14,6 +14,7 @@ mod fit;
 mod grid;
 mod lattice;
 mod search;
+mod shear;
 mod solve;
 
 use crate::image::{Frame, Pixels, Rgb, SizePx};
@@ -26,6 +27,8 @@ use crate::sensor::{EdgeBand, Flip, Polarity, Rectification, Sensor, SettingErro
 use fit::{median, scaled_to_one};
 use grid::Grid;
 use std::fmt;
+
+pub use shear::{HangingFrame, ShearError, calm_end, displacement_sum_px, shear_stiffness};
 
 /// What a picture of dots cannot say about a finger.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,7 +63,7 @@ pub struct GridMarker {
 /// What was found.
 #[derive(Debug, Clone)]
 pub struct Calibration {
-    /// The facts, checked; `bare_sharpness` is measured on the same frames.
+    /// The facts, checked; `bare_sharpness` is measured on the same frames, if they look untouched.
     pub sensor: Sensor,
     /// Every marker on the grid, column by column.
     pub markers: Vec<GridMarker>,
@@ -76,6 +79,14 @@ pub struct Calibration {
     pub untouched: bool,
     /// The averaged picture as delivered, bytes red, green, blue.
     pub mean_rgb: Vec<u8>,
+}
+
+impl Calibration {
+    /// Where the first column and the first row of the grid meet in the rectified image, px.
+    pub fn origin_px(&self) -> Vec2 {
+        let margin_px = (grid::MARGIN_PITCH * self.sensor.pitch_px).round();
+        Vec2::new(margin_px, margin_px)
+    }
 }
 
 /// A marker so far from its node is a blemish of the print, not of the map.
@@ -213,13 +224,17 @@ pub fn calibrate(frames: &[Frame<'_>], given: &Given) -> Result<Calibration, Cal
     let first = from_mean(&frames[start..=start], given);
     // The finger, once roughly known, says which frames are calm; if one frame was too poor, all are tried.
     let (from, to, untouched) = match &first {
-        Ok(rough) if frames.len() > 1 => calm(frames, &rough.sensor).unwrap_or((start, start + 1, true)),
+        // Its sharpness was measured on the very frame in doubt.
+        Ok(rough) if frames.len() > 1 => calm(frames, &Sensor { bare_sharpness: None, ..rough.sensor.clone() }).unwrap_or((start, start + 1, true)),
         Ok(_) => (start, start + 1, true),
         Err(_) => (start, frames.len(), true),
     };
     let mut calibration = if to - from == 1 && from == start { first? } else { from_mean(&frames[from..to], given)? };
     calibration.averaged = [from, to - 1];
     calibration.untouched = untouched;
+    if !untouched {
+        calibration.sensor.bare_sharpness = None;
+    }
     Ok(calibration)
 }
 

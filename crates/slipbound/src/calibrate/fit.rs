@@ -30,11 +30,23 @@ impl PlaneMap {
         self.camera_from_plane.apply(self.distortion.map_or(p, |d| p + d.displacement_px(p)))
     }
 
+    /// Camera px by which a step of one plane px along x and along y leads.
+    fn slopes(&self, p: Vec2) -> (Vec2, Vec2) {
+        let slope = |by: Vec2| self.apply(p + by * 0.5) - self.apply(p - by * 0.5);
+        (slope(Vec2::new(1.0, 0.0)), slope(Vec2::new(0.0, 1.0)))
+    }
+
     /// Camera px per plane px at a point, as the root of the ratio of areas; not a number where the map folds.
     pub fn scale_at(&self, p: Vec2) -> f64 {
-        let step = 0.5;
-        let slope = |by: Vec2| (self.apply(p + by) - self.apply(p - by)) / (2.0 * step);
-        slope(Vec2::new(step, 0.0)).cross(slope(Vec2::new(0.0, step))).sqrt()
+        let (along, across) = self.slopes(p);
+        along.cross(across).sqrt()
+    }
+
+    /// Where in the plane a dot seems to be, from the point it stands for, to first order.
+    pub fn offset_px(&self, pair: &Pair) -> Vec2 {
+        let (along, across) = self.slopes(pair.plane);
+        let by = pair.seen - self.apply(pair.plane);
+        Vec2::new(by.cross(across), along.cross(by)) / along.cross(across)
     }
 
     /// How far a dot is from where the map puts it, in plane px.
@@ -50,7 +62,7 @@ const DAMPING: f64 = 1e-7;
 /// Residuals are weighed down beyond this many robust standard deviations (Geman and McClure).
 const ROBUST_SIGMAS: f64 = 3.0;
 /// A residual below this share of the pitch is never weighed down.
-const ALWAYS_GOOD_PITCH: f64 = 0.01;
+const ALWAYS_GOOD_PITCH: f64 = 0.03;
 /// Parts the dots are divided into to try a degree on what it was not fitted to.
 const FOLDS_COUNT: usize = 5;
 /// A higher degree must bring the error on left-out dots below this share of the lower one's.
@@ -95,7 +107,7 @@ fn normalisation(points: impl Iterator<Item = Vec2> + Clone) -> Option<Homograph
 pub(super) fn fit(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<PlaneMap> {
     let mut map = PlaneMap { camera_from_plane: homography(pairs)?, distortion: None };
     let (low, high) = bounds(pairs.iter().map(|p| p.plane));
-    let (centre, span) = ((low + high) * 0.5, (high - low).x.max((high - low).y) * 0.5);
+    let (centre, span) = ((low + high) * 0.5, (high - low) * 0.5);
     // What is linear in d the homography does.
     let bent = 3..Distortion::terms_count(degree).max(3);
     let mut d = [[0.0; MOST_TERMS]; 2];

@@ -138,26 +138,31 @@ impl Grid {
         let map = self.map;
         let to_camera = |p: Vec2| map.apply(p - shift);
         let size = wider.size();
-        let table = WarpTable::new(size, camera_px, to_camera);
+        // Beyond the border its own pixels go on: black would pull the dots there.
+        let last = Vec2::new((camera_px.width - 1) as f64, (camera_px.height - 1) as f64);
+        let held = |p: Vec2| Vec2::new(p.x.clamp(0.0, last.x), p.y.clamp(0.0, last.y));
         let mut flat = vec![0; size.area()];
-        table.apply(grey, &mut flat);
+        WarpTable::new(size, camera_px, |p| held(to_camera(p))).apply(grey, &mut flat);
 
         let mut finder = DotFinder::new(size, self.diameter_px, self.pitch_px, self.polarity);
         let spots = finder.run(&flat, LEAST_LEVELS).to_vec();
         let kernel = EdgeKernel::new(self.diameter_px, self.pitch_px, 0.6);
-        let radius_px = self.diameter_px / 2.0 + 1.0;
+        let radius_px = self.diameter_px / 2.0;
         let whole = |p: Vec2| {
             (0..8).all(|k| {
                 let angle = f64::from(k) * std::f64::consts::FRAC_PI_4;
                 let rim = p + Vec2::new(libm::cos(angle), libm::sin(angle)) * radius_px;
-                table.valid().get(rim.x.round() as isize, rim.y.round() as isize)
+                let there = to_camera(rim);
+                there == held(there)
             })
         };
+        let offsets = self.offsets_px();
         let mut found = BTreeMap::new();
         let mut centres = Vec::new();
         for i in low.0 - 1..=high.0 + 1 {
             for j in low.1 - 1..=high.1 + 1 {
-                let at = self.plane((i, j));
+                let Some(by) = offset_of_neighbours(&offsets, (i, j), 0.5 * self.pitch_px) else { continue };
+                let at = self.plane((i, j)) + by;
                 let miss_px = |s: &Spot| (s.position - at).length();
                 let near = spots.iter().filter(|s| miss_px(s) < near_pitch * self.pitch_px);
                 let Some(spot) = near.min_by(|p, q| miss_px(p).total_cmp(&miss_px(q))) else { continue };
@@ -189,6 +194,14 @@ impl Grid {
         self.first = low;
     }
 
+    /// What the map leaves of every dot, in plane px.
+    fn offsets_px(&self) -> BTreeMap<(i32, i32), Vec2> {
+        let first = node_bounds(&self.dots).0;
+        let plane = |n| plane_of(n, first, self.pitch_px);
+        let offset = |n, d: &Dot| self.map.offset_px(&Pair { plane: plane(n), seen: d.seen });
+        self.dots.iter().map(|(n, d)| (*n, offset(*n, d))).filter(|(_, by)| by.is_finite()).collect()
+    }
+
     /// Diameter of a disc as large as the part of the mean dot that has more than half of its depth.
     fn measured_diameter(&self, flat: &[u8], size: SizePx, centres: &[Vec2]) -> Option<f64> {
         let half = (0.5 * self.pitch_px).round() as usize;
@@ -207,6 +220,23 @@ impl Grid {
         let largest = self.pitch_px / 1.5;
         (deepest > 0.0 && diameter_px.is_finite()).then(|| ((diameter_px * 10.0).round() / 10.0).clamp(3.0, largest.max(3.0)))
     }
+}
+
+/// What the map leaves at a node, from the dots around it but not its own, which may be half of a double. None far from
+/// all dots; at most `longest_px`.
+fn offset_of_neighbours(offsets: &BTreeMap<(i32, i32), Vec2>, (i, j): (i32, i32), longest_px: f64) -> Option<Vec2> {
+    let (mut sum, mut weights) = (Vec2::ZERO, 0.0);
+    for x in i - AROUND..=i + AROUND {
+        for ((_, y), by) in offsets.range((x, j - AROUND)..=(x, j + AROUND)) {
+            let away = f64::from((x - i).pow(2) + (y - j).pow(2));
+            if away > 0.0 {
+                sum += *by / (away * away);
+                weights += 1.0 / (away * away);
+            }
+        }
+    }
+    let mean = sum / weights;
+    (weights > 0.0).then(|| mean * (longest_px / mean.length().max(1e-9)).min(1.0)).filter(|m| m.is_finite())
 }
 
 /// Where the edge pulls a spot to; None when it pulls out of the dot.

@@ -101,7 +101,8 @@ impl Basis {
 /// All nodes that can be reached from a seed.
 fn grow(spots: &[Spot], seed: usize, basis: &Basis) -> Nodes {
     let mut nodes = Nodes::from([((0, 0), seed)]);
-    let mut used: BTreeSet<usize> = BTreeSet::from([seed]);
+    let mut used = vec![false; spots.len()];
+    used[seed] = true;
     let mut tried: BTreeMap<(i32, i32), usize> = BTreeMap::new();
     loop {
         let mut found: Vec<(f64, (i32, i32), usize)> = Vec::new();
@@ -113,7 +114,7 @@ fn grow(spots: &[Spot], seed: usize, basis: &Basis) -> Nodes {
             }
             tried.insert(node, known_count);
             let Some((at, pitch_px)) = predict(spots, &nodes, node, basis) else { continue };
-            let near = spots.iter().enumerate().filter(|(i, _)| !used.contains(i));
+            let near = spots.iter().enumerate().filter(|(i, _)| !used[*i]);
             let near = near.map(|(i, s)| ((s.position - at).length() / pitch_px, i));
             if let Some((miss_pitch, i)) = near.min_by(|p, q| p.0.total_cmp(&q.0)) {
                 if miss_pitch < NEAR_PITCH {
@@ -126,7 +127,8 @@ fn grow(spots: &[Spot], seed: usize, basis: &Basis) -> Nodes {
         // The best half first: the others are predicted better when these are known.
         let most = (found.len() / 2).max(8);
         for (_, node, i) in found.into_iter().take(most) {
-            if used.insert(i) {
+            if !used[i] {
+                used[i] = true;
                 nodes.insert(node, i);
             }
             tried.remove(&node);

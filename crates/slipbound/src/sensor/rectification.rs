@@ -30,13 +30,16 @@ pub(crate) const MOST_TERMS: usize = 21;
 
 /// A displacement of the plane of the gel: a polynomial of degree 3 or 5 in (u, v) = (p - centre) / span, for x and
 /// for y in plane px. Terms in the order 1, u, v, u2, uv, v2, u3, u2v, uv2, v3, and so on.
+///
+/// It holds where u and v are within -1..1, the box of the markers; beyond, it goes straight on, for there a
+/// polynomial would soon fold.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "DistortionFile", into = "DistortionFile")]
 pub struct Distortion {
     /// Where (u, v) = (0, 0), plane px.
     pub centre_px: Vec2,
-    /// Plane px by which u or v grows by 1.
-    pub span_px: f64,
+    /// Plane px by which u and v grow by 1.
+    pub span_px: Vec2,
     terms_count: usize,
     x_px: [f64; MOST_TERMS],
     y_px: [f64; MOST_TERMS],
@@ -47,7 +50,7 @@ pub struct Distortion {
 #[serde(deny_unknown_fields)]
 struct DistortionFile {
     centre_px: Vec2,
-    span_px: f64,
+    span_px: Vec2,
     x_px: Vec<f64>,
     y_px: Vec<f64>,
 }
@@ -69,7 +72,7 @@ impl From<Distortion> for DistortionFile {
 
 impl Distortion {
     /// A polynomial from its coefficients for x and for y, 10 of each (degree 3) or 21 (degree 5).
-    pub fn new(centre_px: Vec2, span_px: f64, x_px: &[f64], y_px: &[f64]) -> Result<Self, String> {
+    pub fn new(centre_px: Vec2, span_px: Vec2, x_px: &[f64], y_px: &[f64]) -> Result<Self, String> {
         if !COUNTS.iter().any(|(_, n)| x_px.len() == *n && y_px.len() == *n) {
             let (x, y) = (x_px.len(), y_px.len());
             return Err(format!(
@@ -98,8 +101,8 @@ impl Distortion {
     }
 
     /// The values of 1, u, v, u2, uv, v2, ... at a point of the plane.
-    pub(crate) fn monomials(centre_px: Vec2, span_px: f64, degree: usize, p: Vec2) -> [f64; MOST_TERMS] {
-        let q = (p - centre_px) / span_px;
+    pub(crate) fn monomials(centre_px: Vec2, span_px: Vec2, degree: usize, p: Vec2) -> [f64; MOST_TERMS] {
+        let q = Vec2::new((p.x - centre_px.x) / span_px.x, (p.y - centre_px.y) / span_px.y);
         let mut values = [0.0; MOST_TERMS];
         values[0] = 1.0;
         let mut n = 1;
@@ -117,6 +120,18 @@ impl Distortion {
 
     /// By how much a point of the plane is displaced, plane px.
     pub fn displacement_px(&self, p: Vec2) -> Vec2 {
+        let held = |at: f64, centre: f64, span: f64| at.clamp(centre - span, centre + span);
+        let (centre, span) = (self.centre_px, self.span_px);
+        let rim = Vec2::new(held(p.x, centre.x, span.x), held(p.y, centre.y, span.y));
+        let at_rim = self.polynomial_px(rim);
+        let beyond = p - rim;
+        if beyond == Vec2::ZERO || !beyond.is_finite() {
+            return at_rim;
+        }
+        at_rim + (at_rim - self.polynomial_px(rim - beyond * SLOPE_SHARE)) / SLOPE_SHARE
+    }
+
+    fn polynomial_px(&self, p: Vec2) -> Vec2 {
         let values = Self::monomials(self.centre_px, self.span_px, self.degree(), p);
         let sum = |terms: &[f64]| terms.iter().zip(&values).map(|(c, v)| c * v).sum::<f64>();
         let (x, y) = self.terms_px();
@@ -135,6 +150,8 @@ impl Distortion {
     }
 }
 
+/// Share of the way beyond the rim over which the slope at the rim is measured.
+const SLOPE_SHARE: f64 = 1e-4;
 /// Rounds of Newton's method; each squares the error.
 const ROUNDS_COUNT: usize = 12;
 /// Step over which a slope is measured, px.
@@ -214,8 +231,9 @@ impl Rectification {
             return bad("homography", format!("{:?}", self.homography.0), "an invertible matrix");
         }
         let Some(d) = &self.distortion else { return Ok(()) };
-        if !(1.0..=1e5).contains(&d.span_px) || !d.centre_px.is_finite() {
-            return bad("distortion.span_px", d.span_px.to_string(), "a number from 1 to 100000, about a finite centre");
+        let spans = [d.span_px.x, d.span_px.y];
+        if !spans.iter().all(|s| (1.0..=1e5).contains(s)) || !d.centre_px.is_finite() {
+            return bad("distortion.span_px", format!("{spans:?}"), "two numbers from 1 to 100000, about a finite centre");
         }
         if !d.x_px.iter().chain(&d.y_px).all(|c| c.is_finite()) {
             return bad("distortion.x_px, y_px", "a number that is none".into(), "finite numbers");
@@ -249,7 +267,7 @@ mod tests {
         let mut y_px = x_px;
         y_px.reverse();
         (y_px[0], x_px[9]) = (0.1, 0.2);
-        let distortion = Distortion::new(Vec2::new(160.0, 150.0), 160.0, &x_px, &y_px).expect("ten each");
+        let distortion = Distortion::new(Vec2::new(160.0, 150.0), Vec2::new(150.0, 140.0), &x_px, &y_px).expect("ten each");
         let homography = Homography([[0.8, -0.34, 41.0], [0.04, 0.84, -24.6], [-1.0e-4, -1.4e-3, 1.0]]);
         Rectification { homography, crop_px: [0, 0, 320, 300], distortion: Some(distortion) }
     }
@@ -268,8 +286,17 @@ mod tests {
     }
 
     #[test]
+    fn beyond_the_markers_it_goes_straight_on() {
+        let d = bent().distortion.expect("there");
+        let (rim, step) = (Vec2::new(310.0, 290.0), Vec2::new(4.0, 3.0));
+        let at = |k: f64| d.displacement_px(rim + step * k);
+        assert!((at(2.0) - at(1.0) - (at(1.0) - at(0.0))).length() < 1e-6, "not straight");
+        assert!(((at(1.0) - at(0.0)) - (at(0.0) - at(-0.001)) / 0.001).length() < 1e-2, "a kink at the rim");
+    }
+
+    #[test]
     fn monomials_come_in_the_order_of_the_file() {
-        let m = Distortion::monomials(Vec2::new(1.0, 2.0), 2.0, 5, Vec2::new(7.0, 12.0));
+        let m = Distortion::monomials(Vec2::new(1.0, 2.0), Vec2::new(2.0, 2.0), 5, Vec2::new(7.0, 12.0));
         let (u, v) = (3.0f64, 5.0f64);
         let mut expected = Vec::new();
         for d in 0..=5 {
