@@ -1,5 +1,6 @@
 //! The arguments of the command.
 
+use crate::commands::calibrate::Calibrate;
 use crate::commands::demo::Demo;
 use crate::commands::emulate::Emulate;
 use crate::commands::gripper::Gripper;
@@ -38,6 +39,9 @@ pub enum Command {
     Replay(Replay),
     /// Run tasks in simulation over friction, seeds and controllers, and print the table
     Trials(Trials),
+    /// Make the sensor file of an unknown finger from a picture of it at rest
+    #[command(after_help = EXIT_CODES)]
+    Calibrate(Calibrate),
     /// List the built-in fingers
     Sensors,
     /// Simulate a scene and write its frames with their exact truth

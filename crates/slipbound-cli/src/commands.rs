@@ -1,5 +1,6 @@
 //! One file a command.
 
+pub mod calibrate;
 pub mod demo;
 pub mod emulate;
 pub mod gripper;
@@ -20,6 +21,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Replay(replay) => replay.run(),
         Command::Trials(trials) => trials.run(),
         Command::Watch(watch) => watch.run(),
+        Command::Calibrate(calibrate) => calibrate.run(),
         Command::Sensors => sensors::run(),
         Command::Simulate(simulate) => simulate.run(),
         Command::Scenes => scenes::run(),

@@ -58,7 +58,7 @@ impl Simulated {
             let source = Spoiled::new(camera, spoiler.filter(|spoiler| spoiler.hits(finger)));
             eyes.push(Eye::new(name, mounting, hand.sensor(finger), monitor.clone(), Box::new(source)));
         }
-        let task = settings.task(kind(scene)?, hand.sensor(0).shear.as_ref())?;
+        let task = settings.task(kind(scene)?, hand.sensor(0).shear_stiffness_mpa_per_mm())?;
         let (gripper, wrist) = (hand.gripper(), hand.wrist());
         Ok(Simulated { around: ClosedLoop::new(eyes, task)?, hand, gripper, wrist })
     }

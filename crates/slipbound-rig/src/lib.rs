@@ -4,6 +4,7 @@
 //! |---|---|
 //! | recordings as frames: image folders, MJPEG AVI, every other video through `ffmpeg` | [`source`] |
 //! | the fingers that are known, and files for others | [`sensors`] |
+//! | a calibration as a sensor file and a picture | [`calibration`] |
 //! | settings files, and how a mistake in one is told | [`config`] |
 //! | reports as JSON lines | [`report_json`] |
 //! | pictures of what was found | [`overlay`] |
@@ -35,6 +36,7 @@
 //! ```
 
 pub mod avi_writer;
+pub mod calibration;
 pub mod config;
 pub mod emulator;
 pub mod gripper;

@@ -103,7 +103,7 @@ impl Replay {
             let (mounting, name) = mounting(finger, swapped);
             Eye::new(name, mounting, hand.sensor(finger), monitor.clone(), Box::new(source))
         });
-        let shear = hand.sensor(0).shear;
-        ClosedLoop::new(eyes.collect(), task.task(kind(&scene)?, shear.as_ref())?)
+        let stiffness_mpa_per_mm = hand.sensor(0).shear_stiffness_mpa_per_mm();
+        ClosedLoop::new(eyes.collect(), task.task(kind(&scene)?, stiffness_mpa_per_mm)?)
     }
 }
