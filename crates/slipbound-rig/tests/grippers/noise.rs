@@ -6,7 +6,7 @@ use crate::bench::{Bench, MS, config, driver};
 use proptest::prelude::*;
 use proptest::test_runner::{Config as Cases, TestRunner};
 use slipbound::port::{GripCommand, Jaws, Motion, Plant};
-use slipbound_rig::emulator::{Block, Emulator, NAMES, by_name};
+use slipbound_rig::emulator::{Block, NAMES, by_name};
 use slipbound_rig::gripper::robotiq::rtu;
 use slipbound_rig::gripper::wsg50::frame;
 use slipbound_rig::gripper::{Driver, Order};
