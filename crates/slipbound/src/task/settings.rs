@@ -89,7 +89,7 @@ impl TaskSettings {
         Ok(match kind {
             TaskKind::Screw => Box::new(Screw::new(screw, grip, stiffness_mpa_per_mm)?),
             TaskKind::Unscrew => Box::new(Unscrew::new(self.unscrew, grip, stiffness_mpa_per_mm)?),
-            TaskKind::Place => Box::new(Place::new(self.place, grip)?),
+            TaskKind::Place => Box::new(Place::new(self.place, grip, stiffness_mpa_per_mm)?),
             TaskKind::Lift => Box::new(Lift::new(self.lift, grip)?),
         })
     }
