@@ -60,8 +60,8 @@ pub struct GripLimits {
 
 impl Default for GripLimits {
     fn default() -> Self {
-        // Three frames at 30 Hz: one lost frame is no reason to stop.
-        GripLimits { start_n: 10.0, least_n: 5.0, most_n: 60.0, blind_force_n: None, blind_after_ns: 100_000_000 }
+        // Three frames at 30 Hz, just: one lost frame is no reason to stop.
+        GripLimits { start_n: 10.0, least_n: 5.0, most_n: 60.0, blind_force_n: None, blind_after_ns: 90_000_000 }
     }
 }
 
