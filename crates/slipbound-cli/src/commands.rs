@@ -1,9 +1,14 @@
 //! One file a command.
 
+pub mod calibrate;
 pub mod demo;
+pub mod emulate;
+pub mod gripper;
+pub mod replay;
 mod scenes;
 mod sensors;
 pub mod simulate;
+pub mod trials;
 pub mod watch;
 
 use crate::args::{Args, Command};
@@ -13,9 +18,14 @@ use crate::outcome::{Failure, Outcome};
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     match &args.command {
         Command::Demo(demo) => demo.run(),
+        Command::Replay(replay) => replay.run(),
+        Command::Trials(trials) => trials.run(),
         Command::Watch(watch) => watch.run(),
+        Command::Calibrate(calibrate) => calibrate.run(),
         Command::Sensors => sensors::run(),
         Command::Simulate(simulate) => simulate.run(),
         Command::Scenes => scenes::run(),
+        Command::Gripper(gripper) => gripper.run(),
+        Command::Emulate(emulate) => emulate.run(),
     }
 }

@@ -3,7 +3,9 @@
 mod args;
 mod closed_loop;
 mod commands;
+mod frames;
 mod interruption;
+mod measures;
 mod outcome;
 mod simulated;
 mod spoiled;

@@ -52,7 +52,9 @@ impl FromStr for Spoiler {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let expected = || {
-            format!("expected lost, frozen, torn, dark or swapped with @SECONDS and :left or :right as wanted, got `{text}`")
+            format!(
+                "expected lost, frozen, torn, dark or swapped with @SECONDS and :left or :right as wanted, got `{text}`"
+            )
         };
         let (rest, finger) = match text.split_once(':') {
             Some((rest, "left")) => (rest, Some(0)),

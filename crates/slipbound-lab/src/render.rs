@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   contact cells: displacement, pressure
-//!        | which piece of gel is seen where (view.rs), shading, texture contrast: once a node, 0.4 mm apart
+//!        | which piece of gel is seen where, its slope, texture contrast: at nodes a few pixels apart (nodes.rs)
 //!        v
 //!   pixels: light * (1 + shade + texture) * (1 - dot), blurred, with noise
 //! ```
@@ -10,6 +10,7 @@
 //! The model is that of docs/simulator.md, "The camera". Same settings and seeds, same bytes.
 
 mod atlas;
+mod nodes;
 mod settings;
 mod surface;
 mod view;
@@ -17,46 +18,34 @@ mod view;
 pub use settings::{CameraSettings, Dots, Light, Texture};
 pub use surface::Surface;
 
-use crate::contact::Grid;
 use crate::random::Random;
 use atlas::Atlas;
+use nodes::{LANES, Nodes};
 use slipbound::image::SizePx;
 use slipbound::plane::Vec2;
 use slipbound::sensor::Sensor;
+use std::ops::Range;
 use view::View;
 
-/// Distance of the nodes at which geometry and light are computed once a frame, in mm.
-const NODE_MM: f64 = 0.4;
 /// Numbers kept before they repeat at another offset; a power of two.
 const NOISE_COUNT: usize = 1 << 15;
-/// What a frame needs at a node: offset of the piece seen there (x, y in mm), shade of red, green and blue, contrast
-/// of the texture; two spare lanes.
-type Node = [f32; 8];
-
-/// What never changes at a pixel.
-#[derive(Debug, Clone, Copy)]
-struct Pixel {
-    /// The plane of the gel there, mm.
-    plane_mm: [f32; 2],
-    /// Light of red, green and blue, levels; glare included.
-    light_levels: [f32; 3],
-    /// 0 beyond the gel, 1 on it.
-    gel: f32,
-}
-
 /// One camera with its skin; owns all memory a frame needs.
 #[derive(Debug, Clone)]
 pub struct Renderer {
     settings: CameraSettings,
     view: View,
     atlas: Atlas,
-    pixels: Vec<Pixel>,
-    nodes: Vec<Node>,
-    columns: usize,
-    origin_mm: Vec2,
-    /// Which pixels show the gel; the others show the housing, which never changes.
-    on_gel: Vec<u32>,
-    /// Levels before blur and noise.
+    nodes: Nodes,
+    /// Light of every pixel by red, green and blue, levels; glare included.
+    light_levels: Vec<f32>,
+    /// How much of every pixel is gel: 0 beyond it, 1 on it.
+    gel: Vec<f32>,
+    /// The pixels of each row that show the gel; the others show the housing, which never changes.
+    spans: Vec<Range<usize>>,
+    seen: [Vec<f32>; LANES],
+    dots: Vec<f32>,
+    threads: Vec<f32>,
+    /// A row of levels before blur and noise.
     ideal: Vec<f32>,
     /// The last five rows, blurred along themselves.
     softened: [Vec<f32>; 5],
@@ -82,14 +71,19 @@ impl Renderer {
         let view = View::new(&settings);
         let size = settings.sensor.image_px;
         let atlas = Atlas::new(&settings, &mut random);
-        let pixels: Vec<Pixel> = (0..size.area()).map(|i| pixel(&settings, &view, size, i)).collect();
-        let reach = |axis: usize| {
-            let all = || pixels.iter().map(move |p| f64::from(p.plane_mm[axis]));
-            (all().fold(f64::MAX, f64::min), all().fold(f64::MIN, f64::max))
+        let mut light_levels = Vec::with_capacity(3 * size.area());
+        let mut gel = Vec::with_capacity(size.area());
+        for i in 0..size.area() {
+            let (levels, share) = pixel(&settings, &view, size, i);
+            light_levels.extend(levels);
+            gel.push(share);
+        }
+        let on = |share: &f32| *share > 0.0;
+        let span = |row: &[f32]| match (row.iter().position(on), row.iter().rposition(on)) {
+            (Some(first), Some(last)) => first..last + 1,
+            _ => 0..0,
         };
-        let ((left, right), (top, bottom)) = (reach(0), reach(1));
-        let count = |from: f64, to: f64| ((to - from) / NODE_MM).ceil() as usize + 2;
-        let (columns, rows) = (count(left, right), count(top, bottom));
+        let spans: Vec<_> = gel.chunks_exact(size.width).map(span).collect();
         let tap = |d: f64| (-0.5 * (d / settings.blur_px).powi(2)).exp();
         let sum = tap(0.0) + 2.0 * tap(1.0) + 2.0 * tap(2.0);
         let blur = [0.0, 1.0, 2.0].map(|d| (tap(d) / sum) as f32);
@@ -99,15 +93,17 @@ impl Renderer {
         let normal = |r: &mut Random| ((0..12).map(|_| r.fraction()).sum::<f64>() - 6.0) as f32;
         Renderer {
             noise: (0..NOISE_COUNT).map(|_| normal(&mut random)).collect(),
-            nodes: vec![[0.0; 8]; columns * rows],
-            columns,
-            origin_mm: Vec2::new(left, top),
-            on_gel: (0..size.area() as u32).filter(|&i| pixels[i as usize].gel > 0.0).collect(),
-            ideal: pixels.iter().flat_map(|p| p.light_levels).collect(),
+            nodes: Nodes::new(&settings, &view, &spans),
+            light_levels,
+            gel,
+            spans,
+            seen: std::array::from_fn(|_| vec![0.0; size.width + 8]),
+            dots: vec![0.0; size.width],
+            threads: vec![0.0; size.width],
+            ideal: vec![0.0; 3 * size.width],
             softened: std::array::from_fn(|_| vec![0.0; 3 * size.width]),
             blur,
             stuck,
-            pixels,
             atlas,
             view,
             settings,
@@ -147,61 +143,37 @@ impl Renderer {
     /// Draws the gel; `frame_seed` decides the noise. `rgb`: rows of red, green, blue without gaps.
     pub fn render(&mut self, surface: &Surface, frame_seed: u64, rgb: &mut [u8]) {
         assert_eq!(rgb.len(), 3 * self.size().area(), "picture of another size");
-        self.look(surface);
-        self.shine();
+        self.nodes.look(surface, &self.settings.texture);
         self.expose(frame_seed, rgb);
     }
 
-    /// What is seen at each node.
-    fn look(&mut self, surface: &Surface) {
-        let slopes = Slopes::of(surface.grid);
-        let texture = &self.settings.texture;
-        for (i, node) in self.nodes.iter_mut().enumerate() {
-            let at_mm = self.origin_mm + Vec2::new((i % self.columns) as f64, (i / self.columns) as f64) * NODE_MM;
-            let rest_mm = self.view.piece_seen(at_mm, surface);
-            let offset = rest_mm - at_mm;
-            let slope = slopes.at(surface, rest_mm);
-            let pressure_mpa = surface.pressure_at(rest_mm);
-            let gain = texture.gain_fraction * (1.0 - (-pressure_mpa / texture.p_ref_mpa).exp());
-            let light = &self.settings.light;
-            let shade = |c: usize| light.shade * (light.toward[c][0] * slope.x + light.toward[c][1] * slope.y);
-            *node = [
-                offset.x as f32,
-                offset.y as f32,
-                shade(0) as f32,
-                shade(1) as f32,
-                shade(2) as f32,
-                (texture.rest_fraction + gain) as f32,
-                0.0,
-                0.0,
-            ];
+    /// Light of a row, without blur and noise, into `ideal`.
+    fn shine(&mut self, y: usize) {
+        let width = self.size().width;
+        let light_levels = &self.light_levels[3 * y * width..][..3 * width];
+        self.ideal.copy_from_slice(light_levels);
+        let span = self.spans[y].clone();
+        if span.is_empty() {
+            return;
         }
-    }
-
-    /// Light of every pixel on the gel, without blur and noise.
-    fn shine(&mut self) {
-        let per_mm = (1.0 / NODE_MM) as f32;
-        let (left, top) = (self.origin_mm.x as f32, self.origin_mm.y as f32);
+        self.nodes.spread(y, span.clone(), &mut self.seen);
+        let count = span.len();
+        let [x_mm, y_mm, slope_x, slope_y, contrast] = self.seen.each_ref().map(|lane| &lane[span.clone()]);
+        let (dots, threads) = (&mut self.dots[..count], &mut self.threads[..count]);
+        self.atlas.fetch([x_mm, y_mm], dots, threads);
+        let Light { toward, shade, .. } = &self.settings.light;
+        let toward = toward.map(|t| t.map(|t| (shade * t) as f32));
         let darkness = self.settings.dots.darkness_fraction as f32;
-        for &i in &self.on_gel {
-            let pixel = &self.pixels[i as usize];
-            let [x_mm, y_mm] = pixel.plane_mm;
-            let (x, y) = ((x_mm - left) * per_mm, (y_mm - top) * per_mm);
-            let (column, row) = (x as usize, y as usize);
-            let (fx, fy) = (x - column as f32, y - row as f32);
-            let upper = row * self.columns + column;
-            let (above, below) = (&self.nodes[upper..upper + 2], &self.nodes[upper + self.columns..][..2]);
-            let seen: Node = std::array::from_fn(|k| {
-                let a = above[0][k] + (above[1][k] - above[0][k]) * fx;
-                let b = below[0][k] + (below[1][k] - below[0][k]) * fx;
-                a + (b - a) * fy
-            });
-            let (dot, thread) = self.atlas.at(x_mm + seen[0], y_mm + seen[1]);
-            let (contrast, left_over) = (seen[5] * thread, 1.0 - darkness * dot * pixel.gel);
-            let out = &mut self.ideal[3 * i as usize..][..3];
-            for channel in 0..3 {
-                let relief = 1.0 + (seen[2 + channel] + contrast) * pixel.gel;
-                out[channel] = pixel.light_levels[channel] * relief * left_over;
+        let gel = &self.gel[y * width..][span.clone()];
+        let light = light_levels[3 * span.start..3 * span.end].chunks_exact(3);
+        let out = self.ideal[3 * span.start..3 * span.end].chunks_exact_mut(3);
+        let skin = dots.iter().zip(&*threads).zip(gel);
+        let shape = slope_x.iter().zip(slope_y).zip(contrast);
+        for (((out, light), ((dot, thread), gel)), ((sx, sy), contrast)) in out.zip(light).zip(skin).zip(shape) {
+            let left_over = 1.0 - darkness * dot * gel;
+            let texture = contrast * thread;
+            for ((out, light), toward) in out.iter_mut().zip(light).zip(toward) {
+                *out = light * (1.0 + (toward[0] * sx + toward[1] * sy + texture) * gel) * left_over;
             }
         }
     }
@@ -214,7 +186,8 @@ impl Renderer {
         let noise_levels = self.settings.noise_levels as f32;
         for below in 0..height + 2 {
             if below < height {
-                soften(&self.ideal[below * line..][..line], self.blur, &mut self.softened[below % 5]);
+                self.shine(below);
+                soften(&self.ideal, self.blur, &mut self.softened[below % 5]);
             }
             let Some(y) = below.checked_sub(2) else { continue };
             // Beyond the border, the outermost rows once more.
@@ -247,30 +220,17 @@ fn expose_row(rows: [&[f32]; 5], [middle, near, far]: [f32; 3], noise: &[f32], n
     let taps = a.iter().zip(b).zip(c).zip(d).zip(e).zip(noise);
     for (out, (((((a, b), c), d), e), n)) in out.iter_mut().zip(taps) {
         let level = far * (a + e) + near * (b + d) + middle * c;
-        let spread = noise_levels * (level.max(4.0) * (1.0 / 128.0)).sqrt();
-        *out = (level + spread * n + 0.5).clamp(0.0, 255.0) as u8;
+        let lit = if level > 4.0 { level } else { 4.0 };
+        let noisy = level + noise_levels * (lit * (1.0 / 128.0)).sqrt() * n;
+        let held = if noisy > 0.0 { noisy } else { 0.0 };
+        let held = if held < 255.0 { held } else { 255.0 };
+        // The sum has the nearest whole number in its lowest bits.
+        *out = (held + (1 << 23) as f32).to_bits() as u8;
     }
 }
 
-/// Gradient of the depth at a point of the gel, by differences over a cell each way.
-struct Slopes {
-    step_mm: f64,
-}
-
-impl Slopes {
-    fn of(grid: &Grid) -> Self {
-        Slopes { step_mm: grid.cell_mm }
-    }
-
-    fn at(&self, surface: &Surface, rest_mm: Vec2) -> Vec2 {
-        let depth = |d: Vec2| surface.displacement_at(rest_mm + d).depth_mm;
-        let (x, y) = (Vec2::new(self.step_mm, 0.0), Vec2::new(0.0, self.step_mm));
-        Vec2::new(depth(x) - depth(-x), depth(y) - depth(-y)) / (2.0 * self.step_mm)
-    }
-}
-
-/// What never changes at pixel `i`.
-fn pixel(settings: &CameraSettings, view: &View, size: SizePx, i: usize) -> Pixel {
+/// Light of red, green and blue at pixel `i`, in levels, and how much of it is gel.
+fn pixel(settings: &CameraSettings, view: &View, size: SizePx, i: usize) -> ([f32; 3], f32) {
     let at = Vec2::new((i % size.width) as f64, (i / size.width) as f64);
     let plane = view.plane_from_camera(at);
     let rectified = settings.sensor.rectified_px();
@@ -306,10 +266,7 @@ fn pixel(settings: &CameraSettings, view: &View, size: SizePx, i: usize) -> Pixe
         let lit = level.max(1.0) + light.glare_levels[c] * glare + 120.0 * glint;
         (light.housing_levels[c] + (lit - light.housing_levels[c]) * gel) as f32
     });
-    // Far off the gel only the housing shows; the nodes need not reach there.
-    let most = settings.gel_half_mm + Vec2::new(2.0, 2.0);
-    let plane_mm = [plane.x.clamp(-most.x, most.x) as f32, plane.y.clamp(-most.y, most.y) as f32];
-    Pixel { plane_mm, light_levels, gel: gel as f32 }
+    (light_levels, gel as f32)
 }
 
 /// Two scratches of the coating near a corner.

@@ -60,8 +60,8 @@ pub struct GripLimits {
 
 impl Default for GripLimits {
     fn default() -> Self {
-        // Three frames at 30 Hz: one lost frame is no reason to stop.
-        GripLimits { start_n: 10.0, least_n: 5.0, most_n: 60.0, blind_force_n: None, blind_after_ns: 100_000_000 }
+        // Three frames at 30 Hz, just: one lost frame is no reason to stop.
+        GripLimits { start_n: 10.0, least_n: 5.0, most_n: 60.0, blind_force_n: None, blind_after_ns: 90_000_000 }
     }
 }
 
@@ -114,8 +114,5 @@ impl Law {
 
 /// Whether a commanded force has arrived at the object: within half a newton or a twentieth.
 fn arrived(target_n: f64, gripper: &GripperState) -> bool {
-    match gripper.force_n {
-        Some(force_n) => (force_n - target_n).abs() <= 0.5f64.max(0.05 * target_n),
-        None => gripper.target_n.is_some_and(|taken_n| (taken_n - target_n).abs() <= 0.5f64.max(0.05 * target_n)),
-    }
+    gripper.pressed_n().is_some_and(|n| (n - target_n).abs() <= 0.5f64.max(0.05 * target_n))
 }

@@ -19,11 +19,13 @@ mod settings;
 mod shear_watch;
 mod turning;
 mod unscrew;
+mod zero;
 
 pub use lift::{Lift, LiftSettings};
 pub use place::{Place, PlaceSettings};
 pub use screw::{Screw, ScrewEnd, ScrewSettings};
 pub use settings::{ControllerKind, TaskKind, TaskSettings};
+pub use turning::SlideSettings;
 pub use unscrew::{Unscrew, UnscrewSettings};
 
 use crate::grip::Guard;

@@ -7,8 +7,17 @@ use slipbound::plane::Vec2;
 /// Distance of the texels in mm: a quarter of the edge of a dot and finer than any pixel.
 const TEXEL_MM: f32 = 0.025;
 
-/// A texel: darkness of dots 0 to 255, brightness of threads -127 to 127.
-type Texel = [i16; 2];
+/// Added to a number below it, this leaves the whole part in the low bits of the sum.
+const WHOLE: f32 = (1 << 23) as f32;
+const WHOLE_MASK: u32 = (1 << 23) - 1;
+
+/// What is looked up for a row of pixels: number of the texel, shares of the ones right and below, four texels.
+#[derive(Debug, Clone)]
+struct Row {
+    place: Vec<u32>,
+    share: [Vec<f32>; 2],
+    texels: Vec<[u32; 2]>,
+}
 
 /// The skin, point by point.
 #[derive(Debug, Clone)]
@@ -16,7 +25,9 @@ pub(super) struct Atlas {
     half_mm: [f32; 2],
     columns: usize,
     rows: usize,
-    texels: Vec<Texel>,
+    /// By twos: darkness of dots 0 to 255, brightness of threads 1 to 255, 128 being neutral.
+    texels: Vec<u8>,
+    row: Row,
     markers_mm: Vec<Vec2>,
 }
 
@@ -26,7 +37,11 @@ impl Atlas {
         // The gel, and what is stretched into view from beyond it.
         let half_mm = [settings.gel_half_mm.x as f32 + 4.0, settings.gel_half_mm.y as f32 + 4.0];
         let [columns, rows] = half_mm.map(|half| (2.0 * half / TEXEL_MM).ceil() as usize + 1);
-        let mut atlas = Atlas { half_mm, columns, rows, texels: Vec::new(), markers_mm: Vec::new() };
+        assert!(columns * rows < 1 << 23, "a skin of {columns} x {rows} texels");
+        let width = settings.sensor.image_px.width + 8; // whole steps of the nodes
+        let row =
+            Row { place: vec![0; width], share: [vec![0.0; width], vec![0.0; width]], texels: vec![[0; 2]; width] };
+        let mut atlas = Atlas { half_mm, columns, rows, texels: Vec::new(), row, markers_mm: Vec::new() };
         atlas.weave(settings, random);
         atlas.print(settings, random);
         atlas
@@ -37,21 +52,37 @@ impl Atlas {
         &self.markers_mm
     }
 
-    /// Darkness of a dot (0 to 1) and brightness of the weave (-1 to 1) at a point of the gel at rest.
-    #[inline]
-    pub fn at(&self, x_mm: f32, y_mm: f32) -> (f32, f32) {
-        let x = ((x_mm + self.half_mm[0]) * (1.0 / TEXEL_MM)).clamp(0.0, (self.columns - 2) as f32);
-        let y = ((y_mm + self.half_mm[1]) * (1.0 / TEXEL_MM)).clamp(0.0, (self.rows - 2) as f32);
-        let (column, row) = (x as usize, y as usize);
-        let (fx, fy) = (x - column as f32, y - row as f32);
-        let upper = row * self.columns + column;
-        let (above, below) = (&self.texels[upper..upper + 2], &self.texels[upper + self.columns..][..2]);
-        let lane = |k: usize| {
-            let a = f32::from(above[0][k]) + f32::from(above[1][k] - above[0][k]) * fx;
-            let b = f32::from(below[0][k]) + f32::from(below[1][k] - below[0][k]) * fx;
-            a + (b - a) * fy
-        };
-        (lane(0) * (1.0 / 255.0), lane(1) * (1.0 / 127.0))
+    /// Darkness of the dots (0 to 1) and brightness of the weave (-1 to 1) at points of the gel at rest.
+    pub fn fetch(&mut self, [x_mm, y_mm]: [&[f32]; 2], dots: &mut [f32], threads: &mut [f32]) {
+        let count = dots.len();
+        let (half, stride) = (self.half_mm, self.columns as f32);
+        let last = [self.columns, self.rows].map(|count| (count - 2) as f32);
+        let Row { place, share, texels } = &mut self.row;
+        let [share_x, share_y] = share;
+        let points = x_mm[..count].iter().zip(&y_mm[..count]);
+        let rows = place.iter_mut().zip(share_x.iter_mut()).zip(share_y.iter_mut());
+        for (((place, share_x), share_y), (&x, &y)) in rows.zip(points) {
+            let x = bounded((x + half[0]) * (1.0 / TEXEL_MM), last[0]);
+            let y = bounded((y + half[1]) * (1.0 / TEXEL_MM), last[1]);
+            let (column, row) = (whole(x), whole(y));
+            (*share_x, *share_y) = (x - column, y - row);
+            *place = (row * stride + column + WHOLE).to_bits() & WHOLE_MASK;
+        }
+        let (upper, lower) = (&self.texels[..], &self.texels[2 * self.columns..]);
+        for (out, &place) in texels[..count].iter_mut().zip(place.iter()) {
+            *out = [pair_at(upper, place), pair_at(lower, place)];
+        }
+        let shares = share_x.iter().zip(share_y.iter());
+        for (((dot, thread), &[upper, lower]), (fx, fy)) in dots.iter_mut().zip(threads).zip(&*texels).zip(shares) {
+            let lane = |shift: u32| {
+                let level = |four: u32, at: u32| ((four >> (at + shift)) & 255) as i32 as f32;
+                let a = level(upper, 0) + (level(upper, 16) - level(upper, 0)) * fx;
+                let b = level(lower, 0) + (level(lower, 16) - level(lower, 0)) * fx;
+                a + (b - a) * fy
+            };
+            *dot = lane(0) * (1.0 / 255.0);
+            *thread = (lane(8) - 128.0) * (1.0 / 127.0);
+        }
     }
 
     fn place_mm(&self, texel: usize) -> Vec2 {
@@ -67,7 +98,7 @@ impl Atlas {
         let mut tones = || -> Vec<f64> { (0..threads).map(|_| random.between(-0.2, 0.2)).collect() };
         let (tones_x, tones_y) = (tones(), tones());
         self.texels = (0..self.columns * self.rows)
-            .map(|i| {
+            .flat_map(|i| {
                 let p = self.place_mm(i) + Vec2::new(f64::from(self.half_mm[0]), f64::from(self.half_mm[1]));
                 let (x, y) = (p.x / thread_mm, p.y / thread_mm);
                 let (column, row) = (x as usize, y as usize);
@@ -79,7 +110,7 @@ impl Atlas {
                     (bow(x) * (0.55 + 0.45 * bow(y)), tones_y[column])
                 };
                 let bright = (2.4 * upper - 1.2 + tone).clamp(-1.0, 1.0);
-                [0, (bright * 127.0).round() as i16]
+                [0, (128.0 + (bright * 127.0).round()) as u8]
             })
             .collect();
     }
@@ -111,9 +142,31 @@ impl Atlas {
                 let texel = row * self.columns + column;
                 let inside = (radius_mm - (self.place_mm(texel) - place).length()) / edge_mm + 0.5;
                 let smooth = inside.clamp(0.0, 1.0);
-                let dark = (255.0 * smooth * smooth * (3.0 - 2.0 * smooth)).round() as i16;
-                self.texels[texel][0] = self.texels[texel][0].max(dark);
+                let dark = (255.0 * smooth * smooth * (3.0 - 2.0 * smooth)).round() as u8;
+                self.texels[2 * texel] = self.texels[2 * texel].max(dark);
             }
         }
     }
+}
+
+/// Not below 0 and not above `most`.
+#[inline(always)]
+fn bounded(x: f32, most: f32) -> f32 {
+    let x = if x > 0.0 { x } else { 0.0 };
+    if x < most { x } else { most }
+}
+
+/// The whole number below, or next to it where that is as good: x must be from 0 to a million.
+#[inline(always)]
+fn whole(x: f32) -> f32 {
+    let near = (x + WHOLE) - WHOLE;
+    if near > x { near - 1.0 } else { near }
+}
+
+/// A texel and its right neighbour in four bytes.
+#[inline(always)]
+fn pair_at(texels: &[u8], place: u32) -> u32 {
+    let from = 2 * place as usize;
+    let four = &texels[from..from + 4];
+    u32::from_le_bytes([four[0], four[1], four[2], four[3]])
 }

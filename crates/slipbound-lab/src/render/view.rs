@@ -95,14 +95,4 @@ impl View {
         let there = rest_mm + moved.shift_mm;
         (0..ROUNDS_COUNT).fold(there, |seen, _| there + self.parallax(seen) * moved.depth_mm)
     }
-
-    /// The piece of gel that seems to be at `seen_mm`: the inverse of [`View::seen_at`].
-    pub fn piece_seen(&self, seen_mm: Vec2, surface: &Surface) -> Vec2 {
-        let parallax = self.parallax(seen_mm);
-        // A frame asks for thousands of points: four rounds leave less than a micrometre.
-        (0..4).fold(seen_mm, |rest, _| {
-            let moved = surface.displacement_at(rest);
-            seen_mm - moved.shift_mm - parallax * moved.depth_mm
-        })
-    }
 }

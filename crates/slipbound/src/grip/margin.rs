@@ -2,7 +2,7 @@
 //! by a floor, a largest force and a rate.
 //!
 //! ```text
-//!   load         F = k A s / 0.75      s: mean shear of the gel since rest, k A: its stiffness over the contact
+//!   load         F   from the mean shear of the gel since rest, see `HandReport::load_n`
 //!   used         f = F / (mu P)        margin = 1 - f
 //!   f > target         : P -> F / (mu target)     at once, at most `raise_n_per_s`
 //!   f < target - slack : P falls by `release_n_per_s`, not below the floor
@@ -18,12 +18,8 @@ use super::{GripController, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::{GripCommand, GripperState, Motion};
-use crate::sensor::{SettingError, Shear, within};
+use crate::sensor::{SettingError, within};
 use serde::{Deserialize, Serialize};
-
-/// Mean shear of the gel when all of the contact slips, over mu P / (k A): 0.61 to 0.89, mostly 0.75, for a simulated
-/// cap under 10 to 60 N. It is below 1 because the rim carries less.
-const FULL_SLIP_SHEAR: f64 = 0.75;
 
 /// Share of the friction reckoned with that one slip may take away.
 const SLIP_COST: f64 = 0.2;
@@ -74,8 +70,8 @@ impl MarginSettings {
     }
 
     /// The same with the stiffness of the finger where the settings have none. Refused when nobody knows it.
-    pub fn for_finger(&self, shear: Option<&Shear>) -> Result<Self, SettingError> {
-        let of_finger = shear.map_or(0.0, |shear| shear.stiffness_mpa_per_mm);
+    pub fn for_finger(&self, of_finger_mpa_per_mm: Option<f64>) -> Result<Self, SettingError> {
+        let of_finger = of_finger_mpa_per_mm.unwrap_or(0.0);
         let stiffness_mpa_per_mm = if self.stiffness_mpa_per_mm > 0.0 { self.stiffness_mpa_per_mm } else { of_finger };
         if stiffness_mpa_per_mm > 0.0 {
             return Ok(MarginSettings { stiffness_mpa_per_mm, ..*self });
@@ -120,14 +116,6 @@ impl Margin {
         })
     }
 
-    /// Tangential load per finger, N; None without contact.
-    fn load_n(&self, hand: &HandReport) -> Option<f64> {
-        let (shear, area_mm2) = (hand.shear_mm?, hand.contact_area_mm2?);
-        let across = libm::hypot(shear.across, if hand.separated { shear.around } else { 0.0 });
-        let shear_mm = libm::hypot(shear.along, across);
-        Some(self.settings.stiffness_mpa_per_mm * area_mm2 * shear_mm / FULL_SLIP_SHEAR)
-    }
-
     /// An incipient slip says: no more friction than is used now.
     fn learn(&mut self, hand: &HandReport, used_mu: f64) {
         let slips = matches!(hand.state, SlipState::Incipient | SlipState::Gross);
@@ -144,8 +132,8 @@ impl GripController for Margin {
     fn command(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripCommand {
         let seconds = now_ns.saturating_sub(self.last_ns.unwrap_or(now_ns)) as f64 * 1e-9;
         self.last_ns = Some(now_ns);
-        let pressed_n = gripper.force_n.or(gripper.target_n).filter(|n| *n > 0.0);
-        let (Some(load_n), Some(pressed_n)) = (self.load_n(hand), pressed_n) else {
+        let pressed_n = gripper.pressed_n().filter(|n| *n > 0.0);
+        let (Some(load_n), Some(pressed_n)) = (hand.load_n(self.settings.stiffness_mpa_per_mm), pressed_n) else {
             return GripCommand { force_n: self.force_n, motion: Motion::Go };
         };
         self.learn(hand, load_n / pressed_n);

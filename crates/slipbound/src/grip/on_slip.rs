@@ -34,7 +34,7 @@ impl Default for OnSlipSettings {
         OnSlipSettings {
             step_n: 10.0,
             hold_off_ns: 200_000_000,
-            settle_ns: 100_000_000,
+            settle_ns: 90_000_000,
             longest_pause_ns: 1_000_000_000,
         }
     }

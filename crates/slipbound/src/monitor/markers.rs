@@ -155,6 +155,9 @@ impl Markers {
         m.assign(self.settings.match_within_pitch);
         if self.settings.ask_neighbours {
             m.settle_with_neighbours(&self.all);
+            if m.torn(&self.all) {
+                m.mend_tear(&self.all, self.tracks.iter().map(|t| t.believed));
+            }
             self.doubted_frames_count = if m.trustworthy() { 0 } else { self.doubted_frames_count + 1 };
         }
         self.place(imprint);

@@ -2,11 +2,11 @@
 
 use crate::image::SizePx;
 use crate::plane::Vec2;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 
 /// The verdict on a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SlipState {
     /// Nothing touches the finger.
@@ -17,7 +17,7 @@ pub enum SlipState {
     Stick,
     /// Part of the contact lags behind the rigid body: it has begun to slip.
     Incipient,
-    /// The whole contact slides. Not used yet.
+    /// The whole contact slides. Said by tasks, from the load; one frame of one finger does not show it.
     Gross,
     /// The frame could not be judged; the reason says why.
     Unjudged,

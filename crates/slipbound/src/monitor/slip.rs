@@ -55,7 +55,7 @@ impl Default for SlipSettings {
             threshold_pitch: 4.5 / 15.2,
             over_fraction: 7.0 / 400.0,
             over_min_count: 2,
-            full_slip_fraction: 0.5,
+            full_slip_fraction: 0.3,
             least_mu: 0.35,
             regrip_n: 1.0,
         }
@@ -98,7 +98,7 @@ impl Slip {
             settings: settings.clone(),
             pitch_px: sensor.pitch_px,
             mm_per_px: sensor.mm_per_px(),
-            stiffness_mpa_per_mm: sensor.shear.as_ref().map(|shear| shear.stiffness_mpa_per_mm),
+            stiffness_mpa_per_mm: sensor.shear_stiffness_mpa_per_mm(),
             over_needed_count: settings.over_needed_count(markers_count),
             summary: SlipSummary::default(),
             slips: false,

@@ -68,6 +68,13 @@ pub struct GripperState {
     pub jaws: Jaws,
 }
 
+impl GripperState {
+    /// The force per finger as well as it is known, N: measured, else the target it took over.
+    pub fn pressed_n(&self) -> Option<f64> {
+        self.force_n.or(self.target_n)
+    }
+}
+
 /// A parallel gripper. Neither call waits for the jaws.
 pub trait Gripper {
     /// Takes over a command. An error means that it was not taken over: the force stays where it was.

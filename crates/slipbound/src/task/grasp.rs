@@ -29,8 +29,7 @@ impl Grasp {
     pub fn step(&mut self, moment: &Moment<'_>, grip: &Guard) -> Grasped {
         let since_ns = *self.since_ns.get_or_insert(moment.now_ns);
         let force_n = grip.limits().start_n;
-        let pressed_n = moment.gripper.force_n.or(moment.gripper.target_n);
-        let pressed = pressed_n.is_some_and(|n| (n - force_n).abs() <= 0.5f64.max(0.05 * force_n));
+        let pressed = moment.gripper.pressed_n().is_some_and(|n| (n - force_n).abs() <= 0.5f64.max(0.05 * force_n));
         let felt = !matches!(moment.hand.state, SlipState::NoContact);
         if moment.gripper.jaws == Jaws::Holding && pressed && felt {
             let stands_ns = *self.stands_since_ns.get_or_insert(moment.now_ns);

@@ -1,6 +1,7 @@
 //! Lifting and holding: raise what was taken, then hold it for a time, whatever is poured into it or pulls at it.
 
 use super::grasp::{Grasp, Grasped};
+use super::zero::Zero;
 use super::{Ending, Moment, PAUSE, Phase, Task, TaskStep, lower};
 use crate::grip::{GripController, Guard};
 use crate::hand::Allowed;
@@ -43,6 +44,7 @@ pub struct Lift {
     settings: LiftSettings,
     grip: Guard,
     grasp: Grasp,
+    zero: Zero,
     phase: Phase,
     start_mm: Option<f64>,
     up_since_ns: Option<u64>,
@@ -55,12 +57,13 @@ impl Lift {
         settings.check()?;
         let last = GripCommand { force_n: grip.limits().start_n, motion: Motion::Pause };
         let (grasp, phase) = (Grasp::default(), Phase::Grasping);
-        Ok(Lift { settings, grip, grasp, phase, start_mm: None, up_since_ns: None, last })
+        Ok(Lift { settings, grip, grasp, zero: Zero::default(), phase, start_mm: None, up_since_ns: None, last })
     }
 
     fn work(&mut self, moment: &Moment<'_>) {
         let start_mm = *self.start_mm.get_or_insert(moment.wrist.lowered_mm);
-        self.last = self.grip.command(moment.now_ns, &self.settings.allowed.filter(moment.hand), moment.gripper);
+        let seen = self.zero.correct(&self.settings.allowed.filter(moment.hand), moment.gripper.pressed_n());
+        self.last = self.grip.command(moment.now_ns, &seen, moment.gripper);
         if start_mm - moment.wrist.lowered_mm >= self.settings.lift_mm - 0.01 {
             self.up_since_ns.get_or_insert(moment.now_ns);
         }
@@ -80,7 +83,10 @@ impl Task for Lift {
         match self.phase {
             Phase::Grasping => match self.grasp.step(moment, &self.grip) {
                 Grasped::NotYet(grip) => self.last = grip,
-                Grasped::Yes => self.phase = Phase::Working,
+                Grasped::Yes => {
+                    self.zero.take(moment.hand, moment.gripper.pressed_n());
+                    self.phase = Phase::Working;
+                }
                 Grasped::Never(ending) => self.phase = Phase::Ended(ending),
             },
             Phase::Ended(_) => {}

@@ -7,7 +7,7 @@
 //! The paper stops at incipient slip at 60 N. Incipient is not yet all: half of the torque can be unused then. Here
 //! the wrist turns on until the shear of the gels stays flat while it turns ([`ScrewEnd::Evidence`]).
 
-use super::turning::Turning;
+use super::turning::{SlideSettings, Turning};
 use super::{Ending, Moment, Task, TaskStep};
 use crate::grip::Guard;
 use crate::hand::Allowed;
@@ -34,12 +34,14 @@ pub struct ScrewSettings {
     pub rate_rad_per_s: f64,
     /// Furthest turn, rad.
     pub most_rad: f64,
-    /// Turn over which the shear has to stay flat, rad: 4 deg, a millimetre at the rim of a bottle cap.
+    /// Turn over which the shear has to stay flat, rad: 8 deg, 2 mm at the rim of a bottle cap. Over 4 deg
     pub flat_window_rad: f64,
     /// Growth of the shear over that turn, as a share of itself, that still is flat.
     pub flat_fraction: f64,
     /// Where the cap may slide in the fingers: along the thread, for the wrist does not follow it down.
     pub allowed: Allowed,
+    /// When the fingers are sliding round the cap.
+    pub slide: SlideSettings,
 }
 
 impl Default for ScrewSettings {
@@ -48,9 +50,10 @@ impl Default for ScrewSettings {
             end: ScrewEnd::Evidence,
             rate_rad_per_s: 20f64.to_radians(),
             most_rad: 180f64.to_radians(),
-            flat_window_rad: 4f64.to_radians(),
+            flat_window_rad: 8f64.to_radians(),
             flat_fraction: 0.03,
             allowed: Allowed { along: true, ..Allowed::default() },
+            slide: SlideSettings::default(),
         }
     }
 }
@@ -61,7 +64,8 @@ impl ScrewSettings {
         within("screw.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, 0.7)?;
         within("screw.most_rad", self.most_rad, 0.01, 100.0)?;
         within("screw.flat_window_rad", self.flat_window_rad, 0.01, 1.0)?;
-        within("screw.flat_fraction", self.flat_fraction, 0.0, 0.5)
+        within("screw.flat_fraction", self.flat_fraction, 0.0, 0.5)?;
+        self.slide.check()
     }
 }
 
@@ -74,9 +78,11 @@ pub struct Screw {
 
 impl Screw {
     /// A cap is between the open jaws. Refuses settings that cannot be.
-    pub fn new(settings: ScrewSettings, grip: Guard) -> Result<Self, SettingError> {
+    /// `stiffness_mpa_per_mm` is that of the gels against shear, None where it is unknown.
+    pub fn new(settings: ScrewSettings, grip: Guard, stiffness_mpa_per_mm: Option<f64>) -> Result<Self, SettingError> {
         settings.check()?;
-        let turning = Turning::new(grip, settings.rate_rad_per_s, settings.most_rad, settings.allowed);
+        let way = (settings.rate_rad_per_s, settings.most_rad);
+        let turning = Turning::new(grip, way, settings.allowed, settings.slide, stiffness_mpa_per_mm);
         Ok(Screw { settings, turning })
     }
 }

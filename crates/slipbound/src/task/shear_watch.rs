@@ -13,6 +13,10 @@ const SAMPLES_COUNT: usize = 64;
 /// Change of shear below which nothing has changed, mm: three times the noise of a mean over a contact's markers.
 const NOISE_MM: f64 = 0.015;
 
+/// Share of its peak below which the shear has fallen. Fingers that slide keep the friction they have, and the worst
+/// elastomers lose a quarter of it in sliding.
+const FALLEN_FRACTION: f64 = 0.7;
+
 /// Shear over turn, since the grip last changed.
 #[derive(Debug, Clone)]
 pub(super) struct ShearWatch {
@@ -36,7 +40,7 @@ impl ShearWatch {
     /// other.
     pub fn see(&mut self, turned_rad: f64, shear_mm: f64) {
         self.peak_mm = self.peak_mm.max(shear_mm);
-        let fallen = shear_mm < 0.5 * self.peak_mm;
+        let fallen = shear_mm < FALLEN_FRACTION * self.peak_mm;
         self.fallen_at_rad = if fallen { self.fallen_at_rad.or(Some(turned_rad)) } else { None };
         if let Some(last) = self.count.checked_sub(1).map(|i| &mut self.samples[i])
             && (last.0 - turned_rad).abs() < 1e-4
@@ -59,7 +63,7 @@ impl ShearWatch {
         before.is_some_and(|(_, before_mm)| now_mm - before_mm <= (fraction * now_mm.abs()).max(NOISE_MM))
     }
 
-    /// How far the wrist has turned since the shear fell below half of its peak; None while it has not.
+    /// How far the wrist has turned since the shear fell well below its peak; None while it has not.
     pub fn fallen_for_rad(&self, turned_rad: f64, least_peak_mm: f64) -> Option<f64> {
         let at_rad = self.fallen_at_rad.filter(|_| self.peak_mm >= least_peak_mm)?;
         Some(turned_rad - at_rad)

@@ -2,10 +2,41 @@
 
 use super::grasp::{Grasp, Grasped};
 use super::shear_watch::ShearWatch;
+use super::zero::Zero;
 use super::{Ending, Moment, PAUSE, Phase, TaskStep, turn};
 use crate::grip::{GripController, Guard};
-use crate::hand::Allowed;
+use crate::hand::{Allowed, HandReport};
+use crate::monitor::SlipState;
 use crate::port::{GripCommand, Jaws, Motion};
+use crate::sensor::{SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// When fingers that turn are sliding round a cap though no slip was seen begin: a slide in steady state moves no
+/// marker. Then the shear stays flat while they turn, under a load that friction could just carry.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SlideSettings {
+    /// Turn over which the shear stays flat, rad: 8 deg, 2 mm at the rim of a bottle cap.
+    pub window_rad: f64,
+    /// Growth of the shear over that turn, as a share of itself, that still is flat.
+    pub flat_fraction: f64,
+    /// Least load over grip force; below it a flat shear is a cap that runs.
+    pub least_mu: f64,
+}
+
+impl Default for SlideSettings {
+    fn default() -> Self {
+        SlideSettings { window_rad: 8f64.to_radians(), flat_fraction: 0.03, least_mu: 0.25 }
+    }
+}
+
+impl SlideSettings {
+    pub(super) fn check(&self) -> Result<(), SettingError> {
+        within("slide.window_rad", self.window_rad, 0.01, 1.0)?;
+        within("slide.flat_fraction", self.flat_fraction, 0.0, 0.5)?;
+        within("slide.least_mu", self.least_mu, 0.01, 2.0)
+    }
+}
 
 /// A cap being turned.
 #[derive(Debug)]
@@ -14,7 +45,10 @@ pub(super) struct Turning {
     rate_rad_per_s: f64,
     most_rad: f64,
     allowed: Allowed,
+    slide: SlideSettings,
+    stiffness_mpa_per_mm: Option<f64>,
     grasp: Grasp,
+    zero: Zero,
     phase: Phase,
     start_rad: Option<f64>,
     shear: ShearWatch,
@@ -32,14 +66,23 @@ pub(super) struct Evidence<'a> {
 }
 
 impl Turning {
-    pub fn new(grip: Guard, rate_rad_per_s: f64, most_rad: f64, allowed: Allowed) -> Self {
+    pub fn new(
+        grip: Guard,
+        (rate_rad_per_s, most_rad): (f64, f64),
+        allowed: Allowed,
+        slide: SlideSettings,
+        stiffness_mpa_per_mm: Option<f64>,
+    ) -> Self {
         let last = GripCommand { force_n: grip.limits().start_n, motion: Motion::Pause };
         Turning {
             grip,
             rate_rad_per_s,
             most_rad,
             allowed,
+            slide,
+            stiffness_mpa_per_mm,
             grasp: Grasp::default(),
+            zero: Zero::default(),
             phase: Phase::Grasping,
             start_rad: None,
             shear: ShearWatch::new(),
@@ -51,7 +94,10 @@ impl Turning {
         match self.phase {
             Phase::Grasping => match self.grasp.step(moment, &self.grip) {
                 Grasped::NotYet(grip) => self.last = grip,
-                Grasped::Yes => self.phase = Phase::Working,
+                Grasped::Yes => {
+                    self.zero.take(moment.hand, moment.gripper.pressed_n());
+                    self.phase = Phase::Working;
+                }
                 Grasped::Never(ending) => self.phase = Phase::Ended(ending),
             },
             Phase::Ended(_) => {}
@@ -66,11 +112,16 @@ impl Turning {
         let sense = self.rate_rad_per_s.signum();
         let turned_rad = sense * (moment.wrist.angle_rad - start_rad);
         let before = self.last;
-        self.last = self.grip.command(moment.now_ns, &self.allowed.filter(moment.hand), moment.gripper);
+        let pressed_n = moment.gripper.pressed_n();
+        let mut seen = self.zero.correct(&self.allowed.filter(moment.hand), pressed_n);
+        if self.slides(&seen, pressed_n) {
+            seen.state = SlipState::Gross;
+        }
+        self.last = self.grip.command(moment.now_ns, &seen, moment.gripper);
         if self.last.force_n != before.force_n {
             self.shear.restart();
         }
-        if let Some(shear) = moment.hand.shear_mm {
+        if let Some(shear) = seen.shear_mm {
             self.shear.see(turned_rad, sense * shear.around);
         }
         let slip_at_most = self.last.force_n >= self.grip.limits().most_n && self.grip.wants_more();
@@ -85,5 +136,13 @@ impl Turning {
             (None, Motion::Go) => Phase::Working,
             (None, _) => Phase::Waiting,
         };
+    }
+
+    /// Whether the fingers slide round the cap. Never where the stiffness of the gel is unknown: a cap that runs
+    /// looks the same then.
+    fn slides(&self, hand: &HandReport, pressed_n: Option<f64>) -> bool {
+        let load_n = self.stiffness_mpa_per_mm.and_then(|stiffness| hand.load_n(stiffness));
+        let (Some(load_n), Some(pressed_n)) = (load_n, pressed_n) else { return false };
+        load_n >= self.slide.least_mu * pressed_n && self.shear.is_flat(self.slide.window_rad, self.slide.flat_fraction)
     }
 }

@@ -5,7 +5,7 @@
 //!                                      -> Ended(Stuck):  at the largest force the fingers slide over the cap
 //! ```
 
-use super::turning::Turning;
+use super::turning::{SlideSettings, Turning};
 use super::{Ending, Moment, Task, TaskStep};
 use crate::grip::Guard;
 use crate::hand::Allowed;
@@ -23,7 +23,7 @@ pub struct UnscrewSettings {
     pub rate_rad_per_s: f64,
     /// Furthest turn, rad.
     pub most_rad: f64,
-    /// Turn over which the torque has to stay below half of its peak, rad.
+    /// Turn over which the torque has to stay well below its peak, rad.
     pub open_rad: f64,
     /// A peak of shear below this was no resistance, mm.
     pub least_peak_mm: f64,
@@ -31,6 +31,8 @@ pub struct UnscrewSettings {
     pub stuck_rad: f64,
     /// Where the cap may slide in the fingers: along the thread.
     pub allowed: Allowed,
+    /// When the fingers are sliding round the cap.
+    pub slide: SlideSettings,
 }
 
 impl Default for UnscrewSettings {
@@ -42,6 +44,7 @@ impl Default for UnscrewSettings {
             least_peak_mm: 0.2,
             stuck_rad: 20f64.to_radians(),
             allowed: Allowed { along: true, ..Allowed::default() },
+            slide: SlideSettings::default(),
         }
     }
 }
@@ -53,7 +56,8 @@ impl UnscrewSettings {
         within("unscrew.most_rad", self.most_rad, 0.01, 100.0)?;
         within("unscrew.open_rad", self.open_rad, 0.01, 10.0)?;
         within("unscrew.least_peak_mm", self.least_peak_mm, 0.0, 10.0)?;
-        within("unscrew.stuck_rad", self.stuck_rad, 0.01, 10.0)
+        within("unscrew.stuck_rad", self.stuck_rad, 0.01, 10.0)?;
+        self.slide.check()
     }
 }
 
@@ -66,9 +70,15 @@ pub struct Unscrew {
 
 impl Unscrew {
     /// A cap is between the open jaws. Refuses settings that cannot be.
-    pub fn new(settings: UnscrewSettings, grip: Guard) -> Result<Self, SettingError> {
+    /// `stiffness_mpa_per_mm` is that of the gels against shear, None where it is unknown.
+    pub fn new(
+        settings: UnscrewSettings,
+        grip: Guard,
+        stiffness_mpa_per_mm: Option<f64>,
+    ) -> Result<Self, SettingError> {
         settings.check()?;
-        let turning = Turning::new(grip, settings.rate_rad_per_s, settings.most_rad, settings.allowed);
+        let way = (settings.rate_rad_per_s, settings.most_rad);
+        let turning = Turning::new(grip, way, settings.allowed, settings.slide, stiffness_mpa_per_mm);
         Ok(Unscrew { settings, turning })
     }
 }

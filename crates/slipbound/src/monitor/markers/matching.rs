@@ -25,6 +25,16 @@ const RECOVERY_PITCH: f64 = 0.4;
 /// Rounds of asking: each reaches markers one neighbourhood further into a region where none is seen.
 const ROUNDS: usize = 4;
 
+/// Markers that were this near to their rest place hold where the gel hardly moves; from there a torn field is grown anew.
+const STILL_PITCH: f64 = 0.25;
+/// Rounds of growing: the contact of a fingertip is some ten pitches across.
+const GROWING_ROUNDS: usize = 14;
+/// Tear over all markers above which a field may be a pitch off somewhere: 0.06 when a whole contact is, 0.01 to 0.03 in
+/// a contact under strong shear.
+const TORN_FRACTION: f64 = 0.03;
+/// A field grown anew is taken when it is torn this much less.
+const CLEARLY_LESS: f64 = 0.5;
+
 const NO_SPOT: u32 = u32::MAX;
 
 #[derive(Debug, Clone, Copy)]
@@ -51,6 +61,8 @@ pub(super) struct Matching {
     match_of: Vec<u32>,
     pairs: Vec<Pair>,
     undone: Vec<bool>,
+    saved_match_of: Vec<u32>,
+    saved_predicted: Vec<Vec2>,
     disagreement_pitch: f64,
     /// The round from which on a marker without a spot is believed to be where its neighbours told; 0 for never.
     told: Vec<usize>,
@@ -94,6 +106,8 @@ impl Matching {
             // Spots lie apart by 0.45 pitch: no more than nine of them within half a pitch of a place.
             pairs: Vec::with_capacity(9 * markers.len()),
             undone: vec![false; markers.len()],
+            saved_match_of: vec![NO_SPOT; markers.len()],
+            saved_predicted: vec![Vec2::ZERO; markers.len()],
             told: vec![0; markers.len()],
             round: 0,
             neighbours,
@@ -159,6 +173,11 @@ impl Matching {
         inside(p.x, self.size.width) && inside(p.y, self.size.height)
     }
 
+    /// Whether the field is torn so much that it may be a pitch off somewhere.
+    pub(super) fn torn(&self, markers: &[Marker]) -> bool {
+        self.tear(markers) > TORN_FRACTION * markers.len() as f64
+    }
+
     /// Whether the matches of this frame may be believed: hardly a marker in view is missed, and each moved much as
     /// its neighbours did. Noise, glare and swapped markers are not like that.
     pub(super) fn trustworthy(&self) -> bool {
@@ -219,8 +238,61 @@ impl Matching {
                 self.match_of[i] = NO_SPOT;
             }
         }
+        self.ask_neighbours(markers, ROUNDS);
+    }
+
+    /// A gel that snaps back moves by a pitch within a frame, and each marker then finds the spot of the next. The
+    /// field is torn where that region ends. Grows it anew from the markers that hardly moved before (`believed`),
+    /// and keeps whichever is torn less.
+    pub(super) fn mend_tear(&mut self, markers: &[Marker], believed: impl Iterator<Item = Vec2>) {
+        let torn = self.tear(markers);
+        self.saved_match_of.copy_from_slice(&self.match_of);
+        self.saved_predicted.copy_from_slice(&self.predicted);
+        for ((undone, m), believed) in self.undone.iter_mut().zip(markers).zip(believed) {
+            *undone = (believed - m.rest).length() > STILL_PITCH * self.pitch_px;
+        }
+        self.spot_taken.fill(false);
+        self.match_of.fill(NO_SPOT);
+        for (i, m) in markers.iter().enumerate() {
+            // What may have moved is out of reach until a neighbour tells where it went.
+            let far = Vec2::new(f64::NAN, f64::NAN);
+            self.predicted[i] = if self.undone[i] { far } else { m.rest };
+        }
+        self.assign(RECOVERY_PITCH);
+        self.ask_neighbours(markers, GROWING_ROUNDS);
+        if self.tear(markers) < CLEARLY_LESS * torn {
+            return;
+        }
+        self.match_of.copy_from_slice(&self.saved_match_of);
+        self.predicted.copy_from_slice(&self.saved_predicted);
         self.told.fill(0);
-        for round in 1..=ROUNDS {
+        self.spot_taken.fill(false);
+        for &spot in self.match_of.iter().filter(|&&spot| spot != NO_SPOT) {
+            self.spot_taken[spot as usize] = true;
+        }
+    }
+
+    /// How torn the field is: markers in view that are missed, and matches as far as they contradict their
+    /// neighbours, a whole contradiction counting as much as a miss.
+    fn tear(&self, markers: &[Marker]) -> f64 {
+        let one = |i: usize| match self.spot_of(i) {
+            None => f64::from(!self.predicted[i].is_finite() || self.in_view(self.predicted[i])),
+            Some(spot) => {
+                let off_pitch = self
+                    .where_neighbours_went(markers, i)
+                    .map_or(CONTRADICTION_PITCH, |told| (spot.position - told).length() / self.pitch_px);
+                let share = (off_pitch / CONTRADICTION_PITCH).min(1.0);
+                share * share
+            }
+        };
+        (0..markers.len()).map(one).sum()
+    }
+
+    /// Seeks markers without a spot where their neighbours went, further in at each round.
+    fn ask_neighbours(&mut self, markers: &[Marker], rounds_count: usize) {
+        self.told.fill(0);
+        self.round = 0;
+        for round in 1..=rounds_count {
             let mut asked = false;
             for i in 0..markers.len() {
                 if self.match_of[i] != NO_SPOT {

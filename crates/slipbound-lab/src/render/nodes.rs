@@ -1,0 +1,244 @@
+//! Which piece of the gel is seen where, how it slopes and how it is pressed: once a frame, at nodes a few pixels apart.
+//!
+//! ```text
+//!   cells (displacement, its slope, pressure) --Newton--> nodes of the camera image --straight lines--> pixels of a row
+//! ```
+
+use super::surface::Surface;
+use super::view::View;
+use super::{CameraSettings, Texture};
+use slipbound::image::SizePx;
+use slipbound::plane::Vec2;
+
+/// Nodes are at most this far apart on the gel, in mm: a cell of the contact.
+const NODE_MM: f64 = 0.4;
+/// Newton steps at a node, and the distance in mm that is near enough. A ten thousandth of a pitch is 0.002 px.
+const STEPS_COUNT: usize = 12;
+const NEAR_MM: f32 = 2e-5;
+/// How far the gel may be stretched into view from beyond its border, in mm.
+pub(super) const BEYOND_MM: f64 = 2.0;
+
+/// What a pixel is made from: place of the piece seen on the gel at rest (x, y in mm), slope of its depth along x and
+/// along y, contrast of the texture.
+pub(super) const LANES: usize = 5;
+
+/// Displacement x, y and depth in mm, slope of the depth along x and y, pressure in MPa; two spare lanes.
+type Cell = [f32; 8];
+
+/// Where a node is and what never changes there.
+#[derive(Debug, Clone, Copy)]
+struct Site {
+    plane_mm: [f32; 2],
+    parallax: [f32; 2],
+}
+
+/// A lattice over the camera image.
+#[derive(Debug, Clone)]
+pub(super) struct Nodes {
+    /// Pixels from node to node along x and y.
+    step_px: [usize; 2],
+    columns: usize,
+    sites: Vec<Site>,
+    /// Columns of each row of nodes that a pixel on the gel asks for.
+    used: Vec<std::ops::Range<usize>>,
+    lanes: [Vec<f32>; LANES],
+    line: [Vec<f32>; LANES],
+    cells: Vec<Cell>,
+}
+
+impl Nodes {
+    /// `spans`: the pixels of each row that show the gel.
+    pub fn new(settings: &CameraSettings, view: &View, spans: &[std::ops::Range<usize>]) -> Self {
+        let SizePx { width, height } = settings.sensor.image_px;
+        let place = |x: usize, y: usize| {
+            let plane = view.plane_from_camera(Vec2::new(x as f64, y as f64));
+            let most = settings.gel_half_mm + Vec2::new(BEYOND_MM, BEYOND_MM);
+            Vec2::new(plane.x.clamp(-most.x, most.x), plane.y.clamp(-most.y, most.y))
+        };
+        let step = |dx: usize, dy: usize| {
+            // The longest pixel decides; pixels at the ends of the rows stand for all.
+            let ends = spans.iter().enumerate().filter(|(_, span)| !span.is_empty());
+            let long = ends
+                .flat_map(|(y, span)| [(span.start, y), (span.end - 1, y)])
+                .map(|(x, y)| (place(x + dx, y + dy) - place(x, y)).length())
+                .fold(0.0, f64::max);
+            [8, 4, 2].into_iter().find(|&n| n as f64 * long <= NODE_MM).unwrap_or(1)
+        };
+        let step_px = [step(1, 0), step(0, 1)];
+        let (columns, rows) = ((width - 1) / step_px[0] + 2, (height - 1) / step_px[1] + 2);
+        let mut used = vec![0..0; rows];
+        for (y, span) in spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
+            let (row, first, end) = (y / step_px[1], span.start / step_px[0], (span.end - 1) / step_px[0] + 2);
+            for range in &mut used[row..row + 2] {
+                *range = if range.end == 0 { first..end } else { range.start.min(first)..range.end.max(end) };
+            }
+        }
+        let sites = (0..columns * rows)
+            .map(|i| {
+                let plane = place(i % columns * step_px[0], i / columns * step_px[1]);
+                let parallax = view.parallax(plane);
+                Site { plane_mm: [plane.x as f32, plane.y as f32], parallax: [parallax.x as f32, parallax.y as f32] }
+            })
+            .collect();
+        Nodes {
+            step_px,
+            columns,
+            sites,
+            used,
+            lanes: std::array::from_fn(|_| vec![0.0; columns * rows]),
+            line: std::array::from_fn(|_| vec![0.0; columns]),
+            cells: Vec::new(),
+        }
+    }
+
+    /// Looks at every node of the gel.
+    pub fn look(&mut self, surface: &Surface, texture: &Texture) {
+        self.take(surface);
+        let field = Field::new(surface, &self.cells);
+        let per_mpa = -1.0 / texture.p_ref_mpa as f32;
+        let (rest, gain) = (texture.rest_fraction as f32, texture.gain_fraction as f32);
+        for (row, used) in self.used.iter().enumerate() {
+            let mut off = [0.0; 2];
+            for i in used.clone().map(|column| row * self.columns + column) {
+                let site = &self.sites[i];
+                let (piece, cell) = field.seen(site, off);
+                off = [piece[0] - site.plane_mm[0], piece[1] - site.plane_mm[1]];
+                let pressed = if cell[5] > 0.0 { 1.0 - (cell[5] * per_mpa).exp() } else { 0.0 };
+                let values = [piece[0], piece[1], cell[3], cell[4], rest + gain * pressed];
+                self.lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[i] = value);
+            }
+        }
+    }
+
+    /// The cells in one place each, with the slope of the depth.
+    fn take(&mut self, surface: &Surface) {
+        let (width, height) = (surface.grid.width_cells, surface.grid.height_cells);
+        let per_mm = 0.5 / surface.grid.cell_mm;
+        let depth = |x: usize, y: usize| surface.displacement[y * width + x].depth_mm;
+        self.cells.clear();
+        self.cells.extend((0..width * height).map(|i| {
+            let (x, y) = (i % width, i / width);
+            let moved = &surface.displacement[i];
+            let along = depth((x + 1).min(width - 1), y) - depth(x.saturating_sub(1), y);
+            let across = depth(x, (y + 1).min(height - 1)) - depth(x, y.saturating_sub(1));
+            [
+                moved.shift_mm.x as f32,
+                moved.shift_mm.y as f32,
+                moved.depth_mm as f32,
+                (along * per_mm) as f32,
+                (across * per_mm) as f32,
+                surface.pressure_mpa[i] as f32,
+                0.0,
+                0.0,
+            ]
+        }));
+    }
+
+    /// The lanes of a row of pixels, written from `span.start` rounded down to a node on; `out` is that much wider
+    /// than the image.
+    pub fn spread(&mut self, y: usize, span: std::ops::Range<usize>, out: &mut [Vec<f32>; LANES]) {
+        let [step_x, step_y] = self.step_px;
+        let (row, share) = (y / step_y, (y % step_y) as f32 / step_y as f32);
+        let (first, last) = (span.start / step_x, (span.end - 1) / step_x + 1);
+        for ((lane, line), out) in self.lanes.iter().zip(&mut self.line).zip(out) {
+            let from = row * self.columns + first;
+            let (above, below) = (&lane[from..=from + last - first], &lane[from + self.columns..][..=last - first]);
+            let line = &mut line[..=last - first];
+            for ((line, a), b) in line.iter_mut().zip(above).zip(below) {
+                *line = a + (b - a) * share;
+            }
+            let out = &mut out[first * step_x..last * step_x];
+            match step_x {
+                8 => between::<8>(line, out),
+                4 => between::<4>(line, out),
+                2 => between::<2>(line, out),
+                _ => out.copy_from_slice(&line[..out.len()]),
+            }
+        }
+    }
+}
+
+/// Straight lines between nodes, N pixels each.
+fn between<const N: usize>(nodes: &[f32], out: &mut [f32]) {
+    for (pair, out) in nodes.windows(2).zip(out.chunks_exact_mut(N)) {
+        let (a, step) = (pair[0], (pair[1] - pair[0]) * (1.0 / N as f32));
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = a + step * i as f32;
+        }
+    }
+}
+
+/// The cells as a field over the gel at rest: bilinear between their middles, beyond the outermost ones theirs.
+struct Field<'a> {
+    cells: &'a [Cell],
+    width: usize,
+    per_mm: f32,
+    /// Place of the first cell's middle and number of the last cell but one, along x and y.
+    origin_mm: [f32; 2],
+    last: [f32; 2],
+}
+
+impl<'a> Field<'a> {
+    fn new(surface: &Surface, cells: &'a [Cell]) -> Self {
+        let (grid, half) = (surface.grid, surface.grid.half_size_mm());
+        Field {
+            cells,
+            width: grid.width_cells,
+            per_mm: (1.0 / grid.cell_mm) as f32,
+            origin_mm: [half.x, half.y].map(|half| (0.5 * grid.cell_mm - half) as f32),
+            last: [grid.width_cells, grid.height_cells].map(|count| (count - 1) as f32),
+        }
+    }
+
+    /// The four cells around a place and how far it is between them.
+    #[inline(always)]
+    fn around(&self, [x, y]: [f32; 2]) -> ([&Cell; 4], [f32; 2]) {
+        let place = |at: f32, axis: usize| {
+            let at = ((at - self.origin_mm[axis]) * self.per_mm).clamp(0.0, self.last[axis]);
+            let low = at.min(self.last[axis] - 1.0) as i32;
+            (low as usize, at - low as f32)
+        };
+        let ((column, fx), (row, fy)) = (place(x, 0), place(y, 1));
+        let corner = row * self.width + column;
+        let (above, below) = (&self.cells[corner..corner + 2], &self.cells[corner + self.width..][..2]);
+        ([&above[0], &above[1], &below[0], &below[1]], [fx, fy])
+    }
+
+    /// The piece of gel that seems to be at a site, and what the cells say there. The seen place of a piece is
+    /// `X + shift + parallax depth`; Newton's method from the site, shifted as the node before was.
+    fn seen(&self, site: &Site, off: [f32; 2]) -> ([f32; 2], Cell) {
+        let ([px, py], [kx, ky]) = (site.plane_mm, site.parallax);
+        let mut at = [px + off[0], py + off[1]];
+        for _ in 0..STEPS_COUNT {
+            let ([a, b, c, d], [fx, fy]) = self.around(at);
+            let value = |k: usize| {
+                let (upper, lower) = (a[k] + (b[k] - a[k]) * fx, c[k] + (d[k] - c[k]) * fx);
+                (upper, lower, upper + (lower - upper) * fy)
+            };
+            let along = |k: usize| ((b[k] - a[k]) * (1.0 - fy) + (d[k] - c[k]) * fy) * self.per_mm;
+            let ((ux, lx, sx), (uy, ly, sy), (uz, lz, sz)) = (value(0), value(1), value(2));
+            let across = |upper: f32, lower: f32| (lower - upper) * self.per_mm;
+            let miss = [at[0] + sx + kx * sz - px, at[1] + sy + ky * sz - py];
+            let (zx, zy) = (along(2), across(uz, lz));
+            let (xx, xy) = (1.0 + along(0) + kx * zx, across(ux, lx) + kx * zy);
+            let (yx, yy) = (along(1) + ky * zx, 1.0 + across(uy, ly) + ky * zy);
+            let det = xx * yy - xy * yx;
+            // Where the linear gel would fold over itself, a plain step.
+            let (dx, dy) = if det > 0.1 {
+                ((yy * miss[0] - xy * miss[1]) / det, (xx * miss[1] - yx * miss[0]) / det)
+            } else {
+                (miss[0], miss[1])
+            };
+            at = [at[0] - dx, at[1] - dy];
+            if dx.abs() + dy.abs() < NEAR_MM {
+                break;
+            }
+        }
+        let ([a, b, c, d], [fx, fy]) = self.around(at);
+        let cell = std::array::from_fn(|k| {
+            let (upper, lower) = (a[k] + (b[k] - a[k]) * fx, c[k] + (d[k] - c[k]) * fx);
+            upper + (lower - upper) * fy
+        });
+        (at, cell)
+    }
+}

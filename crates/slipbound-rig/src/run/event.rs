@@ -1,0 +1,206 @@
+//! From a line per cycle to the few moments worth one.
+
+use super::{Cycle, Row};
+use serde::{Deserialize, Serialize};
+use slipbound::hand::{HandSlip, HandVector, Health};
+use slipbound::monitor::SlipState;
+use slipbound::task::{Ending, Phase};
+
+/// A slip is over after this time without a sign of it. Less than a controller needs for a step and its pause, so
+/// that the next slip is one of its own.
+const QUIET_NS: u64 = 200_000_000;
+/// A change of the commanded force from one cycle to the next that counts as a step, N. What changes slower is on the
+/// way to something, and is seen in the plot.
+const STEP_N: f64 = 0.5;
+/// A component of the direction that is named, of a vector of length 1: within 60 deg of it.
+const NAMED: f64 = 0.5;
+
+/// Something that happened, and when: a line of `events.jsonl`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TimedEvent {
+    /// Time of the loop, ns.
+    pub time_ns: u64,
+    /// What.
+    #[serde(flatten)]
+    pub event: Event,
+}
+
+/// A moment worth a line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "event")]
+pub enum Event {
+    /// The task does something else from here.
+    Phase {
+        /// What it does now.
+        now: Phase,
+    },
+    /// Part of a contact began to slip, or the controller answered a slip that went on once more.
+    SlipBegins {
+        /// Its number, from 1.
+        slip: u32,
+        /// Direction in words: `along`, `across`, `around`, `pivot`, several joined by ` and `.
+        direction: String,
+        /// How many fingers say so.
+        fingers_count: u32,
+        /// Whether the whole contact slides.
+        gross: bool,
+        /// Force at which it slipped, N per finger: measured, else commanded; None when neither is a number.
+        force_n: Option<f64>,
+    },
+    /// It came to rest.
+    SlipEnds {
+        /// Its number.
+        slip: u32,
+        /// Time from the first sign of it to the last, ns.
+        lasted_ns: u64,
+    },
+    /// The commanded force made a step.
+    Grip {
+        /// Before, N per finger; None when it was no number.
+        from_n: Option<f64>,
+        /// After, N per finger; None when it is no number.
+        to_n: Option<f64>,
+    },
+    /// A finger went blind, froze or came back.
+    Finger {
+        /// Its name.
+        finger: String,
+        /// What it is now.
+        health: Health,
+    },
+    /// A picture was kept.
+    Picture {
+        /// The slip it belongs to, 0 before any.
+        slip: u32,
+        /// Name of the finger.
+        finger: String,
+        /// Name of the file in the folder.
+        file: String,
+    },
+    /// What the loop itself had to say.
+    Note {
+        /// In words.
+        text: String,
+    },
+    /// The task is over.
+    Ended {
+        /// How.
+        ending: Ending,
+        /// On what evidence.
+        evidence: String,
+    },
+    /// A line of the table of results.
+    Result(Row),
+}
+
+/// Folds cycles into events.
+#[derive(Debug)]
+pub(super) struct Watch {
+    fingers: Vec<String>,
+    last: Option<Cycle>,
+    slip: Option<Running>,
+    slips_count: u32,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Running {
+    since_ns: u64,
+    last_ns: u64,
+    /// Whether the controller has answered it.
+    answered: bool,
+}
+
+impl Watch {
+    pub fn new(fingers: Vec<String>) -> Self {
+        Watch { fingers, last: None, slip: None, slips_count: 0 }
+    }
+
+    pub fn slips_count(&self) -> u32 {
+        self.slips_count
+    }
+
+    /// What this cycle brings, in the order in which it is to be read.
+    pub fn see(&mut self, cycle: &Cycle) -> Vec<Event> {
+        let mut events = self.fingers_changed(cycle);
+        self.slips(cycle, &mut events);
+        if let Some(last) = &self.last {
+            let (from_n, to_n) = (last.grip_command.force_n, cycle.grip_command.force_n);
+            let both = from_n.is_finite() && to_n.is_finite();
+            if if both { (to_n - from_n).abs() >= STEP_N } else { from_n.is_finite() != to_n.is_finite() } {
+                events.push(Event::Grip { from_n: finite(from_n), to_n: finite(to_n) });
+            }
+        }
+        if self.last.as_ref().is_none_or(|last| last.phase != cycle.phase) {
+            events.push(match cycle.phase {
+                Phase::Ended(ending) => Event::Ended { ending, evidence: ending.evidence().to_owned() },
+                now => Event::Phase { now },
+            });
+        }
+        self.last = Some(cycle.clone());
+        events
+    }
+
+    /// Ends a slip that still runs when the loop is over.
+    pub fn end(&mut self) -> Option<Event> {
+        let slip = self.slip.take()?;
+        Some(Event::SlipEnds { slip: self.slips_count, lasted_ns: slip.last_ns.saturating_sub(slip.since_ns) })
+    }
+
+    fn fingers_changed(&self, cycle: &Cycle) -> Vec<Event> {
+        let fingers = self.fingers.iter().enumerate().zip(&cycle.hand.health);
+        let changed = fingers.filter(|((i, _), now)| {
+            // A finger is taken to be live until it is not: the first cycle says nothing of those that are.
+            let before = self.last.as_ref().map_or(Health::Live, |last| last.hand.health[*i]);
+            before != **now
+        });
+        changed.map(|((_, finger), &health)| Event::Finger { finger: finger.clone(), health }).collect()
+    }
+
+    fn slips(&mut self, cycle: &Cycle, events: &mut Vec<Event>) {
+        let slips = matches!(cycle.hand.state, SlipState::Incipient | SlipState::Gross);
+        let alarm = self.last.as_ref().map_or(0, |last| last.alarms_count) < cycle.alarms_count;
+        let goes_on = match self.slip {
+            Some(running) if slips => !(alarm && running.answered),
+            Some(running) => cycle.time_ns.saturating_sub(running.last_ns) < QUIET_NS,
+            None => false,
+        };
+        if !goes_on {
+            events.extend(self.end());
+        }
+        if !slips {
+            return;
+        }
+        match &mut self.slip {
+            Some(running) => {
+                running.last_ns = cycle.time_ns;
+                running.answered |= alarm;
+            }
+            None => {
+                self.slips_count += 1;
+                self.slip = Some(Running { since_ns: cycle.time_ns, last_ns: cycle.time_ns, answered: alarm });
+                events.push(Event::SlipBegins {
+                    slip: self.slips_count,
+                    direction: cycle.hand.slip.as_ref().map_or_else(String::new, direction),
+                    fingers_count: cycle.hand.slip.map_or(0, |slip| slip.fingers_count),
+                    gross: cycle.hand.state == SlipState::Gross,
+                    force_n: finite(cycle.gripper.force_n.unwrap_or(cycle.grip_command.force_n)),
+                });
+            }
+        }
+    }
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+/// The direction of a slip in words.
+fn direction(slip: &HandSlip) -> String {
+    let HandVector { along, across, around } = slip.direction;
+    let named = [("along", along), ("across", across), ("around", around)];
+    let mut words: Vec<&str> = named.iter().filter(|(_, part)| part.abs() > NAMED).map(|(name, _)| *name).collect();
+    if slip.pivots {
+        words.push("pivot");
+    }
+    words.join(" and ")
+}

@@ -1,0 +1,89 @@
+//! A cycle as a line of JSON and back, exact to the last bit.
+//!
+//! JSON has no word for infinity or for what is not a number: `serde_json` writes null. A line with such a number
+//! gets one key more, `not_finite`, that says where they stand, so that a replay sees what the loop saw.
+
+use super::Cycle;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use toml::Value;
+
+/// Dotted key to `nan`, `inf` or `-inf`.
+type NotFinite = BTreeMap<String, String>;
+
+#[derive(Serialize)]
+struct Line<'a> {
+    #[serde(flatten)]
+    cycle: &'a Cycle,
+    #[serde(skip_serializing_if = "NotFinite::is_empty")]
+    not_finite: NotFinite,
+}
+
+pub(super) fn write(cycle: &Cycle) -> Result<String, String> {
+    // TOML's values can be any number, which makes them the tree to search.
+    let tree = Value::try_from(cycle).map_err(|e| e.to_string())?;
+    let mut not_finite = NotFinite::new();
+    find(&tree, &mut String::new(), &mut not_finite);
+    serde_json::to_string(&Line { cycle, not_finite }).map_err(|e| e.to_string())
+}
+
+pub(super) fn read(line: &str) -> Result<Cycle, String> {
+    let mut json: serde_json::Value = serde_json::from_str(line).map_err(|e| e.to_string())?;
+    let Some(not_finite) = json.as_object_mut().and_then(|keys| keys.remove("not_finite")) else {
+        return serde_json::from_str(line).map_err(|e| e.to_string());
+    };
+    let not_finite: NotFinite = serde_json::from_value(not_finite).map_err(|e| format!("not_finite: {e}"))?;
+    let mut tree = finite_part(json).ok_or("expected an object, got null")?;
+    for (path, number) in not_finite {
+        let number = number.parse().map_err(|_| format!("not_finite.{path}: expected a number, got `{number}`"))?;
+        put(&mut tree, &path, number).ok_or_else(|| format!("not_finite: expected keys of this line, got `{path}`"))?;
+    }
+    tree.try_into().map_err(|e| e.to_string())
+}
+
+fn find(value: &Value, path: &mut String, into: &mut NotFinite) {
+    match value {
+        Value::Float(number) if !number.is_finite() => {
+            into.insert(path.clone(), number.to_string());
+        }
+        Value::Table(table) => {
+            for (key, value) in table {
+                let length = path.len();
+                if length > 0 {
+                    path.push('.');
+                }
+                path.push_str(key);
+                find(value, path, into);
+                path.truncate(length);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// The same tree without nulls, which TOML does not have.
+fn finite_part(json: serde_json::Value) -> Option<Value> {
+    Some(match json {
+        serde_json::Value::Null => return None,
+        serde_json::Value::Bool(is) => Value::Boolean(is),
+        serde_json::Value::Number(number) => match number.as_i64() {
+            Some(whole) => Value::Integer(whole),
+            None => Value::Float(number.as_f64()?),
+        },
+        serde_json::Value::String(text) => Value::String(text),
+        serde_json::Value::Array(values) => Value::Array(values.into_iter().filter_map(finite_part).collect()),
+        serde_json::Value::Object(keys) => {
+            Value::Table(keys.into_iter().filter_map(|(key, value)| Some((key, finite_part(value)?))).collect())
+        }
+    })
+}
+
+fn put(tree: &mut Value, path: &str, number: f64) -> Option<()> {
+    let (parents, last) = path.rsplit_once('.').map_or((None, path), |(parents, last)| (Some(parents), last));
+    let parent = match parents {
+        Some(parents) => parents.split('.').try_fold(tree, |value, key| value.get_mut(key))?,
+        None => tree,
+    };
+    parent.as_table_mut()?.insert(last.to_owned(), Value::Float(number));
+    Some(())
+}

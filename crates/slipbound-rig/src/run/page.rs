@@ -1,0 +1,221 @@
+//! The page that shows a run: one file, no other needed, no script.
+//!
+//! ```text
+//!   title, how it ended and why
+//!   table of results
+//!   strips: phases, fingers, notes      |  one time axis,
+//!   plots: force, load, margin, shear   |  slips numbered through all of them
+//!   a card for each slip, with what the fingers saw
+//!   events, settings (folded)
+//! ```
+//!
+//! It is well-formed XML as well as HTML, which is how the tests read it.
+
+mod panels;
+pub(super) mod picture;
+mod plot;
+mod strips;
+mod text;
+
+use super::{Cycle, Event, Row, RunInfo, TimedEvent};
+use slipbound::task::Ending;
+use std::fmt;
+use text::{Escaped, base64, in_words, seconds};
+
+/// Pictures put into the page; later ones are only in the folder. 60 of them are some 6 MB.
+const PICTURES_MOST: usize = 60;
+
+/// What a finger saw at a slip.
+#[derive(Debug)]
+pub(super) struct Picture {
+    pub slip: u32,
+    pub stem: String,
+    pub finger: String,
+    pub caption: String,
+    pub file: String,
+    pub jpeg: Vec<u8>,
+}
+
+/// Everything the page shows.
+pub(super) struct Page<'a> {
+    pub info: &'a RunInfo,
+    pub cycles: &'a [Cycle],
+    pub events: &'a [TimedEvent],
+    pub pictures: &'a [Picture],
+    pub results: &'a [Row],
+    pub ending: Option<Ending>,
+}
+
+impl fmt::Display for Page<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let title = format!("{}, held by {}", capital(&self.info.task), self.info.controller);
+        writeln!(f, "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>")?;
+        writeln!(f, "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>")?;
+        writeln!(f, "<meta name=\"color-scheme\" content=\"light dark\"/>")?;
+        writeln!(f, "<title>{}</title>\n<style>{}</style>", Escaped(&title), include_str!("page/style.css"))?;
+        writeln!(f, "</head>\n<body>\n<main>")?;
+        self.head(f, &title)?;
+        self.table(f)?;
+        self.plots(f)?;
+        self.slips(f)?;
+        self.happened(f)?;
+        self.settings(f)?;
+        writeln!(f, "</main>\n</body>\n</html>")
+    }
+}
+
+impl Page<'_> {
+    fn head(&self, f: &mut fmt::Formatter<'_>, title: &str) -> fmt::Result {
+        writeln!(f, "<header>\n<p class=\"above\">Slipbound run</p>\n<h1>{}</h1>", Escaped(title))?;
+        writeln!(f, "<p class=\"below\">{}, seed {}</p>", Escaped(&self.info.source), self.info.seed)?;
+        let (class, name, why) = match self.ending {
+            Some(ending) if ending.is_success() => ("good", name_of(ending), ending.evidence()),
+            Some(ending) => ("bad", name_of(ending), ending.evidence()),
+            None => ("bad", "Broken off".to_owned(), "the loop stopped before the task was over"),
+        };
+        writeln!(f, "<p class=\"ending {class}\"><strong>{}</strong>: {}.</p>", Escaped(&name), Escaped(why))?;
+        let most_n = self.cycles.iter().filter_map(|c| c.gripper.force_n).filter(|n| n.is_finite()).fold(0.0, f64::max);
+        let last = self.cycles.last();
+        let first_ns = self.cycles.first().map_or(0, |c| c.time_ns);
+        let facts = [
+            (seconds(last.map_or(0, |c| c.time_ns.saturating_sub(first_ns))), "time"),
+            (self.marks().count().to_string(), "slips"),
+            (last.map_or(0, |c| c.alarms_count).to_string(), "alarms answered"),
+            (format!("{most_n:.1} N"), "largest force per finger"),
+            (self.info.fingers.len().to_string(), if self.info.fingers.len() == 1 { "finger" } else { "fingers" }),
+        ];
+        writeln!(f, "<ul class=\"facts\">")?;
+        for (value, name) in facts {
+            writeln!(f, "<li><b>{value}</b> {name}</li>")?;
+        }
+        writeln!(f, "</ul>\n</header>")
+    }
+
+    fn table(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.results.is_empty() {
+            return Ok(());
+        }
+        writeln!(f, "<section>\n<h2>Results</h2>\n<table class=\"results\">")?;
+        writeln!(f, "<tr><th>Measure</th><th>Value</th><th>Target</th><th></th></tr>")?;
+        for row in self.results {
+            let (class, verdict) = match row.ok {
+                Some(true) => ("good", "\u{2713} met"),
+                Some(false) => ("bad", "\u{2717} missed"),
+                None => ("", ""),
+            };
+            let [name, value, target] = [&row.name, &row.value, &row.target].map(|text| Escaped(text));
+            writeln!(f, "<tr><td>{name}</td><td class=\"value\">{value}</td><td>{target}</td>")?;
+            writeln!(f, "<td class=\"{class}\">{verdict}</td></tr>")?;
+        }
+        writeln!(f, "</table>\n</section>")
+    }
+
+    fn plots(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "<section>\n<h2>Over time</h2>")?;
+        let Some(time) = plot::TimeAxis::of(self.cycles) else {
+            return writeln!(f, "<p>No cycle was run.</p>\n</section>");
+        };
+        let marks: Vec<plot::Mark> = self
+            .marks()
+            .map(|(event, slip)| plot::Mark { slip, time_ns: event.time_ns, title: in_words(event) })
+            .collect();
+        strips::write(f, &time, self)?;
+        let panels = panels::of(self.cycles);
+        for (i, panel) in panels.iter().enumerate() {
+            plot::write(f, &time, panel, &marks, self.cycles, i, i + 1 == panels.len())?;
+        }
+        writeln!(f, "</section>")
+    }
+
+    fn slips(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let before: Vec<&Picture> = self.pictures.iter().filter(|p| p.slip == 0).collect();
+        if before.is_empty() && self.marks().next().is_none() {
+            return writeln!(f, "<section>\n<h2>Slips</h2>\n<p>None was seen.</p>\n</section>");
+        }
+        writeln!(f, "<section>\n<h2>What the fingers saw</h2>")?;
+        writeln!(
+            f,
+            "<p class=\"key\">Arrows on the left: <span class=\"measured\">yellow</span> measured, \
+             <span class=\"rigid\">red</span> as a rigid body would move. On the right: black the difference, \
+             <span class=\"slipping\">purple</span> the markers that slip. A click enlarges a picture.</p>"
+        )?;
+        if !before.is_empty() {
+            writeln!(f, "<article>\n<h3>Before any slip</h3>")?;
+            self.figures(f, 0)?;
+            writeln!(f, "</article>")?;
+        }
+        for (event, slip) in self.marks() {
+            writeln!(
+                f,
+                "<article id=\"slip-{slip}\">\n<h3><span class=\"badge\">{slip}</span> {}</h3>",
+                Escaped(&in_words(event))
+            )?;
+            self.figures(f, slip)?;
+            writeln!(f, "</article>")?;
+        }
+        writeln!(f, "</section>")
+    }
+
+    fn figures(&self, f: &mut fmt::Formatter<'_>, slip: u32) -> fmt::Result {
+        let all = self.pictures.iter().enumerate().filter(|(_, p)| p.slip == slip);
+        writeln!(f, "<div class=\"figures\">")?;
+        for (i, picture) in all {
+            writeln!(f, "<figure>")?;
+            let (finger, caption, file) = (Escaped(&picture.finger), Escaped(&picture.caption), Escaped(&picture.file));
+            if i < PICTURES_MOST {
+                let data = base64(&picture.jpeg);
+                write!(f, "<label><input type=\"checkbox\" aria-label=\"enlarge\"/>")?;
+                let alt = format_args!("{finger} finger, slip {slip}");
+                writeln!(f, "<img alt=\"{alt}\" src=\"data:image/jpeg;base64,{data}\"/></label>")?;
+            }
+            writeln!(f, "<figcaption><b>{finger}</b> {caption} <code>{file}</code></figcaption>\n</figure>")?;
+        }
+        writeln!(f, "</div>")
+    }
+
+    fn happened(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "<section>\n<details>\n<summary>All events</summary>\n<table>")?;
+        let told = |e: &&TimedEvent| !matches!(e.event, Event::Result(_) | Event::Picture { .. });
+        for event in self.events.iter().filter(told) {
+            let time = seconds(event.time_ns);
+            writeln!(f, "<tr><td class=\"value\">{time}</td><td>{}</td></tr>", Escaped(&in_words(event)))?;
+        }
+        writeln!(f, "</table>\n</details>")
+    }
+
+    fn settings(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = toml::to_string_pretty(&self.info.table()).map_err(|_| fmt::Error)?;
+        writeln!(f, "<details>\n<summary>Settings</summary>\n<pre>{}</pre>\n</details>\n</section>", Escaped(&text))?;
+        writeln!(
+            f,
+            "<footer>slipbound {}. Beside this page: <code>reports.jsonl</code> every cycle, <code>events.jsonl</code>, \
+             <code>run.toml</code>. Newtons are normal force per finger.</footer>",
+            env!("CARGO_PKG_VERSION")
+        )
+    }
+
+    /// Every slip and its number.
+    fn marks(&self) -> impl Iterator<Item = (&TimedEvent, u32)> {
+        self.events.iter().filter_map(|event| match event.event {
+            Event::SlipBegins { slip, .. } => Some((event, slip)),
+            _ => None,
+        })
+    }
+}
+
+/// `SlipAtMost` as `Slip at most`.
+fn name_of(ending: Ending) -> String {
+    let mut words = String::new();
+    for sign in format!("{ending:?}").chars() {
+        if sign.is_uppercase() && !words.is_empty() {
+            words.push(' ');
+        }
+        words.extend(if words.is_empty() { sign.to_uppercase().next() } else { sign.to_lowercase().next() });
+    }
+    words
+}
+
+fn capital(word: &str) -> String {
+    let mut signs = word.chars();
+    signs.next().map_or_else(String::new, |first| first.to_uppercase().chain(signs).collect())
+}

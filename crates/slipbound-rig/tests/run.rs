@@ -1,0 +1,293 @@
+//! A run folder: what is written comes back, and the page stands on its own.
+
+#[path = "run/screw.rs"]
+mod screw;
+
+use proptest::prelude::*;
+use roxmltree::{Document, ParsingOptions};
+use slipbound::image::{Rgb, SizePx};
+use slipbound::monitor::SlipState;
+use slipbound::port::WristMotion;
+use slipbound::task::Ending;
+use slipbound_rig::run::{self, Cycle, Event, RunFolder, RunInfo, TimedEvent};
+use std::fs;
+use std::path::Path;
+
+fn bits(cycle: &Cycle) -> String {
+    // Debug prints the shortest digits that name a number: two texts are the same only for the same bits, NaN apart.
+    format!("{cycle:?}")
+}
+
+fn written(folder: &Path, info: &RunInfo, cycles: &[Cycle]) -> RunFolder {
+    let mut run = RunFolder::create(folder, info).expect("creates");
+    for cycle in cycles {
+        run.cycle(cycle).expect("writes");
+    }
+    run
+}
+
+fn events(folder: &Path) -> Vec<TimedEvent> {
+    let text = fs::read_to_string(folder.join("events.jsonl")).expect("events");
+    text.lines().map(|line| serde_json::from_str(line).expect("an event")).collect()
+}
+
+fn any_number() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        any::<f64>(),
+        any::<u64>().prop_map(f64::from_bits),
+        Just(f64::NAN),
+        Just(f64::NEG_INFINITY),
+        Just(-0.0),
+        Just(10.0)
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+    #[test]
+    fn what_is_read_is_what_was_written_bit_for_bit(numbers in proptest::collection::vec(any_number(), 12)) {
+        let mut cycle = screw::cycles()[150].clone();
+        cycle.gripper.force_n = Some(numbers[0]);
+        cycle.gripper.opening_mm = Some(numbers[1]);
+        cycle.grip_command.force_n = numbers[2];
+        cycle.wrist.angle_rad = numbers[3];
+        cycle.wrist_command.motion = WristMotion::Turn { rate_rad_per_s: numbers[4], most_rad: numbers[5] };
+        cycle.margin = Some(numbers[6]);
+        cycle.hand.quality = numbers[7];
+        cycle.hand.pivot_rad = Some(numbers[8]);
+        if let Some(shear_mm) = &mut cycle.hand.shear_mm {
+            shear_mm.around = numbers[9];
+        }
+        if let Some(truth) = &mut cycle.truth {
+            truth.slid_mm = Some(numbers[10]);
+            truth.load_n = Some(numbers[11]);
+        }
+        let folder = tempfile::tempdir().expect("a folder");
+        drop(written(folder.path(), &screw::info(), std::slice::from_ref(&cycle)));
+        let (_, cycles) = run::read(folder.path()).expect("reads");
+        prop_assert_eq!(cycles.len(), 1);
+        prop_assert_eq!(bits(&cycles[0]), bits(&cycle));
+    }
+}
+
+#[test]
+fn a_run_comes_back_with_its_settings() {
+    let folder = tempfile::tempdir().expect("a folder");
+    drop(written(folder.path(), &screw::info(), &screw::cycles()));
+    let (table, cycles) = run::read(folder.path()).expect("reads");
+    assert_eq!(cycles, screw::cycles());
+    assert_eq!(table["settings"].as_table(), Some(&screw::info().settings));
+    assert_eq!((table["task"].as_str(), table["seed"].as_integer()), (Some("screw"), Some(3)));
+    assert_eq!(table["software_version"].as_str(), Some(env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn a_folder_that_holds_something_is_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::write(folder.path().join("thesis.tex"), "").expect("writes");
+    let message = RunFolder::create(folder.path(), &screw::info()).expect_err("refused").to_string();
+    assert!(message.starts_with(&folder.path().display().to_string()), "{message}");
+    assert!(message.contains("expected a new or empty folder, got one that holds `thesis.tex`"), "{message}");
+}
+
+#[test]
+fn a_line_that_broke_off_is_no_cycle_and_a_spoilt_one_is_an_error() {
+    let folder = tempfile::tempdir().expect("a folder");
+    drop(written(folder.path(), &screw::info(), &screw::cycles()[..5]));
+    let path = folder.path().join("reports.jsonl");
+    let whole = fs::read_to_string(&path).expect("reads");
+    fs::write(&path, &whole[..whole.len() - 40]).expect("writes");
+    assert_eq!(run::read(folder.path()).expect("reads").1, screw::cycles()[..4]);
+    fs::write(&path, whole.replacen("\"seq\":2", "\"seq\":two", 1)).expect("writes");
+    let message = run::read(folder.path()).expect_err("refused").to_string();
+    assert!(message.contains("reports.jsonl: line 3: expected"), "{message}");
+}
+
+#[test]
+fn events_tell_what_happened() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut run = written(folder.path(), &screw::info(), &screw::cycles());
+    assert_eq!(run.slips_count(), 4);
+    run.note(9_990_000_000, "the gripper was switched off");
+    run.finish(&screw::results(), None).expect("finishes");
+    let events = events(folder.path());
+    let begins: Vec<_> = events
+        .iter()
+        .filter_map(|e| match &e.event {
+            Event::SlipBegins { slip, direction, force_n, .. } => {
+                Some((e.time_ns, *slip, direction.as_str(), force_n.is_some()))
+            }
+            _ => None,
+        })
+        .collect();
+    let expected: Vec<_> = screw::SLIPS
+        .iter()
+        .zip(1..)
+        .map(|(&at, n)| (screw::cycles()[at as usize].time_ns, n, "around", true))
+        .collect();
+    assert_eq!(begins, expected);
+    let count = |wanted: fn(&Event) -> bool| events.iter().filter(|e| wanted(&e.event)).count();
+    assert_eq!(count(|e| matches!(e, Event::SlipEnds { .. })), 4);
+    assert_eq!(count(|e| matches!(e, Event::Grip { .. })), 4);
+    assert_eq!(count(|e| matches!(e, Event::Finger { finger, .. } if finger == "right")), 2);
+    assert_eq!(count(|e| matches!(e, Event::Note { .. })), 1);
+    assert_eq!(count(|e| matches!(e, Event::Ended { .. })), 1);
+    assert_eq!(count(|e| matches!(e, Event::Result(_))), screw::results().len());
+}
+
+/// The page of a run; with a picture of every finger at each slip.
+fn page(info: &RunInfo, cycles: &[Cycle]) -> (tempfile::TempDir, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut run = RunFolder::create(folder.path(), info).expect("creates");
+    let (pixels, size) = ([90u8; 3 * 8 * 6], SizePx::new(8, 6));
+    for cycle in cycles {
+        let before = run.slips_count();
+        run.cycle(cycle).expect("writes");
+        let begins = run.slips_count() > before;
+        for finger in info.fingers.iter().filter(|_| begins) {
+            run.picture(cycle.time_ns, finger, finger, Rgb::new(&pixels, size).expect("whole")).expect("writes");
+        }
+    }
+    run.note(5, &info.source);
+    let path = run.finish(&screw::results(), Some(Ending::Tight)).expect("finishes");
+    let html = fs::read_to_string(path).expect("reads");
+    (folder, html)
+}
+
+/// Reads the page as XML, which is stricter than any browser.
+fn parsed(html: &str) -> Document<'_> {
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+    Document::parse_with_options(html, options).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Numbers of the slips that are marked, of each plot with axes.
+fn marked(document: &Document<'_>) -> Vec<Vec<u32>> {
+    let plots = document.descendants().filter(|n| n.has_tag_name("svg"));
+    let marks = |n: roxmltree::Node<'_, '_>| {
+        n.descendants().filter_map(|n| n.attribute("data-slip")).filter_map(|n| n.parse().ok()).collect()
+    };
+    plots.skip(1).map(marks).collect() // the first one is that of the phases
+}
+
+#[test]
+fn the_page_needs_no_other_file() {
+    let (_folder, html) = page(&screw::info(), &screw::cycles());
+    for fetches in ["http", "//", "url(", "@import", "<script", "<link", "<iframe", "srcset"] {
+        let found = html.match_indices(fetches).map(|(at, _)| &html[at.saturating_sub(60)..(at + 60).min(html.len())]);
+        // A clip path is in the page itself; base 64 may hold any two slashes.
+        let elsewhere = |text: &&str| !text.contains("url(#clip-") && !text.contains("base64") && !is_base64(text);
+        let found: Vec<&str> = found.filter(elsewhere).collect();
+        assert!(found.is_empty(), "`{fetches}` in {found:?}");
+    }
+    let document = parsed(&html);
+    for node in document.descendants() {
+        for name in ["href", "src", "data", "action", "poster"] {
+            let value = node.attribute(name).unwrap_or("data:image/jpeg;base64,");
+            assert!(value.starts_with("data:image/jpeg;base64,"), "{name}={value}");
+        }
+    }
+    assert_eq!(document.descendants().filter(|n| n.has_tag_name("img")).count(), 2 * screw::SLIPS.len());
+}
+
+fn is_base64(text: &str) -> bool {
+    text.chars().all(|c| c.is_ascii_alphanumeric() || "+/=".contains(c))
+}
+
+#[test]
+fn every_slip_of_the_events_is_marked_in_every_plot_and_has_a_card() {
+    let (folder, html) = page(&screw::info(), &screw::cycles());
+    let slips: Vec<u32> = events(folder.path())
+        .iter()
+        .filter_map(|e| if let Event::SlipBegins { slip, .. } = e.event { Some(slip) } else { None })
+        .collect();
+    assert_eq!(slips, [1, 2, 3, 4]);
+    let document = parsed(&html);
+    let plots = marked(&document);
+    assert_eq!(plots.len(), 6, "force, angle, torque, margin, slip, shear");
+    assert!(plots.iter().all(|marks| *marks == slips), "{plots:?}");
+    for slip in slips {
+        let id = format!("slip-{slip}");
+        assert!(document.descendants().any(|n| n.attribute("id") == Some(&id)), "{id}");
+        assert!(folder.path().join(format!("slip_{slip:03}_right.png")).exists());
+    }
+}
+
+#[test]
+fn a_mark_stands_where_the_axis_says_its_time_is() {
+    let (_folder, html) = page(&screw::info(), &screw::cycles());
+    let document = parsed(&html);
+    let number = |n: roxmltree::Node<'_, '_>, name| n.attribute(name).and_then(|x| x.parse::<f64>().ok());
+    let plot = document.descendants().filter(|n| n.has_tag_name("svg")).nth(1).expect("a plot");
+    // Labels of the time axis stand lowest of all texts that are numbers and not those of marks.
+    let texts = plot.descendants().filter(|n| n.has_tag_name("text") && n.attribute("text-anchor") == Some("middle"));
+    let labels: Vec<(f64, f64)> =
+        texts.filter_map(|n| Some((n.text()?.parse::<f64>().ok()?, number(n, "x")?))).collect();
+    let (first, last) = (labels[0], labels[labels.len() - 1]);
+    assert!(labels.len() >= 4, "{labels:?}");
+    for (node, at) in plot.descendants().filter(|n| n.attribute("data-slip").is_some()).zip(screw::SLIPS) {
+        let line = node.children().find(|n| n.has_tag_name("line")).expect("a line");
+        let fraction = (f64::from(at) / 30.0 - first.0) / (last.0 - first.0);
+        let expected_px = first.1 + fraction * (last.1 - first.1);
+        assert!((number(line, "x1").expect("a number") - expected_px).abs() < 0.2, "{expected_px}");
+    }
+}
+
+#[test]
+fn names_from_outside_are_escaped() {
+    let nasty = "</style><script>alert(\"x\")</script>&amp;'\u{1}\u{FFFF}";
+    let info = RunInfo {
+        task: nasty.into(),
+        controller: nasty.into(),
+        source: nasty.into(),
+        settings: [(nasty.to_owned(), nasty.into())].into_iter().collect(),
+        fingers: vec![nasty.into(), "../right".into()],
+        ..screw::info()
+    };
+    let (folder, html) = page(&info, &screw::cycles());
+    assert!(!html.contains("<script"));
+    let document = parsed(&html);
+    let texts = document.descendants().filter(|n| n.text().is_some_and(|t| t.contains("alert(\"x\")"))).count();
+    assert!(texts > 20, "{texts}");
+    let beside = fs::read_dir(folder.path()).expect("reads").count();
+    assert_eq!(beside, 4 + 2 * screw::SLIPS.len(), "no picture went elsewhere");
+    assert!(folder.path().join("slip_001____right.png").exists());
+}
+
+#[test]
+fn a_run_without_a_cycle_or_with_one_has_a_page() {
+    for count in [0, 1, 2] {
+        let (_folder, html) = page(&screw::info(), &screw::cycles()[..count]);
+        assert!(parsed(&html).descendants().any(|n| n.has_tag_name("h1")));
+        assert_eq!(html.contains("No cycle was run"), count == 0);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn no_number_breaks_the_page(numbers in proptest::collection::vec(any_number(), 60), slips in proptest::collection::vec(any::<bool>(), 40)) {
+        let mut cycles = screw::cycles()[100..140].to_vec();
+        for (i, (cycle, slips)) in cycles.iter_mut().zip(slips).enumerate() {
+            let number = |j: usize| numbers[(7 * i + j) % numbers.len()];
+            cycle.gripper.force_n = Some(number(0));
+            cycle.grip_command.force_n = number(1);
+            cycle.wrist.angle_rad = number(2);
+            cycle.margin = Some(number(3));
+            cycle.hand.slip_max_mm = Some(number(4));
+            cycle.hand.state = if slips { SlipState::Gross } else { SlipState::Stick };
+            cycle.time_ns = if i % 9 == 8 { 0 } else { cycle.time_ns };
+            if let Some(truth) = &mut cycle.truth {
+                truth.required_n = Some(number(5));
+                truth.torque_n_mm = Some(number(6));
+            }
+        }
+        let (folder, html) = page(&screw::info(), &cycles);
+        let document = parsed(&html);
+        for word in ["NaN", "inf\"", "inf "] {
+            prop_assert!(!html.contains(word), "{} in the page", word);
+        }
+        let begun = events(folder.path()).iter().filter(|e| matches!(e.event, Event::SlipBegins { .. })).count();
+        let plots = marked(&document);
+        prop_assert!(plots.iter().all(|marks| marks.len() == begun), "{:?} of {}", plots, begun);
+    }
+}

@@ -1,0 +1,265 @@
+//! Controllers and tasks against made-up hands: the paper's law, the bounds nobody gets past, endings on evidence.
+
+use slipbound::grip::{GripController, GripLimits, Law, MarginSettings, OnSlipSettings};
+use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health};
+use slipbound::monitor::SlipState;
+use slipbound::port::{GripCommand, GripperState, Jaws, Motion, WristMotion, WristState};
+use slipbound::task::{ControllerKind, Ending, Moment, Phase, Task, TaskKind, TaskSettings};
+
+const FRAME_NS: u64 = 33_333_333;
+
+fn hand(state: SlipState) -> HandReport {
+    let around = HandVector { around: 1.0, ..HandVector::default() };
+    let slip = matches!(state, SlipState::Incipient).then_some(HandSlip {
+        direction: around,
+        pivots: false,
+        fingers_count: 2,
+    });
+    let mut health = [Health::Absent; FINGERS_MOST];
+    health[..2].fill(if state == SlipState::Unjudged { Health::Blind } else { Health::Live });
+    HandReport {
+        seq: 1,
+        time_ns: None,
+        state,
+        live_count: if state == SlipState::Unjudged { 0 } else { 2 },
+        health,
+        separated: true,
+        shear_mm: Some(HandVector::default()),
+        pivot_rad: Some(0.0),
+        slip_max_mm: Some(0.1),
+        contact_area_mm2: Some(100.0),
+        quality: 0.8,
+        slip,
+    }
+}
+
+fn sheared(around: f64) -> HandReport {
+    HandReport { shear_mm: Some(HandVector { around, ..HandVector::default() }), ..hand(SlipState::Stick) }
+}
+
+fn gripper(force_n: f64) -> GripperState {
+    GripperState {
+        time_ns: 0,
+        force_n: Some(force_n),
+        target_n: Some(force_n),
+        opening_mm: Some(28.0),
+        jaws: Jaws::Holding,
+    }
+}
+
+/// Runs a controller over hands, with a gripper that does at once what it is told; the commands as text.
+fn commands(law: Law, limits: GripLimits, hands: &[HandReport]) -> Vec<GripCommand> {
+    let mut controller = law.controller(&limits).expect("valid");
+    let mut force_n = limits.start_n;
+    let step = |(i, hand): (usize, &HandReport)| {
+        let command = controller.command(i as u64 * FRAME_NS, hand, &gripper(force_n));
+        force_n = command.force_n;
+        command
+    };
+    hands.iter().enumerate().map(step).collect()
+}
+
+#[test]
+fn the_papers_law_pauses_adds_ten_newtons_and_goes_on_up_to_sixty() {
+    let slip = hand(SlipState::Incipient);
+    let stick = hand(SlipState::Stick);
+    let mut hands = Vec::new();
+    for _ in 0..8 {
+        hands.push(slip);
+        hands.extend([stick; 9]);
+    }
+    let told = commands(Law::OnSlip(OnSlipSettings::default()), GripLimits::default(), &hands);
+    let forces: Vec<f64> = told.iter().step_by(10).map(|c| c.force_n).collect();
+    assert_eq!(forces, [20.0, 30.0, 40.0, 50.0, 60.0, 60.0, 60.0, 60.0]);
+    let picture: String = told[..20].iter().map(|c| if c.motion == Motion::Go { '.' } else { '#' }).collect();
+    assert_eq!(picture, "####......####......", "paused until the force has stood for 0.1 s");
+    assert!(told[50..].iter().all(|c| c.motion == Motion::Go), "at the largest force there is nothing to wait for");
+}
+
+#[test]
+fn one_slip_seen_in_several_frames_is_one_alarm() {
+    let slip = hand(SlipState::Incipient);
+    let told = commands(Law::OnSlip(OnSlipSettings::default()), GripLimits::default(), &[slip; 6]);
+    assert_eq!(told.last().expect("commands").force_n, 20.0);
+}
+
+#[test]
+fn the_decreasing_law_loosens_down_to_the_least() {
+    let settings = OnSlipSettings { step_n: -2.0, ..OnSlipSettings::default() };
+    let mut hands = Vec::new();
+    for _ in 0..5 {
+        hands.push(hand(SlipState::Incipient));
+        hands.extend([hand(SlipState::Stick); 9]);
+    }
+    let told = commands(Law::OnSlip(settings), GripLimits::default(), &hands);
+    let forces: Vec<f64> = told.iter().step_by(10).map(|c| c.force_n).collect();
+    assert_eq!(forces, [8.0, 6.0, 5.0, 5.0, 5.0]);
+}
+
+#[test]
+fn a_blind_hand_keeps_its_force_and_the_arm_waits_after_three_frames() {
+    for (law, blind_force_n) in [
+        (Law::Constant, None),
+        (Law::OnSlip(OnSlipSettings::default()), None),
+        (Law::Margin(MarginSettings { stiffness_mpa_per_mm: 0.05, ..MarginSettings::default() }), Some(30.0)),
+    ] {
+        let limits = GripLimits { blind_force_n, ..GripLimits::default() };
+        let mut hands = vec![hand(SlipState::Stick); 3];
+        hands.extend([hand(SlipState::Unjudged); 6]);
+        let told = commands(law, limits, &hands);
+        let picture: String = told.iter().map(|c| if c.motion == Motion::Go { '.' } else { '#' }).collect();
+        assert_eq!(picture, ".....####", "{law:?}");
+        assert_eq!(told[8].force_n, blind_force_n.unwrap_or(10.0), "{law:?}");
+    }
+}
+
+#[test]
+fn a_gripper_that_lost_the_part_or_stopped_is_told_to_keep_its_force() {
+    for jaws in [Jaws::Lost, Jaws::Nothing, Jaws::Stopped] {
+        let mut controller = Law::OnSlip(OnSlipSettings::default()).controller(&GripLimits::default()).expect("valid");
+        let state = GripperState { jaws, ..gripper(10.0) };
+        let command = controller.command(0, &hand(SlipState::Incipient), &state);
+        assert_eq!(command, GripCommand { force_n: 10.0, motion: Motion::Pause });
+    }
+}
+
+#[test]
+fn a_margin_follows_the_load_at_once_and_lets_go_slowly() {
+    let settings = MarginSettings { stiffness_mpa_per_mm: 0.05, mu: 0.4, ..MarginSettings::default() };
+    // 0.05 MPa/mm, 100 mm2, over 0.75: 6.67 N per mm; at mu 0.4 and half of it used: 33 N per mm.
+    let mut hands = vec![sheared(0.15); 2];
+    hands.extend([sheared(0.9); 30]);
+    hands.extend([sheared(0.1); 90]);
+    let told = commands(Law::Margin(settings), GripLimits::default(), &hands);
+    assert!((told[31].force_n - 30.0).abs() < 0.1, "{}", told[31].force_n);
+    let fall_n = told[31].force_n - told[121].force_n;
+    assert!((fall_n - 3.0).abs() < 0.1, "1 N a second, not {fall_n} N in 3 s");
+    assert!(told.iter().all(|c| (5.0..=60.0).contains(&c.force_n)));
+}
+
+#[test]
+fn a_margin_without_a_known_gel_is_refused_and_says_what_to_do() {
+    let settings = TaskSettings { controller: ControllerKind::Margin, ..TaskSettings::default() };
+    let error = settings.task(TaskKind::Screw, None).err().expect("refused");
+    assert_eq!(error.key, "margin.stiffness_mpa_per_mm");
+    assert!(error.to_string().contains("calibrate"), "{error}");
+    assert!(settings.task(TaskKind::Screw, Some(0.05)).is_ok());
+}
+
+#[test]
+fn settings_that_are_no_numbers_or_out_of_range_are_refused_by_name() {
+    let good = TaskSettings::default();
+    let mut cases: Vec<(TaskSettings, &str)> = Vec::new();
+    let mut with = |change: fn(&mut TaskSettings), key| {
+        let mut bad = good;
+        change(&mut bad);
+        cases.push((bad, key));
+    };
+    with(|s| s.grip.most_n = f64::NAN, "grip.most_n");
+    with(|s| s.grip.start_n = 70.0, "grip.start_n");
+    with(|s| s.grip.start_n = 1.0, "grip.start_n");
+    with(|s| s.grip.blind_force_n = Some(100.0), "grip.blind_force_n");
+    with(|s| s.on_slip.step_n = f64::INFINITY, "on_slip.step_n");
+    with(|s| s.margin.target_fraction = 1.5, "margin.target_fraction");
+    with(|s| s.screw.rate_rad_per_s = 0.0, "screw.rate_rad_per_s");
+    with(|s| s.unscrew.open_rad = -1.0, "unscrew.open_rad");
+    with(|s| s.place.laying_mm_per_s = 0.1, "place.laying_mm_per_s");
+    with(|s| s.lift.lift_mm = f64::NAN, "lift.lift_mm");
+    for (settings, key) in cases {
+        assert_eq!(settings.check().expect_err(key).key, key);
+    }
+}
+
+/// A cap, a gripper and a wrist that follow at once; the shear is what the test says it is at each angle.
+struct Bench {
+    task: Box<dyn Task + Send>,
+    now_ns: u64,
+    force_n: f64,
+    angle_rad: f64,
+    slip: bool,
+}
+
+impl Bench {
+    fn new(kind: TaskKind) -> Self {
+        let task = TaskSettings::default().task(kind, Some(0.05)).expect("valid");
+        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip: false }
+    }
+
+    fn step(&mut self, shear_mm: f64) -> Phase {
+        let mut report = if self.slip { hand(SlipState::Incipient) } else { hand(SlipState::Stick) };
+        report.shear_mm = Some(HandVector { around: shear_mm, ..HandVector::default() });
+        let wrist = WristState { time_ns: self.now_ns, angle_rad: self.angle_rad, lowered_mm: 0.0, moving: true };
+        let moment = Moment { now_ns: self.now_ns, hand: &report, gripper: &gripper(self.force_n), wrist: &wrist };
+        let step = self.task.step(&moment);
+        self.force_n = step.grip.force_n;
+        if let WristMotion::Turn { rate_rad_per_s, most_rad } = step.wrist.motion {
+            assert!(step.wrist.time_to_live_ns <= 200_000_000 && most_rad <= 0.2 * rate_rad_per_s.abs() + 1e-12);
+            self.angle_rad += rate_rad_per_s * FRAME_NS as f64 * 1e-9;
+        }
+        self.now_ns += FRAME_NS;
+        step.phase
+    }
+
+    /// Turns while the shear follows the angle; gives the ending and the angle in deg.
+    fn run(&mut self, shear_mm: impl Fn(f64) -> f64, slip: impl Fn(f64) -> bool) -> (Option<Ending>, f64) {
+        for _ in 0..1000 {
+            self.slip = slip(self.angle_rad);
+            if let Phase::Ended(ending) = self.step(shear_mm(self.angle_rad)) {
+                return (Some(ending), self.angle_rad.to_degrees());
+            }
+        }
+        (None, self.angle_rad.to_degrees())
+    }
+}
+
+#[test]
+fn a_cap_is_tight_when_the_shear_stays_flat_at_the_largest_force_and_not_at_the_first_slip_there() {
+    let mut bench = Bench::new(TaskKind::Screw);
+    // Slip from 0.5 rad on; the shear grows until 1.2 rad.
+    let (ending, angle_deg) = bench.run(|rad| 2.0 * rad.min(1.2), |rad| rad > 0.5);
+    assert_eq!(ending, Some(Ending::Tight));
+    assert_eq!(bench.force_n, 60.0);
+    let flat_from_deg = 1.2f64.to_degrees();
+    assert!((flat_from_deg + 6.0..flat_from_deg + 12.0).contains(&angle_deg), "{angle_deg}");
+}
+
+#[test]
+fn a_cap_that_runs_freely_is_not_tight() {
+    let mut bench = Bench::new(TaskKind::Screw);
+    let (ending, _) = bench.run(|rad| 0.1f64.min(rad), |_| false);
+    assert_eq!((ending, bench.force_n), (Some(Ending::Limit), 10.0));
+}
+
+#[test]
+fn fingers_that_slide_unseen_round_a_cap_are_noticed_by_the_load() {
+    let mut bench = Bench::new(TaskKind::Screw);
+    // 6.67 N per mm: 0.6 mm is 4 N of 10, flat from 0.3 rad on, and no marker shows slip.
+    let (ending, _) = bench.run(|rad| (2.0 * rad).min(0.6), |_| false);
+    assert!(bench.force_n > 10.0, "{ending:?} at {} N", bench.force_n);
+}
+
+#[test]
+fn a_cap_is_open_when_the_torque_fell_and_stayed_down() {
+    let mut bench = Bench::new(TaskKind::Unscrew);
+    let (ending, angle_deg) = bench.run(|rad| if rad > -0.5 { 2.0 * rad } else { -0.1 }, |rad| rad < -0.3);
+    assert_eq!(ending, Some(Ending::Opened));
+    assert!((-44.0..-36.0).contains(&angle_deg), "10 deg after it fell at 29 deg: {angle_deg}");
+}
+
+#[test]
+fn a_cap_that_does_not_open_is_stuck_and_slip_alone_is_never_open() {
+    let mut bench = Bench::new(TaskKind::Unscrew);
+    let (ending, _) = bench.run(|rad| (2.0 * rad).max(-1.5), |rad| rad < -0.3);
+    assert_eq!((ending, bench.force_n), (Some(Ending::Stuck), 60.0));
+}
+
+#[test]
+fn an_empty_gripper_ends_the_task() {
+    let mut task = TaskSettings::default().task(TaskKind::Lift, None).expect("valid");
+    let state = GripperState { jaws: Jaws::Nothing, ..gripper(0.0) };
+    let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+    let report = hand(SlipState::NoContact);
+    let step = task.step(&Moment { now_ns: 0, hand: &report, gripper: &state, wrist: &wrist });
+    assert_eq!(step.phase, Phase::Ended(Ending::NothingHeld));
+    assert_eq!(step.wrist.motion, WristMotion::Pause);
+}

@@ -1,0 +1,172 @@
+//! Several fingers as one hand: what is fused, what is told apart, what becomes of a finger that fails.
+
+use slipbound::hand::{Allowed, Hand, HandReport, Health, Mounting, Side};
+use slipbound::monitor::{
+    ContactReport, MarkerCounts, Reason, ShearReport, SlipKind, SlipReport, SlipState, SlipSummary,
+};
+use slipbound::plane::Vec2;
+
+/// A finger that feels the object drag its gel by so many mm, in its own frame.
+fn feels(seq: u64, shear_mm: Vec2, rotation_rad: f64) -> SlipReport {
+    SlipReport {
+        seq,
+        time_ns: Some(33_333_333 * seq),
+        state: SlipState::Stick,
+        reason: None,
+        contact: ContactReport { area_px: 5000.0, area_mm2: Some(100.0 + 0.001 * seq as f64), quality: 0.8 },
+        markers: MarkerCounts { detected: 390, matched: 388, lost: 3, inner: 20 },
+        reference_seq: 0,
+        grip_n: Some(10.0),
+        motion: None,
+        shear: Some(ShearReport { translation_px: shear_mm * 10.0, translation_mm: Some(shear_mm), rotation_rad }),
+        slip: SlipSummary { markers_needed: 8, threshold_pitch: 0.3, max_mm: Some(0.1), ..SlipSummary::default() },
+    }
+}
+
+/// The same finger seeing slip of the object in a direction of its own frame.
+fn slips(seq: u64, direction_rad: f64) -> SlipReport {
+    let mut report = feels(seq, Vec2::new(0.1, 0.2), 0.0);
+    report.state = SlipState::Incipient;
+    report.slip.markers_over = 9;
+    report.slip.kind = Some(SlipKind::Translation);
+    report.slip.direction_rad = Some(direction_rad);
+    report
+}
+
+fn two() -> Hand {
+    Hand::new(&[Mounting::on(Side::Left), Mounting::on(Side::Right)]).expect("two fingers")
+}
+
+fn fused(left: &SlipReport, right: &SlipReport) -> HandReport {
+    let mut hand = two();
+    hand.see(0, left);
+    hand.see(1, right);
+    hand.report()
+}
+
+#[test]
+fn a_turned_cap_and_a_pull_are_told_apart_by_two_fingers_and_not_by_one() {
+    let turn = fused(&feels(1, Vec2::new(0.0, 0.4), 0.0), &feels(1, Vec2::new(0.0, 0.4), 0.0));
+    let shear = turn.shear_mm.expect("contact");
+    assert!((shear.around - 0.4).abs() < 1e-12 && shear.across.abs() < 1e-12, "{shear:?}");
+
+    let pull = fused(&feels(1, Vec2::new(0.1, -0.4), 0.0), &feels(1, Vec2::new(0.1, 0.4), 0.0));
+    let shear = pull.shear_mm.expect("contact");
+    assert!((shear.across - 0.4).abs() < 1e-12 && shear.around.abs() < 1e-12, "{shear:?}");
+    assert!((shear.along - 0.1).abs() < 1e-12);
+    assert!(pull.separated);
+
+    let mut one = Hand::new(&[Mounting::on(Side::Left)]).expect("one finger");
+    one.see(0, &feels(1, Vec2::new(0.0, 0.4), 0.0));
+    let alone = one.report();
+    assert!(!alone.separated && alone.shear_mm.expect("contact").across == alone.shear_mm.expect("contact").around);
+}
+
+#[test]
+fn an_object_that_pivots_turns_the_two_pictures_opposite_ways() {
+    let report = fused(&feels(1, Vec2::ZERO, -0.1), &feels(1, Vec2::ZERO, 0.1));
+    assert!((report.pivot_rad.expect("contact") - 0.1).abs() < 1e-12);
+    let cap = fused(&feels(1, Vec2::ZERO, 0.1), &feels(1, Vec2::ZERO, 0.1));
+    assert!(cap.pivot_rad.expect("contact").abs() < 1e-12, "both the same way is no pivot");
+}
+
+#[test]
+fn a_finger_mounted_askew_says_the_same() {
+    let askew = Mounting { side: Side::Right, turn_rad: 0.5 };
+    let mut hand = Hand::new(&[Mounting::on(Side::Left), askew]).expect("two fingers");
+    let shear_mm = Vec2::new(0.1, 0.4);
+    hand.see(0, &feels(1, shear_mm, 0.0));
+    hand.see(1, &feels(1, shear_mm.rotated(0.5), 0.0));
+    let shear = hand.report().shear_mm.expect("contact");
+    assert!((shear.around - 0.4).abs() < 1e-12 && (shear.along - 0.1).abs() < 1e-12, "{shear:?}");
+}
+
+#[test]
+fn two_fingers_that_each_see_half_of_a_slip_see_one() {
+    let half = |over| {
+        let mut report = feels(1, Vec2::ZERO, 0.0);
+        report.slip.markers_over = over;
+        report
+    };
+    assert_eq!(fused(&half(4), &half(4)).state, SlipState::Incipient);
+    assert_eq!(fused(&half(4), &half(3)).state, SlipState::Stick);
+    assert_eq!(fused(&half(7), &half(0)).state, SlipState::Stick, "one finger alone needs all of it");
+    assert_eq!(fused(&slips(1, 0.0), &half(0)).state, SlipState::Incipient, "and then it is believed");
+}
+
+/// Contact quality: what is too faint to tell raises no alarm, however many markers seem to slip.
+#[test]
+fn a_contact_too_faint_to_tell_raises_no_alarm() {
+    let faint = SlipReport { state: SlipState::Unsure, reason: Some(Reason::ContactQuality), ..slips(1, 0.0) };
+    let stick = feels(1, Vec2::ZERO, 0.0);
+    let report = fused(&faint, &stick);
+    assert_eq!((report.state, report.slip), (SlipState::Stick, None));
+    assert_eq!(fused(&faint, &faint).state, SlipState::Unsure);
+}
+
+#[test]
+fn a_blind_finger_leaves_the_other_and_the_report_says_so() {
+    let mut hand = two();
+    hand.see(0, &feels(1, Vec2::new(0.0, 0.4), 0.0));
+    let torn =
+        SlipReport { state: SlipState::Unjudged, reason: Some(Reason::Torn), shear: None, ..feels(1, Vec2::ZERO, 0.0) };
+    hand.see(1, &torn);
+    let report = hand.report();
+    assert_eq!((report.state, report.live_count), (SlipState::Stick, 1));
+    assert_eq!(report.health[..3], [Health::Live, Health::Blind, Health::Absent]);
+    assert!(!report.separated);
+    hand.missed(0);
+    let report = hand.report();
+    assert_eq!((report.state, report.live_count, report.quality), (SlipState::Unjudged, 0, 0.0));
+}
+
+#[test]
+fn a_picture_that_never_changes_is_a_frozen_one_and_only_in_contact() {
+    let mut hand = two();
+    let still = feels(7, Vec2::new(0.0, 0.4), 0.0);
+    for seq in 7..12 {
+        hand.see(0, &SlipReport { seq, ..still });
+        hand.see(1, &feels(seq, Vec2::new(0.0, 0.4 + 0.001 * seq as f64), 0.0));
+        let expected = if seq < 10 { Health::Live } else { Health::Frozen };
+        assert_eq!(hand.report().health[0], expected, "frame {seq}");
+        assert_eq!(hand.report().health[1], Health::Live);
+    }
+    hand.see(0, &feels(12, Vec2::new(0.0, 0.5), 0.0));
+    assert_eq!(hand.report().health[0], Health::Live, "it came back");
+
+    let mut hand = two();
+    let open = SlipReport { shear: None, state: SlipState::NoContact, ..still };
+    for seq in 7..20 {
+        hand.see(0, &SlipReport { seq, ..open });
+    }
+    assert_eq!(hand.report().health[0], Health::Live, "a finger that touches nothing measures nothing");
+}
+
+/// Along the thread yes, around it no.
+#[test]
+fn slip_along_the_thread_is_let_pass_and_around_it_is_not() {
+    let thread = Allowed { along: true, ..Allowed::default() };
+    let right = std::f64::consts::FRAC_PI_2;
+    let filtered = |direction_rad: f64| thread.filter(&fused(&slips(1, direction_rad), &slips(1, direction_rad)));
+    assert_eq!(filtered(0.0).state, SlipState::Stick);
+    assert_eq!(filtered(std::f64::consts::PI).state, SlipState::Stick);
+    assert_eq!(filtered(right).state, SlipState::Incipient);
+    assert_eq!(filtered(-right).state, SlipState::Incipient);
+    assert_eq!(filtered(20f64.to_radians()).state, SlipState::Stick, "within 30 deg of the thread");
+    assert_eq!(filtered(40f64.to_radians()).state, SlipState::Incipient);
+
+    let mut pivoting = slips(1, 0.0);
+    pivoting.slip.kind = Some(SlipKind::Rotation);
+    pivoting.slip.direction_rad = None;
+    let report = fused(&pivoting, &pivoting);
+    assert_eq!(thread.filter(&report).state, SlipState::Incipient);
+    assert_eq!(Allowed { pivot: true, ..thread }.filter(&report).state, SlipState::Stick);
+}
+
+#[test]
+fn a_hand_has_one_to_four_fingers() {
+    assert!(Hand::new(&[]).is_err());
+    assert!(Hand::new(&[Mounting::on(Side::Left); 5]).is_err());
+    let error = Hand::new(&[Mounting { side: Side::Left, turn_rad: f64::NAN }]).expect_err("NaN");
+    assert_eq!(error.key, "hand.fingers.turn_rad");
+}
