@@ -1,6 +1,7 @@
 //! The simulated hand through its ports: scenes as text, cameras, gripper, wrist, and the plant for somebody else.
 
 use slipbound::drive::{JawCommand, JawDrive, JawSettings};
+use slipbound::plane::Vec2;
 use slipbound::port::{
     FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Motion, Next, Plant, Wrist, WristCommand, WristMotion,
 };
@@ -80,6 +81,32 @@ fn a_pull_down_goes_the_same_way_in_both_pictures_and_a_turn_the_other() {
         (shifts[middle + 2].y - shifts[middle - 2].y) - (shifts[middle + 2 * row].x - shifts[middle - 2 * row].x)
     };
     assert!(curl(0) * curl(1) < 0.0, "{} {}", curl(0), curl(1));
+}
+
+#[test]
+fn a_tilted_tool_is_seen_from_its_two_sides_and_a_cap_alike() {
+    // Markers lie in 20 rows of 21; row r of one finger is row 19 - r of the other when that one sees the mirror image.
+    for (scene, mirrored) in [("place?tilt_deg=30", true), ("screw?thread_mm_per_turn=8&seal_deg=2", false)] {
+        let hand = hand(scene);
+        hand.gripper().command(go(15.0)).expect("taken over");
+        let mut wrist = hand.wrist();
+        for n in 0..45 {
+            let turn = WristMotion::Turn { rate_rad_per_s: 20.0 * DEG, most_rad: 1.0 };
+            wrist.command(WristCommand::new(if n < 20 { WristMotion::Pause } else { turn })).expect("taken over");
+            hand.advance_frame();
+        }
+        let (left, right) = (hand.marker_shifts_mm(0), hand.marker_shifts_mm(1));
+        assert_eq!((left.len(), right.len()), (420, 420));
+        let apart = |mirror: bool| {
+            let of = |n: usize| {
+                let seen = right[if mirror { (19 - n / 21) * 21 + n % 21 } else { n }];
+                if mirror { Vec2::new(seen.x, -seen.y) } else { seen }
+            };
+            (0..420).map(|n| (left[n] - of(n)).length()).sum::<f64>()
+        };
+        let (so, otherwise) = (apart(mirrored), apart(!mirrored));
+        assert!(so < 0.3 * otherwise, "{scene}: {so} mm, otherwise {otherwise} mm");
+    }
 }
 
 #[test]

@@ -4,7 +4,8 @@ use slipbound::plane::Vec2;
 use slipbound::sensor::SettingError;
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use slipbound_lab::contact::{
-    Body, Change, Command, Drive, Finger, FingerSettings, Friction, Grip, Inertia, Law, Leg, Mount, Path, Pose, Wrench,
+    Body, Change, Command, Drive, Finger, FingerSettings, Friction, Grip, Inertia, Law, Leg, Mount, Path, Pose, Rail,
+    Springs, Wrench,
 };
 use slipbound_lab::layer::{Creep, Gel, SoftObject};
 
@@ -27,6 +28,9 @@ fn settings_out_of_range() {
         damping_n_mm_s_per_rad: 0.0,
     };
     let weightless = Inertia { mass_kg: 0.0, gyration_radius_mm: 1.0, centre_of_mass_mm: Vec2::ZERO };
+    let brick = Inertia { mass_kg: 1.0, gyration_radius_mm: 1.0, centre_of_mass_mm: Vec2::ZERO };
+    let springs = |stiffness: [[f64; 3]; 3]| body(Drive::Sprung(Springs { stiffness, ..Springs::default() }, brick));
+    let rail = Rail { shift_mm: Vec2::new(0.0, 14.0), turn_rad: 0.0, push: -40.0, stiffness: 0.0, damping_s: 14.0 };
     let soft = SoftObject { modulus_mpa: 0.1, poisson_ratio: 0.5, thickness_mm: 1.0 };
     let mut odd = plain;
     odd.grid.padded_width_cells = 97;
@@ -64,6 +68,20 @@ fn settings_out_of_range() {
         (FingerSettings { body: Body { fingers_count: 0, ..plain.body }, ..plain }, "body.fingers_count", "0"),
         (body(Drive::Free(weightless)), "body.mass_kg", "0"),
         (body(Drive::Mounted(still, None)), "body.stiffness_n_per_mm + damping_n_s_per_mm of a body without mass", "0"),
+        (
+            springs([[0.0, 1.0, 0.0], [0.0; 3], [0.0; 3]]),
+            "body.stiffness",
+            "[[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]",
+        ),
+        (
+            springs([[-1.0, 0.0, 0.0], [0.0; 3], [0.0; 3]]),
+            "body.stiffness",
+            "[[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]",
+        ),
+        (body(Drive::Sprung(Springs::default(), weightless)), "body.mass_kg", "0"),
+        (body(Drive::Railed(Rail { shift_mm: Vec2::ZERO, ..rail })), "body.shift_mm + turn_rad of a rail", "0"),
+        (body(Drive::Railed(Rail { push: f64::NAN, ..rail })), "body.push of a rail, its size", "NaN"),
+        (body(Drive::Railed(Rail { damping_s: 0.0, ..rail })), "body.stiffness + damping_s of a rail", "0"),
         (odd, "grid.padded_width_cells", "97"),
         (narrow, "grid.padded_height_cells", "40"),
         (tiny, "grid.width_cells", "4"),
