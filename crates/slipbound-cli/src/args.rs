@@ -1,6 +1,10 @@
 //! The arguments of the command.
 
+use crate::commands::calibrate::Calibrate;
 use crate::commands::demo::Demo;
+use crate::commands::emulate::Emulate;
+use crate::commands::gripper::Gripper;
+use crate::commands::replay::Replay;
 use crate::commands::simulate::Simulate;
 use crate::commands::trials::Trials;
 use crate::commands::watch::Watch;
@@ -31,12 +35,22 @@ pub enum Command {
     /// Judge every frame of a recording or a simulated scene
     #[command(after_help = EXIT_CODES)]
     Watch(Watch),
+    /// Run a recorded demo again from its frames and compare every command
+    Replay(Replay),
     /// Run tasks in simulation over friction, seeds and controllers, and print the table
     Trials(Trials),
+    /// Make the sensor file of an unknown finger from a picture of it at rest
+    #[command(after_help = EXIT_CODES)]
+    Calibrate(Calibrate),
     /// List the built-in fingers
     Sensors,
     /// Simulate a scene and write its frames with their exact truth
     Simulate(Simulate),
     /// List the scenes, their parameters and the objects in them
     Scenes,
+    /// Try a gripper by hand
+    #[command(after_help = EXIT_CODES)]
+    Gripper(Gripper),
+    /// Be a gripper that is not there, to try a driver without hardware
+    Emulate(Emulate),
 }

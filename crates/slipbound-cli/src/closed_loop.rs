@@ -8,6 +8,7 @@
 //!
 //! On any error the wrist is paused first and the gripper is told nothing: its force stays where it is.
 
+use crate::frames::FrameRecorder;
 use anyhow::{Context, anyhow};
 use slipbound::hand::{Hand, HandReport, Mounting};
 use slipbound::image::Frame;
@@ -57,9 +58,12 @@ impl Eye {
     }
 
     /// The next frame, as part of the rest or to be judged. False when the source has ended.
-    fn look(&mut self, grip: Option<GripSample>) -> anyhow::Result<bool> {
+    fn look(&mut self, grip: Option<GripSample>, recorder: Option<&mut FrameRecorder>) -> anyhow::Result<bool> {
         self.report = None;
         let next = self.source.next(&mut self.frame).map_err(|e| anyhow!("{}: {e}", self.name))?;
+        if let Some(recorder) = recorder {
+            recorder.keep(&self.name, &next, &self.frame)?;
+        }
         match (next, &mut self.monitor) {
             (Next::End, _) => return Ok(false),
             (Next::Frame, None) => self.add_to_rest()?,
@@ -129,13 +133,15 @@ pub struct ClosedLoop {
     hand: Hand,
     /// The task.
     pub task: Box<dyn Task + Send>,
+    /// Who keeps the frames, if anyone does.
+    pub recorder: Option<FrameRecorder>,
 }
 
 impl ClosedLoop {
     /// A loop before its first turn.
     pub fn new(eyes: Vec<Eye>, task: Box<dyn Task + Send>) -> anyhow::Result<Self> {
         let mountings: Vec<Mounting> = eyes.iter().map(|eye| eye.mounting).collect();
-        Ok(ClosedLoop { hand: Hand::new(&mountings)?, eyes, task })
+        Ok(ClosedLoop { hand: Hand::new(&mountings)?, eyes, task, recorder: None })
     }
 
     /// One turn: every finger's frame, the gripper's and the wrist's state, the commands. On an error the wrist has
@@ -153,13 +159,16 @@ impl ClosedLoop {
         let state = gripper.poll().map_err(|e| anyhow!("gripper: {e}"))?;
         let grip = state.pressed_n().map(|force_n| GripSample { force_n });
         for (i, eye) in self.eyes.iter_mut().enumerate() {
-            if !eye.look(grip)? {
+            if !eye.look(grip, self.recorder.as_mut())? {
                 return Ok(Turned::Over);
             }
             match &eye.report {
                 Some(report) => self.hand.see(i, report),
                 None => self.hand.missed(i),
             }
+        }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.turn()?;
         }
         if self.eyes.iter().any(|eye| eye.monitor.is_none()) {
             return Ok(Turned::AtRest);

@@ -1,6 +1,10 @@
 //! One file a command.
 
+pub mod calibrate;
 pub mod demo;
+pub mod emulate;
+pub mod gripper;
+pub mod replay;
 mod scenes;
 mod sensors;
 pub mod simulate;
@@ -14,10 +18,14 @@ use crate::outcome::{Failure, Outcome};
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     match &args.command {
         Command::Demo(demo) => demo.run(),
+        Command::Replay(replay) => replay.run(),
         Command::Trials(trials) => trials.run(),
         Command::Watch(watch) => watch.run(),
+        Command::Calibrate(calibrate) => calibrate.run(),
         Command::Sensors => sensors::run(),
         Command::Simulate(simulate) => simulate.run(),
         Command::Scenes => scenes::run(),
+        Command::Gripper(gripper) => gripper.run(),
+        Command::Emulate(emulate) => emulate.run(),
     }
 }

@@ -3,6 +3,7 @@
 mod args;
 mod closed_loop;
 mod commands;
+mod frames;
 mod interruption;
 mod measures;
 mod outcome;

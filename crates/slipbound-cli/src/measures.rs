@@ -1,11 +1,43 @@
 //! What a simulated run is measured by, from the truth.
 
 use crate::closed_loop::Turn;
-use slipbound::task::{Ending, Phase};
+use slipbound::task::{Ending, Phase, TaskKind};
 use slipbound_lab::hand::HandTruth;
 
 /// Least force of the gripper, N per finger: what a perfect controller would still press with.
 const FLOOR_N: f64 = 5.0;
+
+/// Radius of the cap, mm, and the force per finger, N, for the torque that counts as all there is.
+const CAP_RADIUS_MM: f64 = 14.0;
+const FULL_GRIP_N: f64 = 60.0;
+
+/// Most force on the ground while a tool is put down: this many times its weight, or this force, N.
+const GROUND_WEIGHTS: f64 = 1.5;
+const GROUND_N: f64 = 3.0;
+
+/// Furthest fall when it is let go, mm.
+const DROP_MM: f64 = 1.0;
+
+/// Whether a task did what it is for: ended as it should, and a bottle did not slide, a tool was put down softly.
+pub fn succeeded(kind: TaskKind, run: &Measures) -> bool {
+    match kind {
+        TaskKind::Screw => matches!(run.ending, Some(Ending::Tight | Ending::SlipAtMost)),
+        TaskKind::Unscrew => run.ending == Some(Ending::Opened),
+        TaskKind::Place => {
+            let softly = run.last.ground.as_ref().is_some_and(|ground| {
+                ground.peak_force_n <= most_ground_n(ground.weight_n)
+                    && ground.free_drop_mm.is_some_and(|mm| mm <= DROP_MM)
+            });
+            run.ending == Some(Ending::Placed) && softly
+        }
+        TaskKind::Lift => run.ending == Some(Ending::Held) && run.last.gross_steps_count == 0,
+    }
+}
+
+/// Most force on the ground while a tool of this weight is put down, N.
+pub fn most_ground_n(weight_n: f64) -> f64 {
+    (GROUND_WEIGHTS * weight_n).max(GROUND_N)
+}
 
 /// Adds up over a run.
 #[derive(Debug, Clone, Default)]
@@ -63,6 +95,12 @@ impl Measures {
     /// Mean force over mean needed force, while more than the gripper's least was needed; None when it never was.
     pub fn over_squeeze_ratio(&self) -> Option<f64> {
         (self.needed_sum_n > 0.0).then(|| self.pressed_sum_n / self.needed_sum_n)
+    }
+
+    /// Largest torque on a cap over 2 mu 60 N R; None where there is no cap.
+    pub fn torque_fraction(&self, mu: f64) -> Option<f64> {
+        self.last.cap.as_ref()?;
+        Some(self.torque_n_mm / (2.0 * mu * FULL_GRIP_N * CAP_RADIUS_MM))
     }
 
     /// Share of the friction that was used at the first alarm; None without one.

@@ -21,6 +21,12 @@ pub struct Simulated {
     wrist: SimWrist,
 }
 
+/// How a finger of the simulated hand is mounted, and its name; taken one for the other when they are swapped.
+pub fn mounting(finger: usize, swapped: bool) -> (Mounting, &'static str) {
+    let side = if swapped { SIDES[1 - finger].0 } else { SIDES[finger].0 };
+    (Mounting::on(side), SIDES[finger].1)
+}
+
 /// The task a scene is of.
 pub fn kind(scene: &HandScene) -> Result<TaskKind, SettingError> {
     match scene.task_name() {
@@ -47,15 +53,12 @@ impl Simulated {
         let hand = SimHand::new(scene)?;
         let mut eyes = Vec::new();
         for finger in 0..scene.fingers_count() {
-            let (mut side, name) = SIDES[finger];
-            if spoiler.is_some_and(|spoiler| spoiler.swaps()) {
-                side = SIDES[1 - finger].0;
-            }
+            let (mounting, name) = mounting(finger, spoiler.is_some_and(|spoiler| spoiler.swaps()));
             let camera = hand.camera(finger);
             let source = Spoiled::new(camera, spoiler.filter(|spoiler| spoiler.hits(finger)));
-            eyes.push(Eye::new(name, Mounting::on(side), hand.sensor(finger), monitor.clone(), Box::new(source)));
+            eyes.push(Eye::new(name, mounting, hand.sensor(finger), monitor.clone(), Box::new(source)));
         }
-        let task = settings.task(kind(scene)?, hand.sensor(0).shear.as_ref())?;
+        let task = settings.task(kind(scene)?, hand.sensor(0).shear_stiffness_mpa_per_mm())?;
         let (gripper, wrist) = (hand.gripper(), hand.wrist());
         Ok(Simulated { around: ClosedLoop::new(eyes, task)?, hand, gripper, wrist })
     }

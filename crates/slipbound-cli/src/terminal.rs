@@ -46,6 +46,21 @@ impl Terminal {
         Terminal { bar, to_stderr }
     }
 
+    /// Lines, and below them a status if standard error is a terminal.
+    pub fn with_status() -> Self {
+        if !io::stderr().is_terminal() {
+            return Terminal::plain();
+        }
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(15));
+        bar.set_style(ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_bar()));
+        Terminal { bar, to_stderr: false }
+    }
+
+    /// What stands in the status line.
+    pub fn status(&self, text: &str) {
+        self.bar.set_message(text.to_owned());
+    }
+
     /// One frame further.
     pub fn advance(&self) {
         self.bar.inc(1);

@@ -48,14 +48,13 @@ impl Copied {
 }
 
 fn render(criterion: &mut Criterion) {
-    let cameras: [(&str, fn(u64) -> Renderer); 2] =
-        [("gelslim", Renderer::gelslim), ("gelsight mini", Renderer::gelsight_mini)];
+    let cameras = [("gelslim", Renderer::gelslim(1)), ("gelsight mini", Renderer::gelsight_mini(1))];
     for (size, grid) in [("96x72", Grid::standard()), ("64x48", Grid::fast())] {
         let (finger, commands) = pressed(grid);
         let mut copied = Copied::of(grid);
         copied.take(&finger);
-        for (name, make) in cameras {
-            let mut camera = make(1);
+        for (name, camera) in &cameras {
+            let mut camera = camera.clone();
             let mut rgb = vec![0; 3 * camera.size().area()];
             criterion.bench_function(&format!("render/{size}/{name}"), |bencher| {
                 let mut seed = 0;

@@ -203,7 +203,7 @@ fn cameras_end_with_the_scene_and_faults_pass_through_them() {
 #[test]
 fn the_gel_of_a_sensor_is_known() {
     let sensor = hand("screw").sensor(0);
-    let stiffness = sensor.shear.as_ref().expect("known").stiffness_mpa_per_mm;
+    let stiffness = sensor.shear_stiffness_mpa_per_mm().expect("known");
     // G / h = 0.5 MPa / (2 (1 + 0.485)) / 3 mm.
     assert!((stiffness - 0.5 / 2.97 / 3.0).abs() < 1e-12, "{stiffness}");
     sensor.check().expect("sound");

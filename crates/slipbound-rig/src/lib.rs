@@ -4,11 +4,15 @@
 //! |---|---|
 //! | recordings as frames: image folders, MJPEG AVI, every other video through `ffmpeg` | [`source`] |
 //! | the fingers that are known, and files for others | [`sensors`] |
+//! | a calibration as a sensor file and a picture | [`calibration`] |
 //! | settings files, and how a mistake in one is told | [`config`] |
 //! | reports as JSON lines | [`report_json`] |
 //! | pictures of what was found | [`overlay`] |
 //! | Motion-JPEG AVI files | [`avi_writer`] |
 //! | the folder and the page that a closed loop leaves | [`run`] |
+//! | grippers by their own protocols | [`gripper`] |
+//! | the arm behind the hand | [`wrist`] |
+//! | the same protocols from the other side, to try all that without hardware | [`emulator`] |
 //!
 //! ```no_run
 //! use slipbound::monitor::{RestBuilder, Settings, SlipMonitor};
@@ -32,9 +36,14 @@
 //! ```
 
 pub mod avi_writer;
+pub mod calibration;
 pub mod config;
+pub mod emulator;
+pub mod gripper;
+pub mod link;
 pub mod overlay;
 pub mod report_json;
 pub mod run;
 pub mod sensors;
 pub mod source;
+pub mod wrist;

@@ -16,10 +16,13 @@
 
 mod backdrop;
 mod canvas;
+mod grid;
 mod regions;
 mod strips;
 mod writer;
 
+pub use grid::grid_picture;
+pub(crate) use writer::write_png;
 pub use writer::{Error, OverlayWriter};
 
 use backdrop::Backdrop;

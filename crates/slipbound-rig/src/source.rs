@@ -50,6 +50,12 @@ pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
     }
 }
 
+/// Decodes `into.encoded`, a JPEG or PNG picture, into `into.pixels`; the text of the failure says what is wrong
+/// with it.
+pub fn decode_image(into: &mut slipbound::port::FrameBuffer) -> Result<(), String> {
+    picture::decode(into)
+}
+
 /// Whether `open` would read image files named by a pattern or one by one.
 pub fn reads_images(uri: &str) -> bool {
     let path = Path::new(uri);

@@ -64,7 +64,7 @@ fn bench(c: &mut Criterion) {
         if rectified {
             // A slight turn, so that every pixel is resampled.
             let homography = Homography([[1.0, 0.02, -5.0], [-0.02, 1.0, 6.0], [0.0, 0.0, 1.0]]);
-            sensor.rectification = Some(Rectification { homography, crop_px: [0, 0, 640, 480] });
+            sensor.rectification = Some(Rectification { homography, crop_px: [0, 0, 640, 480], distortion: None });
         }
         let frames = recording(&painter);
         let mut monitor = monitor(&sensor, &settings, &painter);

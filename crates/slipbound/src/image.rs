@@ -1,6 +1,7 @@
 //! Borrowed pixels with a stride, and the bit-packed mask.
 
 use std::fmt;
+use std::ops::Range;
 
 /// Why a pixel buffer was refused.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -196,6 +197,26 @@ impl Mask {
     /// Clears every pixel.
     pub fn clear(&mut self) {
         self.words.fill(0);
+    }
+
+    /// A mask with every pixel set.
+    pub fn full(size: SizePx) -> Self {
+        let mut mask = Mask::new(size);
+        let last = mask.last_word();
+        for row in mask.words.chunks_exact_mut(mask.words_per_row.max(1)) {
+            row.fill(u64::MAX);
+            if let Some(word) = row.last_mut() {
+                *word = last;
+            }
+        }
+        mask
+    }
+
+    /// Clears a rectangle, which must lie within the image.
+    pub fn clear_rectangle(&mut self, columns: Range<usize>, rows: Range<usize>) {
+        for y in rows {
+            columns.clone().for_each(|x| self.set(x, y, false));
+        }
     }
 
     /// Takes over the pixels of a mask of the same size.

@@ -33,9 +33,10 @@
 //!     marker_diameter_px: 6.0,
 //!     skin: Skin::Smooth,
 //!     bare_sharpness: None,
-//!     shear: None,
 //!     edge_bands: vec![],
 //!     rectification: None,
+//!     defects_px: vec![],
+//!     shear: None,
 //! };
 //! // A picture of the finger at rest.
 //! let dark = |v: usize| (8..14).contains(&(v % 20));
@@ -68,6 +69,7 @@
 //! | [`hand`] | the reports of several fingers as one, in the frame of the hand |
 //! | [`grip`] | controllers: hand report in, grip command out; the paper's law and ours |
 //! | [`task`] | screw, unscrew, place, lift: state machines over commands, for simulation and hardware alike |
+//! | [`calibrate`] | the facts of an unknown finger from pictures of it at rest |
 //! | [`sensor`] | what is true of a finger: geometry, pitch, skin |
 //! | [`port`] | the traits through which the world is reached: frames, gripper, wrist, plant |
 //! | [`drive`] | how jaws and a wrist move when commanded |
@@ -77,6 +79,7 @@
 //! The crate has no clock, no files, no sockets, and allocates nothing per frame: all memory is made when a
 //! [`monitor::SlipMonitor`] is. The same frames and settings give the same bytes on any machine.
 
+pub mod calibrate;
 pub mod drive;
 pub mod events;
 pub mod grip;

@@ -13,6 +13,8 @@ pub mod dots;
 pub mod flatten;
 pub mod gaussian;
 pub mod grey;
+pub mod mean;
 pub mod morphology;
+pub mod patch;
 pub mod threshold;
 pub mod warp;

@@ -3,8 +3,13 @@
 //! A sensor file (`sensors/*.toml`) holds these facts; there is no default finger. Lengths in px are in the
 //! rectified image at the stated [`Sensor::image_px`]; [`Sensor::at_size`] converts them to another resolution.
 
+mod rectification;
+
+pub(crate) use rectification::MOST_TERMS;
+pub use rectification::{Distortion, Rectification};
+
 use crate::image::SizePx;
-use crate::plane::{Homography, Vec2};
+use crate::plane::Vec2;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -81,27 +86,6 @@ pub struct EdgeBand {
     pub high_levels: u16,
 }
 
-/// How the camera's view of the gel becomes the rectified image.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Rectification {
-    /// From the (flipped) camera image to the plane of the gel, px to px, pixel centres at whole numbers.
-    pub homography: Homography,
-    /// The part of that plane which becomes the rectified image: left, top, right, bottom (exclusive).
-    pub crop_px: [usize; 4],
-}
-
-/// How stiff a finger's gel is against shear. Forces and margins are reported for fingers that have it, never guessed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Shear {
-    /// Shear traction per displacement of the gel's surface, in MPa/mm = N/mm2 per mm: for a wide contact on a layer,
-    /// shear modulus over thickness, G/h.
-    pub stiffness_mpa_per_mm: f64,
-    /// How it is known.
-    pub source: String,
-}
-
 /// The facts of one finger. Built from a sensor file; see `sensors/` for the built-in ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -136,15 +120,33 @@ pub struct Sensor {
     /// None where nobody measured it.
     #[serde(default)]
     pub bare_sharpness: Option<f64>,
-    /// Stiffness of the gel against shear; None where nobody measured it.
-    #[serde(default)]
-    pub shear: Option<Shear>,
     /// Edge thresholds from top to bottom; needed for a fabric skin only.
     #[serde(default)]
     pub edge_bands: Vec<EdgeBand>,
     /// Rectification; None when the camera looks straight at the gel.
     #[serde(default)]
     pub rectification: Option<Rectification>,
+    /// Damaged parts of the skin: left, top, right, bottom (exclusive) in the rectified image. No edge there is a
+    /// contact's and no dot there is a marker.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub defects_px: Vec<[usize; 4]>,
+    /// How stiff the skin is against shear; None where nobody measured it, and then no tangential force is reported.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shear: Option<Shear>,
+}
+
+/// Shear stiffness of the skin, measured with a known weight.
+///
+/// A soft layer bonded to a stiff back answers each patch of its surface for itself: traction is stiffness times
+/// displacement. Every marker stands for a patch of a pitch squared, so the tangential force on the finger is the sum
+/// over all markers of their displacement in pitches, times [`Shear::stiffness_n_per_pitch`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shear {
+    /// Newtons for one marker displaced by one pitch.
+    pub stiffness_n_per_pitch: f64,
+    /// What it was measured with: the weight, the recording, the scatter.
+    pub provenance: String,
 }
 
 impl Sensor {
@@ -167,9 +169,6 @@ impl Sensor {
         if let Some(sharpness) = self.bare_sharpness {
             within("bare_sharpness", sharpness, 0.0, 100.0)?;
         }
-        if let Some(shear) = &self.shear {
-            within("shear.stiffness_mpa_per_mm", shear.stiffness_mpa_per_mm, 1e-4, 100.0)?;
-        }
         if self.skin == Skin::Fabric && self.edge_bands.is_empty() {
             return bad("edge_bands", "none".into(), "at least one band for a fabric skin");
         }
@@ -188,16 +187,19 @@ impl Sensor {
             return bad("edge_bands.rows_to_fraction", from.to_string(), "1 in the last band");
         }
         if let Some(r) = &self.rectification {
-            let [left, top, right, bottom] = r.crop_px;
-            if right < left + 32 || bottom < top + 32 || right > 8192 || bottom > 8192 {
-                return bad(
-                    "rectification.crop_px",
-                    format!("{:?}", r.crop_px),
-                    "left, top, right, bottom, 32 px apart",
-                );
+            r.check()?;
+        }
+        let size = self.rectified_px();
+        for &[left, top, right, bottom] in &self.defects_px {
+            if left >= right || top >= bottom || right > size.width || bottom > size.height {
+                let got = format!("{:?}", [left, top, right, bottom]);
+                return bad("defects_px", got, &format!("left, top, right, bottom within {size}"));
             }
-            if r.homography.inverse().is_none() {
-                return bad("rectification.homography", format!("{:?}", r.homography.0), "an invertible matrix");
+        }
+        if let Some(shear) = &self.shear {
+            within("shear.stiffness_n_per_pitch", shear.stiffness_n_per_pitch, 1e-6, 1e3)?;
+            if shear.provenance.trim().is_empty() {
+                return bad("shear.provenance", "nothing".into(), "what it was measured with");
             }
         }
         Ok(())
@@ -217,19 +219,12 @@ impl Sensor {
                 expected: format!("{} or the same shape at another scale", self.image_px),
             });
         }
-        let scaled = |v: usize| (v as f64 * scale).round() as usize;
-        // Pixel centres lie at whole numbers, so a scale moves them about (-0.5, -0.5).
-        let shift = (scale - 1.0) / 2.0;
-        let grow = Homography([[scale, 0.0, shift], [0.0, scale, shift], [0.0, 0.0, 1.0]]);
-        let shrink = grow.inverse().expect("a positive scale has an inverse");
         Ok(Sensor {
             image_px: size,
             pitch_px: self.pitch_px * scale,
             marker_diameter_px: self.marker_diameter_px * scale,
-            rectification: self.rectification.map(|r| Rectification {
-                homography: grow.after(&r.homography).after(&shrink),
-                crop_px: r.crop_px.map(scaled),
-            }),
+            rectification: self.rectification.map(|r| r.scaled(scale)),
+            defects_px: self.defects_px.iter().map(|d| d.map(|v| (v as f64 * scale).round() as usize)).collect(),
             ..self.clone()
         })
     }
@@ -246,10 +241,16 @@ impl Sensor {
     pub fn upright_from_rectified(&self, p: Vec2) -> Vec2 {
         match &self.rectification {
             None => p,
-            Some(r) => {
-                let inverse = r.homography.inverse().unwrap_or(Homography::IDENTITY);
-                inverse.apply(p + Vec2::new(r.crop_px[0] as f64, r.crop_px[1] as f64))
-            }
+            Some(r) => r.upright_from_plane(p + Vec2::new(r.crop_px[0] as f64, r.crop_px[1] as f64)),
+        }
+    }
+
+    /// Where a point of the upright camera image lies in the rectified image, also beyond its border. None where the
+    /// distortion leaves no such place.
+    pub fn rectified_from_upright(&self, p: Vec2) -> Option<Vec2> {
+        match &self.rectification {
+            None => Some(p),
+            Some(r) => Some(r.plane_from_upright(p)? - Vec2::new(r.crop_px[0] as f64, r.crop_px[1] as f64)),
         }
     }
 
@@ -262,6 +263,19 @@ impl Sensor {
         Vec2::new(x, y)
     }
 
+    /// The tangential force behind a sum of marker displacements in rectified px, in newtons; None for a finger
+    /// whose shear stiffness nobody measured.
+    pub fn shear_force_n(&self, displacement_sum_px: Vec2) -> Option<Vec2> {
+        self.shear.as_ref().map(|s| displacement_sum_px * (s.stiffness_n_per_pitch / self.pitch_px))
+    }
+
+    /// Shear traction per displacement of the gel's surface in MPa/mm = N/mm2 per mm, for a wide layer its shear modulus
+    /// over its thickness; None for a finger whose shear stiffness or pitch in mm nobody measured.
+    pub fn shear_stiffness_mpa_per_mm(&self) -> Option<f64> {
+        let (shear, pitch_mm) = (self.shear.as_ref()?, self.pitch_mm?);
+        Some(shear.stiffness_n_per_pitch / (pitch_mm * pitch_mm * pitch_mm))
+    }
+
     /// Millimetres per rectified pixel; None where the pitch in mm is unknown.
     pub fn mm_per_px(&self) -> Option<f64> {
         self.pitch_mm.map(|mm| mm / self.pitch_px)
@@ -271,6 +285,7 @@ impl Sensor {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::plane::Homography;
 
     /// A smooth finger of 320x240 px with 10 px dots at 30 px.
     pub(crate) fn smooth() -> Sensor {
@@ -287,16 +302,17 @@ pub(crate) mod tests {
             marker_diameter_px: 10.0,
             skin: Skin::Smooth,
             bare_sharpness: None,
-            shear: None,
             edge_bands: Vec::new(),
             rectification: None,
+            defects_px: Vec::new(),
+            shear: None,
         }
     }
 
     #[test]
     fn a_finger_at_another_resolution_keeps_its_geometry() {
         let homography = Homography([[0.8, -0.34, 41.0], [0.04, 0.84, -24.6], [-1.0e-4, -1.4e-3, 1.0]]);
-        let rectification = Some(Rectification { homography, crop_px: [50, 0, 270, 240] });
+        let rectification = Some(Rectification { homography, crop_px: [50, 0, 270, 240], distortion: None });
         let small = Sensor { rectification, flip: Flip::Vertical, ..smooth() };
         let large = small.at_size(SizePx::new(640, 480)).expect("same shape");
         assert_eq!(large.rectified_px(), SizePx::new(440, 480));

@@ -45,7 +45,7 @@ fn centroid_rms_px(painter: &Painter, frames: u64) -> f64 {
 /// RMS error per axis, in px of the camera, of markers found in an image rectified by a homography.
 fn rectified_rms_px(painter: &Painter) -> f64 {
     let homography = Homography([[0.97, 0.06, 10.0], [-0.05, 0.98, 22.0], [2.0e-5, -6.0e-5, 1.0]]);
-    let rectification = Some(Rectification { homography, crop_px: [0, 0, 640, 480] });
+    let rectification = Some(Rectification { homography, crop_px: [0, 0, 640, 480], distortion: None });
     let sensor = Sensor { rectification, ..painter.sensor.clone() };
     let straight = Painter { sensor, ..painter.clone() };
     let mut monitor = monitor(&straight, &Settings::default());

@@ -1,21 +1,18 @@
 //! `slipbound trials`: the tasks over friction, seeds, controllers and fingers, as a table.
 
 use crate::interruption;
-use crate::measures::Measures;
+use crate::measures::{Measures, succeeded};
 use crate::outcome::{Failure, Outcome};
 use crate::simulated::{Simulated, kind};
 use crate::terminal::Terminal;
 use slipbound::grip::GripController;
 use slipbound::monitor::Settings;
-use slipbound::task::{ControllerKind, Ending, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
 use slipbound_lab::hand::HandScene;
 use slipbound_rig::config;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-
-/// Radius of the cap, mm, and the force, N, for the torque that counts as all there is.
-const CAP_RADIUS_MM: f64 = 14.0;
 
 /// The arguments of `slipbound trials`.
 #[derive(Debug, clap::Args)]
@@ -170,16 +167,10 @@ fn measure(scene: &HandScene, settings: &TaskSettings) -> anyhow::Result<Measure
 
 fn row(group: &Group, runs: &[(&HandScene, &Measures)]) -> String {
     let count = runs.len();
-    let should = |run: &Measures| match group.kind {
-        TaskKind::Screw => matches!(run.ending, Some(Ending::Tight | Ending::SlipAtMost)),
-        TaskKind::Unscrew => run.ending == Some(Ending::Opened),
-        TaskKind::Place => run.ending == Some(Ending::Placed),
-        TaskKind::Lift => run.ending == Some(Ending::Held) && run.last.gross_steps_count == 0,
-    };
-    let right = runs.iter().filter(|(_, run)| should(run)).count();
+    let right = runs.iter().filter(|(_, run)| succeeded(group.kind, run)).count();
     let mean = |of: &dyn Fn(&Measures) -> f64| runs.iter().map(|(_, run)| of(run)).sum::<f64>() / count as f64;
     let worst = |of: &dyn Fn(&Measures) -> f64| runs.iter().map(|(_, run)| of(run)).fold(0.0, f64::max);
-    let torque = runs.iter().filter_map(|(scene, run)| torque_fraction(scene, run)).reduce(f64::min);
+    let torque = runs.iter().filter_map(|(scene, run)| run.torque_fraction(scene.mu())).reduce(f64::min);
     let squeezes: Vec<f64> = runs.iter().filter_map(|(_, run)| run.over_squeeze_ratio()).collect();
     let squeeze = squeezes.iter().sum::<f64>() / squeezes.len() as f64;
     let [task, object, mu, controller, fingers] = &group.name;
@@ -192,12 +183,6 @@ fn row(group: &Group, runs: &[(&HandScene, &Measures)]) -> String {
         mean(&|run| f64::from(run.alarms_count)),
         worst(&|run| run.most_n),
     )
-}
-
-/// Largest torque on the cap over 2 mu 60 N R.
-fn torque_fraction(scene: &HandScene, run: &Measures) -> Option<f64> {
-    run.last.cap.as_ref()?;
-    Some(run.torque_n_mm / (2.0 * scene.mu() * 60.0 * CAP_RADIUS_MM))
 }
 
 fn one(run: &Measures) -> String {

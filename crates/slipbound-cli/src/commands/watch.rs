@@ -6,9 +6,9 @@
 
 mod outputs;
 mod overwriting;
-mod recording;
+pub(super) mod recording;
 mod rest;
-mod simulation;
+pub(super) mod simulation;
 mod summary;
 mod timings;
 

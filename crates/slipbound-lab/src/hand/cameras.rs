@@ -28,7 +28,8 @@ struct Eye {
 #[derive(Debug)]
 pub(super) struct Cameras {
     eyes: Vec<Eye>,
-    shear: Shear,
+    /// Of the gel against shear.
+    stiffness_mpa_per_mm: f64,
     /// The frame that the pictures show; None before the first.
     drawn: Option<u64>,
 }
@@ -58,13 +59,18 @@ impl Cameras {
             }
         });
         let stiffness_mpa_per_mm = settings.gel.shear_modulus_mpa() / settings.gel.thickness_mm;
-        Cameras { eyes: eyes.collect(), shear: Shear { stiffness_mpa_per_mm, source: "simulator".into() }, drawn: None }
+        Cameras { eyes: eyes.collect(), stiffness_mpa_per_mm, drawn: None }
     }
 
     /// The facts of a finger; those of the last one beyond it.
     pub fn sensor(&self, finger: usize) -> Sensor {
         let eye = &self.eyes[finger.min(self.eyes.len() - 1)];
-        Sensor { shear: Some(self.shear.clone()), ..eye.renderer.sensor() }
+        let sensor = eye.renderer.sensor();
+        let shear = sensor.pitch_mm.map(|pitch_mm| Shear {
+            stiffness_n_per_pitch: self.stiffness_mpa_per_mm * pitch_mm * pitch_mm * pitch_mm,
+            provenance: "simulator: shear modulus over thickness of the gel".into(),
+        });
+        Sensor { shear, ..sensor }
     }
 
     /// Displacement in the plane of every marker of a finger, in its own frame, in mm.

@@ -66,15 +66,13 @@ impl Nodes {
         };
         let step_px = [step(1, 0), step(0, 1)];
         let (columns, rows) = ((width - 1) / step_px[0] + 2, (height - 1) / step_px[1] + 2);
-        let mut used = vec![usize::MAX..0; rows];
+        let mut used = vec![0..0; rows];
         for (y, span) in spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
-            let row = y / step_px[1];
+            let (row, first, end) = (y / step_px[1], span.start / step_px[0], (span.end - 1) / step_px[0] + 2);
             for range in &mut used[row..row + 2] {
-                range.start = range.start.min(span.start / step_px[0]);
-                range.end = range.end.max((span.end - 1) / step_px[0] + 2);
+                *range = if range.end == 0 { first..end } else { range.start.min(first)..range.end.max(end) };
             }
         }
-        used.iter_mut().filter(|range| range.start > range.end).for_each(|range| *range = 0..0);
         let sites = (0..columns * rows)
             .map(|i| {
                 let plane = place(i % columns * step_px[0], i / columns * step_px[1]);

@@ -105,7 +105,6 @@ impl CameraSettings {
             marker_diameter_px: 5.3,
             skin: Skin::Fabric,
             bare_sharpness: Some(0.046), // the foot of the glare and two scratches
-            shear: None,
             edge_bands: vec![
                 EdgeBand { rows_to_fraction: 0.8875, low_levels: 90, high_levels: 120 },
                 EdgeBand { rows_to_fraction: 1.0, low_levels: 50, high_levels: 70 },
@@ -117,7 +116,10 @@ impl CameraSettings {
                     [-0.00010275817, -0.00143881538, 1.0],
                 ]),
                 crop_px: [50, 0, 377, 320],
+                distortion: None,
             }),
+            defects_px: Vec::new(),
+            shear: None,
         };
         CameraSettings {
             sensor: facts.at_size(SizePx::new(640, 480)).expect("the same shape"),
@@ -170,9 +172,10 @@ impl CameraSettings {
                 marker_diameter_px: 22.0,
                 skin: Skin::Smooth,
                 bare_sharpness: None,
-                shear: None,
                 edge_bands: Vec::new(),
                 rectification: None,
+                defects_px: Vec::new(),
+                shear: None,
             },
             eye_mm: [0.0, 0.0, 30.0],
             refractive_index: 1.41,

@@ -129,6 +129,20 @@ impl Canvas {
         }
     }
 
+    /// Straight pieces from point to point.
+    pub fn line(&mut self, points: &[Vec2], width: f32, colour: Colour) {
+        let mut path = PathBuilder::new();
+        for (i, p) in points.iter().enumerate() {
+            match i {
+                0 => path.move_to(p.x as f32, p.y as f32),
+                _ => path.line_to(p.x as f32, p.y as f32),
+            }
+        }
+        if let Some(path) = path.finish() {
+            self.stroke_path(&path, width, colour);
+        }
+    }
+
     /// An arrow with its tip at `to`, and a halo of a width and a colour round it.
     pub fn arrow(&mut self, from: Vec2, to: Vec2, width: f64, colour: Colour, halo: (f32, Colour)) {
         let Some(path) = arrow_path(from, to, width) else { return };

@@ -82,7 +82,8 @@ impl OverlayWriter {
     }
 }
 
-fn write_png(path: &Path, rgb: &[u8], width: u32, height: u32, seq: u64) -> Result<(), Error> {
+/// Writes a PNG; `seq` is told when it cannot be encoded.
+pub(crate) fn write_png(path: &Path, rgb: &[u8], width: u32, height: u32, seq: u64) -> Result<(), Error> {
     let failed = |source| Error::Write { path: path.to_owned(), source };
     let mut encoder = png::Encoder::new(BufWriter::new(File::create(path).map_err(failed)?), width, height);
     encoder.set_color(png::ColorType::Rgb);

@@ -18,7 +18,7 @@ use super::{GripController, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::{GripCommand, GripperState, Motion};
-use crate::sensor::{SettingError, Shear, within};
+use crate::sensor::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// Share of the friction reckoned with that one slip may take away.
@@ -70,8 +70,8 @@ impl MarginSettings {
     }
 
     /// The same with the stiffness of the finger where the settings have none. Refused when nobody knows it.
-    pub fn for_finger(&self, shear: Option<&Shear>) -> Result<Self, SettingError> {
-        let of_finger = shear.map_or(0.0, |shear| shear.stiffness_mpa_per_mm);
+    pub fn for_finger(&self, of_finger_mpa_per_mm: Option<f64>) -> Result<Self, SettingError> {
+        let of_finger = of_finger_mpa_per_mm.unwrap_or(0.0);
         let stiffness_mpa_per_mm = if self.stiffness_mpa_per_mm > 0.0 { self.stiffness_mpa_per_mm } else { of_finger };
         if stiffness_mpa_per_mm > 0.0 {
             return Ok(MarginSettings { stiffness_mpa_per_mm, ..*self });

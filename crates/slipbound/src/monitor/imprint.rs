@@ -14,6 +14,7 @@ use crate::pixels::flatten::Flatten;
 use crate::pixels::gaussian::Gaussian;
 use crate::pixels::grey::{GreyWeights, grey_from_gray, grey_from_rgb};
 use crate::pixels::warp::WarpTable;
+use crate::plane::Vec2;
 use crate::sensor::{Flip, Sensor, SettingError, Skin, within};
 use serde::{Deserialize, Serialize};
 
@@ -67,6 +68,8 @@ pub(super) struct Imprint {
     weights: GreyWeights,
     dark_below_levels: f64,
     warp: Option<(WarpTable, Vec<u8>)>,
+    /// What the camera sees of the undamaged skin, where that is not everything.
+    seen: Option<Mask>,
     smooth: Option<(Smooth, Flatten)>,
     has_cells: bool,
     pub(super) grey: Vec<u8>,
@@ -93,16 +96,19 @@ impl Imprint {
                 Smooth::Gaussian(gaussian, vec![0.0; size.area()])
             }
         };
+        let warp = sensor.rectification.as_ref().map(|r| {
+            let (to_upright, crop) = (r.to_upright(), Vec2::new(r.crop_px[0] as f64, r.crop_px[1] as f64));
+            let table = WarpTable::new(size, camera_px, |p| to_upright(p + crop));
+            (table, vec![0; camera_px.area()])
+        });
         Imprint {
             camera_px,
             size,
             flip: sensor.flip,
             weights: GreyWeights::new(sensor.grey_weights_rgb),
             dark_below_levels: settings.imprint.dark_below_levels,
-            warp: sensor.rectification.as_ref().map(|_| {
-                let table = WarpTable::new(size, camera_px, |p| sensor.upright_from_rectified(p));
-                (table, vec![0; camera_px.area()])
-            }),
+            seen: seen(sensor, warp.as_ref().map(|(table, _)| table)),
+            warp,
             smooth: wants_flat.then(|| (smooth(), Flatten::new(FLATTEN.0, FLATTEN.1, FLATTEN.2))),
             mean_levels: 0.0,
             grey: vec![0; size.area()],
@@ -162,10 +168,24 @@ impl Imprint {
         self.size
     }
 
-    /// Which rectified pixels the camera sees; None when it sees all of them.
+    /// Which rectified pixels show undamaged skin; None when all of them do.
     pub(super) fn seen(&self) -> Option<&Mask> {
-        self.warp.as_ref().map(|(table, _)| table.valid())
+        self.seen.as_ref()
     }
+}
+
+/// What a rectification sees, less the defects of the skin.
+fn seen(sensor: &Sensor, table: Option<&WarpTable>) -> Option<Mask> {
+    if table.is_none() && sensor.defects_px.is_empty() {
+        return None;
+    }
+    let size = sensor.rectified_px();
+    let mut seen = table.map_or_else(|| Mask::full(size), |table| table.valid().clone());
+    for &[left, top, right, bottom] in &sensor.defects_px {
+        // At another resolution a defect may end a pixel beyond the image.
+        seen.clear_rectangle(left..right.min(size.width), top..bottom.min(size.height));
+    }
+    Some(seen)
 }
 
 /// Mean of every fourth row.

@@ -233,9 +233,9 @@ impl RestBuilder {
         look
     }
 
-    /// Cells that a marker covers in the picture taken last.
+    /// Cells that a marker covers in the picture taken last, and those that the camera does not see whole.
     fn covered(&mut self, radius_px: f64) -> Vec<bool> {
-        let mut covered = vec![false; self.map.count()];
+        let mut covered = self.map.unseen.clone();
         for spot in self.detector.spots(&self.imprint, self.settings.markers.birth_min_levels) {
             self.map.cover(spot.position, radius_px, &mut covered);
         }

@@ -98,7 +98,7 @@ impl Slip {
             settings: settings.clone(),
             pitch_px: sensor.pitch_px,
             mm_per_px: sensor.mm_per_px(),
-            stiffness_mpa_per_mm: sensor.shear.as_ref().map(|shear| shear.stiffness_mpa_per_mm),
+            stiffness_mpa_per_mm: sensor.shear_stiffness_mpa_per_mm(),
             over_needed_count: settings.over_needed_count(markers_count),
             summary: SlipSummary::default(),
             slips: false,

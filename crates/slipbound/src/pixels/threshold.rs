@@ -38,6 +38,19 @@ pub fn below_levels(grey: &[u8], levels: &[u8], out: &mut Mask) {
     }
 }
 
+/// Sets exactly the pixels of `grey` more than `levels` above or below the same pixel of `background`.
+pub fn far_from(grey: &[u8], background: &[u8], levels: u8, out: &mut Mask) {
+    let size = out.size();
+    assert_eq!(grey.len(), size.area(), "grey image of another size than the mask");
+    assert_eq!(background.len(), size.area(), "background of another size than the mask");
+    for (y, (row, under)) in grey.chunks_exact(size.width).zip(background.chunks_exact(size.width)).enumerate() {
+        for (word, (row, under)) in out.row_mut(y).iter_mut().zip(row.chunks(64).zip(under.chunks(64))) {
+            let far = row.iter().zip(under).map(|(g, u)| u64::from(g.abs_diff(*u) > levels));
+            *word = far.enumerate().fold(0, |word, (bit, far)| word | far << bit);
+        }
+    }
+}
+
 #[inline]
 fn word_below(grey: &[u8; 64], levels: &[u8; 64]) -> u64 {
     let mut flags = [0; 64];
@@ -58,6 +71,25 @@ fn padded(rest: &[u8]) -> [u8; 64] {
 mod tests {
     use super::*;
     use crate::image::SizePx;
+
+    #[test]
+    fn far_is_on_both_sides_and_not_at_the_level_itself() {
+        let size = SizePx::new(70, 2);
+        let mut mask = Mask::new(size);
+        let grey: Vec<u8> = (0..140)
+            .map(|i| {
+                if i == 3 {
+                    79
+                } else if i == 69 {
+                    121
+                } else {
+                    80
+                }
+            })
+            .collect();
+        far_from(&grey, &[100; 140], 20, &mut mask);
+        assert_eq!((mask.area_px(), mask.get(3, 0), mask.get(69, 0)), (2, true, true));
+    }
 
     #[test]
     fn darker_than_the_level() {

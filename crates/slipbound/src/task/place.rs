@@ -11,7 +11,7 @@
 use super::grasp::{Grasp, Grasped};
 use super::{Ending, Moment, PAUSE, Phase, Task, TaskStep, lower};
 use crate::grip::{GripController, Guard};
-use crate::hand::Allowed;
+use crate::hand::{Allowed, HandReport};
 use crate::port::{GripCommand, Jaws, Motion};
 use crate::sensor::{SettingError, within};
 use serde::{Deserialize, Serialize};
@@ -28,8 +28,13 @@ pub struct PlaceSettings {
     pub most_mm: f64,
     /// Turn of the object in the fingers that means it touches, rad, beside any slip.
     pub touch_rad: f64,
-    /// Share of the shear of the hanging object below which the ground carries it.
-    pub carried_fraction: f64,
+    /// Push of the ground against the fingers, beyond that while it is laid down, that means that it lies, N per finger.
+    /// Needs the stiffness of the gels.
+    pub carried_n: f64,
+    /// The same as a displacement of the gels against gravity, mm, where their stiffness is unknown.
+    pub carried_mm: f64,
+    /// Time for the looser grip to stand before that push is counted, ns.
+    pub loosen_ns: u64,
     /// Force per finger while it is laid down, N; not below the least of the grip.
     pub laying_n: f64,
     /// Where the object may slide before it touches: nowhere. Pivoting is what tells of the touch.
@@ -40,10 +45,12 @@ impl Default for PlaceSettings {
     fn default() -> Self {
         PlaceSettings {
             rate_mm_per_s: 3.0,
-            laying_mm_per_s: 3.0,
+            laying_mm_per_s: 2.0,
             most_mm: 100.0,
             touch_rad: 1f64.to_radians(),
-            carried_fraction: 0.3,
+            carried_n: 0.25,
+            carried_mm: 0.05,
+            loosen_ns: 500_000_000,
             laying_n: 5.0,
             allowed: Allowed { pivot: true, ..Allowed::default() },
         }
@@ -57,7 +64,9 @@ impl PlaceSettings {
         within("place.laying_mm_per_s", self.laying_mm_per_s, 0.5, 100.0)?;
         within("place.most_mm", self.most_mm, 0.1, 1000.0)?;
         within("place.touch_rad", self.touch_rad, 1e-3, 1.0)?;
-        within("place.carried_fraction", self.carried_fraction, 0.0, 1.0)?;
+        within("place.carried_n", self.carried_n, 0.01, 100.0)?;
+        within("place.carried_mm", self.carried_mm, 1e-3, 10.0)?;
+        within("place.loosen_ns", self.loosen_ns as f64, 0.0, 10e9)?;
         within("place.laying_n", self.laying_n, 0.1, 1000.0)
     }
 }
@@ -66,7 +75,6 @@ impl PlaceSettings {
 #[derive(Debug, Clone, Copy)]
 struct Hanging {
     lowered_mm: f64,
-    along_mm: f64,
     pivot_rad: f64,
 }
 
@@ -78,17 +86,30 @@ pub struct Place {
     grasp: Grasp,
     phase: Phase,
     hanging: Option<Hanging>,
-    touched: bool,
+    stiffness_mpa_per_mm: Option<f64>,
+    touched_ns: Option<u64>,
+    /// Shear along when the looser grip stood, mm.
+    laying_mm: Option<f64>,
     last: GripCommand,
 }
 
 impl Place {
-    /// A tool is between the open jaws. Refuses settings that cannot be.
-    pub fn new(settings: PlaceSettings, grip: Guard) -> Result<Self, SettingError> {
+    /// A tool is between the open jaws. Refuses settings that cannot be. `stiffness_mpa_per_mm` is that of the gels
+    /// against shear, None where it is unknown.
+    pub fn new(settings: PlaceSettings, grip: Guard, stiffness_mpa_per_mm: Option<f64>) -> Result<Self, SettingError> {
         settings.check()?;
         let last = GripCommand { force_n: grip.limits().start_n, motion: Motion::Pause };
-        let (grasp, phase) = (Grasp::default(), Phase::Grasping);
-        Ok(Place { settings, grip, grasp, phase, hanging: None, touched: false, last })
+        Ok(Place {
+            settings,
+            grip,
+            grasp: Grasp::default(),
+            phase: Phase::Grasping,
+            hanging: None,
+            stiffness_mpa_per_mm,
+            touched_ns: None,
+            laying_mm: None,
+            last,
+        })
     }
 
     fn work(&mut self, moment: &Moment<'_>) {
@@ -100,23 +121,36 @@ impl Place {
         }
         self.phase = if self.last.motion == Motion::Go { Phase::Working } else { Phase::Waiting };
         let (Some(shear), Some(pivot_rad)) = (hand.shear_mm, hand.pivot_rad) else { return };
-        let now = Hanging { lowered_mm: moment.wrist.lowered_mm, along_mm: shear.along, pivot_rad };
-        let hanging = *self.hanging.get_or_insert(now);
+        let hanging = *self.hanging.get_or_insert(Hanging { lowered_mm: moment.wrist.lowered_mm, pivot_rad });
         let pivots = (pivot_rad - hanging.pivot_rad).abs() >= self.settings.touch_rad;
-        self.touched |= pivots || hand.slip.is_some_and(|slip| slip.pivots);
-        if !self.touched {
-            if now.lowered_mm - hanging.lowered_mm >= self.settings.most_mm {
+        if self.touched_ns.is_none() && (pivots || hand.slip.is_some_and(|slip| slip.pivots)) {
+            self.touched_ns = Some(moment.now_ns);
+        }
+        let Some(touched_ns) = self.touched_ns else {
+            if moment.wrist.lowered_mm - hanging.lowered_mm >= self.settings.most_mm {
                 self.phase = Phase::Ended(Ending::Limit);
             }
             return;
-        }
+        };
         // It rests on one end and turns; a loose grip keeps the ground's answer small.
-        self.last.force_n = self.settings.laying_n.clamp(self.grip.limits().least_n, self.last.force_n);
+        self.last.force_n = self.settings.laying_n.clamp(self.grip.limits().least_n, self.grip.limits().most_n);
+        if moment.now_ns.saturating_sub(touched_ns) < self.settings.loosen_ns {
+            self.phase = Phase::Waiting;
+            return;
+        }
         self.phase = Phase::Working;
-        let carried = now.along_mm < self.settings.carried_fraction * hanging.along_mm;
-        if carried {
+        let push_mm = *self.laying_mm.get_or_insert(shear.along) - shear.along;
+        if self.carried(hand, push_mm) {
             self.last.motion = Motion::Release;
             self.phase = Phase::Releasing;
+        }
+    }
+
+    /// Whether the ground pushes the object against the fingers.
+    fn carried(&self, hand: &HandReport, push_mm: f64) -> bool {
+        match (self.stiffness_mpa_per_mm, hand.contact_area_mm2) {
+            (Some(stiffness), Some(area_mm2)) => stiffness * area_mm2 * push_mm >= self.settings.carried_n,
+            _ => push_mm >= self.settings.carried_mm,
         }
     }
 }
@@ -137,7 +171,8 @@ impl Task for Place {
             }
             _ => self.work(moment),
         }
-        let rate_mm_per_s = if self.touched { self.settings.laying_mm_per_s } else { self.settings.rate_mm_per_s };
+        let rate_mm_per_s =
+            if self.touched_ns.is_some() { self.settings.laying_mm_per_s } else { self.settings.rate_mm_per_s };
         let wrist = if self.phase == Phase::Working { lower(rate_mm_per_s) } else { PAUSE };
         TaskStep { grip: self.last, wrist, phase: self.phase }
     }

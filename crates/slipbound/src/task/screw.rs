@@ -11,7 +11,7 @@ use super::turning::{SlideSettings, Turning};
 use super::{Ending, Moment, Task, TaskStep};
 use crate::grip::Guard;
 use crate::hand::Allowed;
-use crate::sensor::{SettingError, Shear, within};
+use crate::sensor::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// When a cap is tight.
@@ -78,11 +78,11 @@ pub struct Screw {
 
 impl Screw {
     /// A cap is between the open jaws. Refuses settings that cannot be.
-    /// `shear` is the stiffness of the gels, None where it is unknown.
-    pub fn new(settings: ScrewSettings, grip: Guard, shear: Option<&Shear>) -> Result<Self, SettingError> {
+    /// `stiffness_mpa_per_mm` is that of the gels against shear, None where it is unknown.
+    pub fn new(settings: ScrewSettings, grip: Guard, stiffness_mpa_per_mm: Option<f64>) -> Result<Self, SettingError> {
         settings.check()?;
         let way = (settings.rate_rad_per_s, settings.most_rad);
-        let turning = Turning::new(grip, way, settings.allowed, settings.slide, shear);
+        let turning = Turning::new(grip, way, settings.allowed, settings.slide, stiffness_mpa_per_mm);
         Ok(Screw { settings, turning })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Lift, LiftSettings, Place, PlaceSettings, Screw, ScrewEnd, ScrewSettings, Task, Unscrew, UnscrewSettings};
 use crate::grip::{GripLimits, Law, MarginSettings, OnSlipSettings};
-use crate::sensor::{SettingError, Shear};
+use crate::sensor::SettingError;
 use serde::{Deserialize, Serialize};
 
 /// Which task.
@@ -68,13 +68,18 @@ impl TaskSettings {
         self.lift.check()
     }
 
-    /// A task, ready to be stepped. `shear` is the stiffness of the fingers' gels, which `margin` needs.
-    pub fn task(&self, kind: TaskKind, shear: Option<&Shear>) -> Result<Box<dyn Task + Send>, SettingError> {
+    /// A task, ready to be stepped. `stiffness_mpa_per_mm` is that of the
+    /// fingers' gels against shear, which `margin` needs: [`Sensor::shear_stiffness_mpa_per_mm`](crate::sensor::Sensor).
+    pub fn task(
+        &self,
+        kind: TaskKind,
+        stiffness_mpa_per_mm: Option<f64>,
+    ) -> Result<Box<dyn Task + Send>, SettingError> {
         self.check()?;
         let law = match self.controller {
             ControllerKind::Constant => Law::Constant,
             ControllerKind::OnSlip | ControllerKind::Paper => Law::OnSlip(self.on_slip),
-            ControllerKind::Margin => Law::Margin(self.margin.for_finger(shear)?),
+            ControllerKind::Margin => Law::Margin(self.margin.for_finger(stiffness_mpa_per_mm)?),
         };
         let grip = law.controller(&self.grip)?;
         let mut screw = self.screw;
@@ -82,9 +87,9 @@ impl TaskSettings {
             screw.end = ScrewEnd::SlipAtMost;
         }
         Ok(match kind {
-            TaskKind::Screw => Box::new(Screw::new(screw, grip, shear)?),
-            TaskKind::Unscrew => Box::new(Unscrew::new(self.unscrew, grip, shear)?),
-            TaskKind::Place => Box::new(Place::new(self.place, grip)?),
+            TaskKind::Screw => Box::new(Screw::new(screw, grip, stiffness_mpa_per_mm)?),
+            TaskKind::Unscrew => Box::new(Unscrew::new(self.unscrew, grip, stiffness_mpa_per_mm)?),
+            TaskKind::Place => Box::new(Place::new(self.place, grip, stiffness_mpa_per_mm)?),
             TaskKind::Lift => Box::new(Lift::new(self.lift, grip)?),
         })
     }

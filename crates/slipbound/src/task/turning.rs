@@ -8,7 +8,7 @@ use crate::grip::{GripController, Guard};
 use crate::hand::{Allowed, HandReport};
 use crate::monitor::SlipState;
 use crate::port::{GripCommand, Jaws, Motion};
-use crate::sensor::{SettingError, Shear, within};
+use crate::sensor::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// When fingers that turn are sliding round a cap though no slip was seen begin: a slide in steady state moves no
@@ -71,7 +71,7 @@ impl Turning {
         (rate_rad_per_s, most_rad): (f64, f64),
         allowed: Allowed,
         slide: SlideSettings,
-        shear: Option<&Shear>,
+        stiffness_mpa_per_mm: Option<f64>,
     ) -> Self {
         let last = GripCommand { force_n: grip.limits().start_n, motion: Motion::Pause };
         Turning {
@@ -80,7 +80,7 @@ impl Turning {
             most_rad,
             allowed,
             slide,
-            stiffness_mpa_per_mm: shear.map(|shear| shear.stiffness_mpa_per_mm),
+            stiffness_mpa_per_mm,
             grasp: Grasp::default(),
             zero: Zero::default(),
             phase: Phase::Grasping,

@@ -85,9 +85,10 @@ impl Painter {
             marker_diameter_px: diameter_px,
             skin,
             bare_sharpness: None,
-            shear: None,
             edge_bands: if skin == Skin::Fabric { edge_bands } else { Vec::new() },
             rectification: None,
+            defects_px: Vec::new(),
+            shear: None,
         };
         Painter { sensor, rest, contrast_levels: 60.0, edge_px: 0.8, noise_levels: 3.0, jpeg_quality: Some(85) }
     }

@@ -17,6 +17,8 @@ pub(crate) struct CellMap {
     pub(crate) columns: usize,
     pub(crate) rows: usize,
     camera_cell: Vec<u32>,
+    /// Cells that the camera does not see, or only next to its border, where markers are cut.
+    pub(crate) unseen: Vec<bool>,
 }
 
 impl CellMap {
@@ -37,7 +39,18 @@ impl CellMap {
                 (index(there.y, cells.rows()) * cells.columns() + index(there.x, cells.columns())) as u32
             })
             .collect();
-        CellMap { cell_px, columns, rows, camera_cell }
+        let margin_px = sensor.marker_diameter_px;
+        let seen = |at: f64, len: usize| at >= margin_px && at <= len as f64 - 1.0 - margin_px;
+        let unseen = (0..columns * rows)
+            .map(|i| {
+                let corner = Vec2::new((i % columns) as f64, (i / columns) as f64) * cell_px as f64;
+                let there = sensor.camera_from_rectified(corner + Vec2::new(half, half));
+                // Without a rectification the border is that of the picture, and known as such.
+                sensor.rectification.is_some()
+                    && !(seen(there.x, sensor.image_px.width) && seen(there.y, sensor.image_px.height))
+            })
+            .collect();
+        CellMap { cell_px, columns, rows, camera_cell, unseen }
     }
 
     /// Number of cells.

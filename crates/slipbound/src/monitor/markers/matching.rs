@@ -33,7 +33,7 @@ const GROWING_ROUNDS: usize = 14;
 /// a contact under strong shear.
 const TORN_FRACTION: f64 = 0.03;
 /// A field grown anew is taken when it is torn this much less.
-const CLEARLY_LESS: f64 = 0.95;
+const CLEARLY_LESS: f64 = 0.5;
 
 const NO_SPOT: u32 = u32::MAX;
 

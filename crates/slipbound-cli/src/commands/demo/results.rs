@@ -1,0 +1,77 @@
+//! What the report says of a simulated run.
+
+use crate::measures::{Measures, most_ground_n, succeeded};
+use slipbound::task::TaskSettings;
+use slipbound_lab::hand::{HandScene, HandTruth};
+use slipbound_rig::run::{Row, Truth};
+
+/// The truth of a moment, as the run folder keeps it.
+pub fn truth(truth: &HandTruth) -> Truth {
+    let used_fraction = (truth.grip_force_n > 0.0).then(|| truth.required_n / truth.grip_force_n);
+    Truth {
+        cap_angle_rad: truth.cap.as_ref().map(|cap| cap.angle_rad),
+        torque_n_mm: truth.cap.as_ref().map(|cap| cap.torque_n_mm.abs()),
+        torque_limit_n_mm: truth.cap.as_ref().map(|cap| cap.limit_n_mm.abs()),
+        load_n: truth.bottle.as_ref().map(|bottle| bottle.load_n),
+        required_n: Some(truth.required_n),
+        margin: used_fraction.map(|used| (1.0 - used).max(-1.0)),
+        stick_ratio: truth.stick_ratio,
+        slid_mm: Some(truth.slid_mm),
+        gross: truth.gross,
+        ground_force_n: truth.ground.as_ref().map(|ground| ground.force_n),
+        mass_kg: truth.bottle.as_ref().map(|bottle| bottle.mass_kg),
+    }
+}
+
+/// The table of results.
+pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &Measures) -> Vec<Row> {
+    let row = |name: &str, value: String, target: &str, ok: Option<bool>| Row {
+        name: name.into(),
+        value,
+        target: target.into(),
+        ok,
+    };
+    let mut rows = Vec::new();
+    let kind = crate::simulated::kind(scene).ok();
+    let right = kind.map(|kind| succeeded(kind, run));
+    let ending = run.ending.map_or("not before the end of the scene".into(), |ending| format!("{ending:?}"));
+    rows.push(row("ended", ending, "", right));
+    if let Some(fraction) = run.torque_fraction(scene.mu()) {
+        let value = format!("{:.0} N mm, {:.0} %", run.torque_n_mm, 100.0 * fraction);
+        match scene.task_name() {
+            "screw" => rows.push(row("largest torque on the cap", value, "90 % of 2 mu 60 N R", Some(fraction >= 0.9))),
+            _ => rows.push(row("largest torque on the cap", value, "", None)),
+        }
+    }
+    if let Some(bottle) = &run.last.bottle {
+        rows.push(row("mass at the end", format!("{:.2} kg", bottle.mass_kg), "", None));
+        rows.push(row("dropped", if bottle.dropped { "yes" } else { "no" }.into(), "no", Some(!bottle.dropped)));
+    }
+    if let Some(ground) = &run.last.ground {
+        let most_n = most_ground_n(ground.weight_n);
+        let ok = Some(ground.peak_force_n <= most_n);
+        rows.push(row(
+            "largest force on the ground",
+            format!("{:.1} N", ground.peak_force_n),
+            &format!("at most {most_n:.1} N"),
+            ok,
+        ));
+        let drop = ground.free_drop_mm.map_or("not let go".into(), |mm| format!("{mm:.2} mm"));
+        rows.push(row("free drop", drop, "at most 1 mm", Some(ground.free_drop_mm.is_some_and(|mm| mm <= 1.0))));
+    }
+    rows.push(row("slid in the fingers", format!("{:.2} mm", run.last.slid_mm), "", None));
+    if let Some(ratio) = run.over_squeeze_ratio() {
+        rows.push(row("over-squeeze", format!("{ratio:.2}"), "", None));
+    }
+    rows.push(row("alarms", run.alarms_count.to_string(), "", None));
+    rows.push(row(
+        "largest grip",
+        format!("{:.0} N", run.most_n),
+        &format!("at most {:.0} N", settings.grip.most_n),
+        Some(run.most_n <= settings.grip.most_n),
+    ));
+    if let Some(seconds) = run.ended_s {
+        rows.push(row("time", format!("{seconds:.1} s"), "", None));
+    }
+    rows
+}

@@ -1,0 +1,142 @@
+//! The commands `gripper` and `emulate` from outside, over loopback.
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+fn slipbound(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
+    command.args(arguments);
+    command
+}
+
+/// An emulator in a process of its own, and where it is.
+struct Emulator {
+    process: Child,
+    out: BufReader<ChildStdout>,
+    address: String,
+}
+
+impl Emulator {
+    fn new(arguments: &[&str]) -> Self {
+        let arguments = [&["emulate"], arguments].concat();
+        let mut process = slipbound(&arguments).stdout(Stdio::piped()).spawn().expect("runs");
+        let mut out = BufReader::new(process.stdout.take().expect("piped"));
+        let mut address = String::new();
+        out.read_line(&mut address).expect("an address");
+        Emulator { process, out, address: address.trim().into() }
+    }
+
+    /// How a gripper command ended: exit code, standard output, standard error.
+    fn gripper(&self, query: &str, action: &[&str]) -> (Option<i32>, String, String) {
+        let address = format!("{}{query}", self.address);
+        let output = slipbound(&[&["gripper", &address], action].concat()).output().expect("runs");
+        let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    }
+
+    /// Ends it by Ctrl-C; what it says at the end.
+    fn end(mut self) -> String {
+        let interrupt = Command::new("kill").args(["-INT", &self.process.id().to_string()]).status();
+        assert!(interrupt.expect("kill runs").success());
+        let mut rest = String::new();
+        self.out.read_to_string(&mut rest).expect("text");
+        assert!(self.process.wait().expect("ends").success());
+        rest
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        let _ = self.process.kill(); // it may have ended already
+        let _ = self.process.wait();
+    }
+}
+
+const WIDE: &str = "?part_width_mm=50";
+
+#[test]
+fn a_block_is_grasped_checked_and_released() {
+    let emulator = Emulator::new(&["wsg50"]);
+    assert!(emulator.address.starts_with("wsg50://127.0.0.1:"), "{}", emulator.address);
+    let (code, out, err) = emulator.gripper(WIDE, &["grasp", "20"]);
+    let held = "jaws holding, opening 50.00 mm, force 19.";
+    assert!(code == Some(0) && (out.contains(held) || out.contains("force 20.0")), "{code:?} {out} {err}");
+    assert!(out.contains("asked for 20.00 N per finger"), "{out}");
+    let (code, _, err) = emulator.gripper(WIDE, &["grasp", "10"]);
+    assert!(code == Some(1) && err.contains("run check-hold"), "{code:?} {err}");
+    let (code, out, err) = emulator.gripper(WIDE, &["check-hold"]);
+    assert!(code == Some(0) && out.contains("it held on: least force "), "{code:?} {out} {err}");
+    assert!(err.contains("force is changed by setting the force limit alone"), "{err}");
+    let (code, out, err) = emulator.gripper("", &["release"]);
+    assert!(code == Some(0) && out.contains("jaws open, opening 100.00 mm, force 0.00 N"), "{code:?} {out} {err}");
+    assert!(emulator.end().contains("at the end: 0.00 N per finger, opening 100.00 mm"));
+}
+
+#[test]
+fn a_killed_command_leaves_the_force_and_a_fast_stop_that_is_explained() {
+    let emulator = Emulator::new(&["wsg50"]);
+    let address = format!("{}{WIDE}", emulator.address);
+    let mut command = slipbound(&["gripper", &address, "check-hold"]);
+    let mut running = command.stdout(Stdio::piped()).spawn().expect("runs");
+    let mut lines = BufReader::new(running.stdout.take().expect("piped")).lines();
+    for _ in 0..2 {
+        lines.next().expect("a line").expect("text");
+    }
+    running.kill().expect("kill -9");
+    running.wait().expect("ends");
+    sleep(Duration::from_millis(200));
+    let (code, out, _) = emulator.gripper(WIDE, &["status"]);
+    assert!(code == Some(0) && out.contains("jaws stopped, opening 50.00 mm, force "), "{out}");
+    let (code, _, err) = emulator.gripper(WIDE, &["grasp", "40"]);
+    assert!(code == Some(1) && err.contains("latched fast stop") && err.contains("acknowledge"), "{err}");
+    let (code, _, err) = emulator.gripper(WIDE, &["acknowledge"]);
+    assert_eq!(code, Some(0), "{err}");
+    let (code, out, err) = emulator.gripper(WIDE, &["grasp", "40"]);
+    assert!(code == Some(0) && out.contains("jaws holding"), "{out} {err}");
+    let end = emulator.end();
+    assert!(end.contains("at the end: 39.") || end.contains("at the end: 40.00"), "{end}");
+}
+
+#[test]
+fn the_other_protocols_grasp_too_and_faults_are_told() {
+    for name in ["gcl", "robotiq", "line"] {
+        let emulator = Emulator::new(&[name]);
+        let (code, out, err) = emulator.gripper(WIDE, &["grasp", "30"]);
+        assert!(code == Some(0) && out.contains("jaws holding, opening 5"), "{name} {code:?} {out} {err}");
+        let (code, out, err) = emulator.gripper("", &["release"]);
+        assert!(code == Some(0) && out.contains("jaws open"), "{name} {code:?} {out} {err}");
+        assert!(emulator.end().contains("at the end: 0.00 N"), "{name}");
+    }
+    let emulator = Emulator::new(&["wsg50", "--width", "0"]);
+    let (code, out, _) = emulator.gripper(WIDE, &["grasp", "30"]);
+    assert!(code == Some(0) && out.contains("jaws nothing"), "{out}");
+    let emulator = Emulator::new(&["wsg50", "--fail", "refuse-force"]);
+    let (code, _, err) = emulator.gripper(WIDE, &["grasp", "30"]);
+    assert!(code == Some(1) && err.contains("got status 28, out of range"), "{err}");
+    let emulator = Emulator::new(&["wsg50", "--fail", "stall=20000@0"]);
+    let from = Instant::now();
+    let (code, _, err) = emulator.gripper(WIDE, &["status"]);
+    assert!(code == Some(1) && err.contains("expected a sign of life every 500 ms"), "{err}");
+    assert!(from.elapsed() < Duration::from_secs(6));
+}
+
+#[test]
+fn what_cannot_be_is_a_bad_argument_and_what_is_not_there_a_failure() {
+    for (arguments, code, said) in [
+        (&["gripper", "wsg5://x:1", "status"][..], 2, "got the protocol `wsg5`"),
+        (&["gripper", "dry?most=3", "status"], 2, "did you mean `most_n`?"),
+        (&["gripper", "dry", "--config", "missing.toml", "status"], 2, "missing.toml: cannot read"),
+        (&["gripper", "dry", "grasp", "nan"], 1, "expected a force from 5 N to 80 N per finger, got NaN"),
+        (&["gripper", "wsg50://127.0.0.1:1", "status"], 1, "expected a gripper, cannot connect"),
+        (&["emulate", "wsg50", "--fail", "banana"], 2, "got `banana`"),
+        (&["emulate", "wsg51"], 2, "possible values: wsg50, gcl, robotiq, robotiq-rtu, line"),
+        (&["emulate", "wsg50", "--width", "-3"], 2, "-3"),
+    ] {
+        let output = slipbound(arguments).output().expect("runs");
+        let err = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {err}");
+        assert!(err.contains(said), "no `{said}` in {err}");
+    }
+}

@@ -1,0 +1,151 @@
+//! Frames of the simulated GelSlim beside each other, into out/camera, with numbers measured on them:
+//! `cargo run --release -p slipbound-lab --example camera`. docs/simulator-camera.jpg is made of these.
+
+use slipbound::image::{Frame, Pixels, Rgb, SizePx};
+use slipbound::monitor::{RestBuilder, RestKind, Settings};
+use slipbound::plane::Vec2;
+use slipbound::sensor::{Flip, Sensor};
+use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
+use slipbound_lab::contact::{Command, Displacement, Finger, FingerSettings, Grip, Pose, Wrench};
+use slipbound_lab::render::{Renderer, Surface};
+use std::path::Path;
+
+type Failure = Box<dyn std::error::Error>;
+
+/// The camera's picture of a shape pressed on and shifted.
+fn picture(
+    camera: &mut Renderer,
+    shape: impl Shape + 'static,
+    force_n: f64,
+    shift_mm: Vec2,
+) -> Result<Vec<u8>, Failure> {
+    let mut finger = Finger::new(FingerSettings::standard(), shape)?;
+    for i in 0..32 {
+        let pose = Pose { position_mm: shift_mm * ((f64::from(i) - 14.0) / 16.0).clamp(0.0, 1.0), turn_rad: 0.0 };
+        let grip = Grip::ForceN(force_n * (f64::from(i) / 12.0).min(1.0));
+        finger.step(&Command { grip, pose, roll_mm: Vec2::ZERO, wrench: Wrench::default() })?;
+    }
+    let grid = finger.settings().grid;
+    let displacement: Vec<Displacement> = (0..grid.cells_count()).map(|cell| finger.displacement(cell)).collect();
+    let surface = Surface { grid: &grid, displacement: &displacement, pressure_mpa: finger.pressure_mpa() };
+    let mut rgb = vec![0; 3 * camera.size().area()];
+    camera.render(&surface, 7, &mut rgb);
+    Ok(rgb)
+}
+
+/// The rectified view of a picture, nearest pixels.
+fn rectified(sensor: &Sensor, rgb: &[u8]) -> (SizePx, Vec<u8>) {
+    let (from, to) = (sensor.image_px, sensor.rectified_px());
+    let mut out = vec![0; 3 * to.area()];
+    for i in 0..to.area() {
+        let at = sensor.upright_from_rectified(Vec2::new((i % to.width) as f64, (i / to.width) as f64));
+        let (x, mut y) = (at.x.round(), at.y.round());
+        if sensor.flip == Flip::Vertical {
+            y = (from.height - 1) as f64 - y;
+        }
+        if x >= 0.0 && y >= 0.0 && (x as usize) < from.width && (y as usize) < from.height {
+            let pixel = 3 * (y as usize * from.width + x as usize);
+            out[3 * i..3 * i + 3].copy_from_slice(&rgb[pixel..pixel + 3]);
+        }
+    }
+    (to, out)
+}
+
+/// A picture into a larger one.
+fn paste(board: &mut [u8], board_px: SizePx, (size, rgb): (SizePx, &[u8]), [left, top]: [usize; 2]) {
+    for (y, row) in rgb.chunks_exact(3 * size.width).enumerate() {
+        board[3 * ((top + y) * board_px.width + left)..][..row.len()].copy_from_slice(row);
+    }
+}
+
+/// Medians of red, green and blue over a square of the rectified image around a share of its width and height.
+fn medians(size: SizePx, rgb: &[u8], share: [f64; 2]) -> [u8; 3] {
+    let (x, y) = ((share[0] * size.width as f64) as usize, (share[1] * size.height as f64) as usize);
+    std::array::from_fn(|c| {
+        let mut all: Vec<u8> = (y.saturating_sub(25)..(y + 25).min(size.height))
+            .flat_map(|y| (x.saturating_sub(25)..(x + 25).min(size.width)).map(move |x| (x, y)))
+            .map(|(x, y)| rgb[3 * (y * size.width + x) + c])
+            .collect();
+        all.sort_unstable();
+        all[all.len() / 2]
+    })
+}
+
+fn main() -> Result<(), Failure> {
+    let folder = Path::new("out/camera");
+    std::fs::create_dir_all(folder)?;
+    let mut camera = Renderer::gelslim(1);
+    let (sensor, size) = (camera.sensor(), camera.size());
+    let cap = Cylinder { radius_mm: 14.0, length_mm: 12.0, edge_radius_mm: 0.5 };
+    let face = FlatBox { length_mm: 24.0, width_mm: 18.0, edge_radius_mm: 1.0 };
+    let sphere = Sphere { radius_mm: 15.0 };
+    let pictures = [
+        picture(&mut camera, sphere, 0.0, Vec2::ZERO)?,
+        picture(&mut camera, cap, 20.0, Vec2::ZERO)?,
+        picture(&mut camera, sphere, 10.0, Vec2::ZERO)?,
+        picture(&mut camera, face, 60.0, Vec2::ZERO)?,
+        picture(&mut camera, sphere, 20.0, Vec2::new(0.9, 0.3))?,
+    ];
+    // Above as delivered, below rectified.
+    let rectified_px = sensor.rectified_px();
+    let board_px = SizePx::new(size.width * pictures.len(), size.height + rectified_px.height);
+    let mut board = vec![0; 3 * board_px.area()];
+    for (i, rgb) in pictures.iter().enumerate() {
+        let left = i * size.width;
+        paste(&mut board, board_px, (size, rgb), [left, 0]);
+        let (flat_px, flat) = rectified(&sensor, rgb);
+        paste(&mut board, board_px, (flat_px, &flat), [left + (size.width - flat_px.width) / 2, size.height]);
+    }
+    let file = folder.join("camera.jpg");
+    let encoder = jpeg_encoder::Encoder::new_file(&file, 90)?;
+    encoder.encode(&board, board_px.width as u16, board_px.height as u16, jpeg_encoder::ColorType::Rgb)?;
+    println!("{}", file.display());
+
+    let (flat_px, flat) = rectified(&sensor, &pictures[0]);
+    for (name, share) in [
+        ("top right", [0.9, 0.1]),
+        ("top left", [0.1, 0.1]),
+        ("middle right", [0.9, 0.5]),
+        ("bottom", [0.5, 0.85]),
+        ("last rows", [0.5, 0.995]),
+    ] {
+        println!("{name}: red, green, blue {:?}", medians(flat_px, &flat, share));
+    }
+    let method = Settings::default();
+    let mut builder = RestBuilder::new(&sensor, &method, size)?;
+    builder.add(&Frame { pixels: Pixels::Rgb(Rgb::new(&pictures[0], size)?), seq: 0, time_ns: None })?;
+    println!("markers found at rest: {}", builder.build(RestKind::Unloaded)?.markers_count());
+    // Dots: green in the middle of each against the green half a pitch beside it; area below half of that.
+    let grid = FingerSettings::standard().grid;
+    let still = vec![Displacement::default(); grid.cells_count()];
+    let pressure_mpa = vec![0.0; grid.cells_count()];
+    let untouched = Surface { grid: &grid, displacement: &still, pressure_mpa: &pressure_mpa };
+    let green = |x: f64, y: f64| -> Option<f64> {
+        let inside = x >= 0.0 && y >= 0.0 && x < flat_px.width as f64 - 0.5 && y < flat_px.height as f64 - 0.5;
+        inside.then(|| f64::from(flat[3 * (y.round() as usize * flat_px.width + x.round() as usize) + 1]))
+    };
+    let (mut contrast, mut diameter) = (Vec::new(), Vec::new());
+    for marker in 0..camera.markers_at_rest_mm().len() {
+        let at = camera.marker_rectified_px(marker, &untouched);
+        let half = sensor.pitch_px / 2.0;
+        let beside: Option<f64> = [(half, half), (-half, half), (half, -half), (-half, -half)]
+            .iter()
+            .map(|(dx, dy)| green(at.x + dx, at.y + dy))
+            .sum();
+        let (Some(middle), Some(beside)) = (green(at.x, at.y), beside.map(|sum| sum / 4.0)) else { continue };
+        contrast.push(middle - beside);
+        let reach = half as i32;
+        let dark = (-reach..=reach)
+            .flat_map(|dy| (-reach..=reach).map(move |dx| (f64::from(dx), f64::from(dy))))
+            .filter(|(dx, dy)| green(at.x + dx, at.y + dy).is_some_and(|level| level < 0.5 * (middle + beside)))
+            .count();
+        diameter.push((4.0 * dark as f64 / std::f64::consts::PI).sqrt());
+    }
+    let median = |values: &mut Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    };
+    println!("contrast of a dot in green: {:.0} levels", median(&mut contrast));
+    println!("diameter of a dot: {:.1} px, pitch {:.1} px, rectified", median(&mut diameter), sensor.pitch_px);
+    Ok(())
+}

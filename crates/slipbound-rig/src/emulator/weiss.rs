@@ -1,0 +1,245 @@
+//! What a WSG-50 does, whatever interface it is told through.
+
+use super::Mishap;
+use super::hand::Hand;
+use crate::gripper::wsg50::words::{grasp, status};
+use slipbound::drive::JawSettings;
+use slipbound::port::Plant;
+
+/// What is set in the gripper's web page. The numbers are guesses: no page was seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// The jaws.
+    pub jaws: JawSettings,
+    /// Contact half of this before the part's width is a collision, mm.
+    pub part_width_tolerance_mm: f64,
+    /// How far the fingers go beyond the part's width in search of it, mm.
+    pub clamping_travel_mm: f64,
+    /// Whether a connection that breaks without a farewell latches a fast stop.
+    pub stops_on_disconnect: bool,
+    /// Whether it knows where its jaws are.
+    pub is_homed: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            jaws: JawSettings::default(),
+            part_width_tolerance_mm: 10.0,
+            clamping_travel_mm: 5.0,
+            stops_on_disconnect: true,
+            is_homed: true,
+        }
+    }
+}
+
+/// A motion. Openings in mm, speed in mm/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Task {
+    Home,
+    Move {
+        opening_mm: f64,
+        speed: f64,
+    },
+    /// Without a width: whatever stops the fingers is the part.
+    Grasp {
+        width_mm: Option<f64>,
+        speed: f64,
+    },
+    Release {
+        opening_mm: f64,
+        speed: f64,
+    },
+}
+
+/// The gripper behind its interfaces.
+#[derive(Debug)]
+pub(crate) struct Weiss {
+    pub settings: Settings,
+    pub hand: Hand,
+    pub limit_n: f64,
+    pub grasp: u8,
+    pub running: Option<Task>,
+    pub is_homed: bool,
+    pub is_stopped: bool,
+    pub is_farewell_said: bool,
+    /// Motions that have ended, with their status; whoever tells them takes them away.
+    pub ended: Vec<(Task, u16)>,
+    refuses_force: bool,
+    is_limit_fixed: bool,
+    is_regrasp_allowed: bool,
+}
+
+impl Weiss {
+    pub fn new(settings: Settings) -> Self {
+        Weiss {
+            hand: Hand::new(settings.jaws),
+            limit_n: settings.jaws.most_n,
+            grasp: grasp::IDLE,
+            running: None,
+            is_homed: settings.is_homed,
+            is_stopped: false,
+            is_farewell_said: false,
+            ended: Vec::new(),
+            refuses_force: false,
+            is_limit_fixed: false,
+            is_regrasp_allowed: false,
+            settings,
+        }
+    }
+
+    pub fn advance_to(&mut self, now_ns: u64, plant: &mut dyn Plant) {
+        self.hand.advance_to(now_ns, plant);
+        self.see();
+    }
+
+    pub fn connected(&mut self) {
+        self.is_farewell_said = false;
+    }
+
+    pub fn disconnected(&mut self) {
+        if self.settings.stops_on_disconnect && !self.is_farewell_said {
+            self.stop_fast();
+        }
+    }
+
+    /// A farewell ends whatever moves.
+    pub fn bid_farewell(&mut self) {
+        self.is_farewell_said = true;
+        if self.running.is_some() {
+            self.abort();
+        }
+    }
+
+    pub fn stop(&mut self) {
+        self.abort();
+        self.grasp = grasp::IDLE;
+    }
+
+    pub fn stop_fast(&mut self) {
+        if !self.is_stopped {
+            self.is_stopped = true;
+            self.abort();
+            self.grasp = grasp::ERROR;
+        }
+    }
+
+    fn abort(&mut self) {
+        self.hand.stay();
+        self.ended.extend(self.running.take().map(|task| (task, status::ABORTED)));
+    }
+
+    pub fn acknowledge(&mut self) {
+        if self.is_stopped {
+            (self.is_stopped, self.grasp) = (false, grasp::IDLE);
+        }
+    }
+
+    pub fn set_limit(&mut self, limit_n: f64) -> u16 {
+        let jaws = &self.settings.jaws;
+        if !(jaws.least_n..=jaws.most_n).contains(&limit_n) || self.refuses_force {
+            return status::RANGE;
+        }
+        self.limit_n = limit_n;
+        if matches!(self.grasp, grasp::HOLDING | grasp::GRASPING) && !self.is_limit_fixed && !self.is_stopped {
+            self.hand.grasp(limit_n);
+        }
+        status::OK
+    }
+
+    /// Whether a grasp would be refused in this state.
+    pub fn refuses_grasp(&self) -> bool {
+        self.is_stopped || (self.grasp == grasp::HOLDING && !self.is_regrasp_allowed)
+    }
+
+    pub fn begin(&mut self, task: Task) -> u16 {
+        if self.is_stopped {
+            return status::DENIED;
+        }
+        if self.running.is_some() {
+            return status::ALREADY_RUNNING;
+        }
+        if !self.is_homed && task != Task::Home {
+            return status::NOT_INITIALIZED;
+        }
+        let stroke_mm = self.settings.jaws.stroke_mm;
+        let (opening_mm, speed) = match task {
+            Task::Home => (stroke_mm, 5.0),
+            Task::Move { opening_mm, speed } | Task::Release { opening_mm, speed } => (opening_mm, speed),
+            Task::Grasp { width_mm, speed } => (width_mm.unwrap_or(0.0), speed),
+        };
+        if !(0.0..=stroke_mm).contains(&opening_mm) || !(5.0..=420.0).contains(&speed) {
+            return status::RANGE;
+        }
+        match task {
+            Task::Grasp { .. } if self.refuses_grasp() => return status::DENIED,
+            Task::Release { .. } if self.grasp != grasp::HOLDING => return status::DENIED,
+            Task::Grasp { .. } => {
+                self.grasp = grasp::GRASPING;
+                self.hand.grasp(self.limit_n);
+            }
+            Task::Release { .. } => {
+                self.grasp = grasp::RELEASING;
+                self.hand.move_to(opening_mm);
+            }
+            Task::Home | Task::Move { .. } => {
+                self.grasp = grasp::POSITIONING;
+                self.hand.move_to(opening_mm);
+            }
+        }
+        self.running = Some(task);
+        status::PENDING
+    }
+
+    fn finish(&mut self, grasp: u8, status: u16) {
+        self.grasp = grasp;
+        self.ended.extend(self.running.take().map(|task| (task, status)));
+    }
+
+    fn see(&mut self) {
+        match self.running {
+            Some(Task::Grasp { width_mm, .. }) if self.hand.has_begun() => self.see_grasp(width_mm),
+            Some(Task::Grasp { .. }) | None => {}
+            Some(task) => {
+                if self.hand.is_there() {
+                    self.is_homed |= task == Task::Home;
+                    self.finish(grasp::IDLE, status::OK);
+                }
+            }
+        }
+        if self.grasp == grasp::HOLDING && !self.hand.touches() {
+            self.grasp = grasp::PART_LOST;
+            self.hand.stay();
+        }
+    }
+
+    fn see_grasp(&mut self, width_mm: Option<f64>) {
+        let Settings { part_width_tolerance_mm, clamping_travel_mm, .. } = self.settings;
+        let beyond_mm = width_mm.map_or(0.0, |width_mm| width_mm - self.hand.opening_mm());
+        if self.hand.touches() && beyond_mm < -part_width_tolerance_mm / 2.0 {
+            self.hand.stay();
+            self.finish(grasp::ERROR, status::BLOCKED);
+        } else if self.hand.holds() {
+            self.finish(grasp::HOLDING, status::OK);
+        } else if !self.hand.touches() && (beyond_mm > clamping_travel_mm || self.hand.opening_mm() <= 0.0) {
+            self.hand.stay();
+            self.finish(grasp::NO_PART, status::FAILED);
+        }
+    }
+
+    pub fn befall(&mut self, mishap: Mishap) {
+        match mishap {
+            Mishap::FastStop => self.stop_fast(),
+            Mishap::RefuseForce => self.refuses_force = true,
+            Mishap::LosePart => self.hand.lose_part(),
+            Mishap::PowerCycle => {
+                self.hand.stay();
+                (self.running, self.is_homed, self.is_stopped) = (None, false, false);
+                (self.grasp, self.limit_n) = (grasp::IDLE, self.settings.jaws.most_n);
+                self.is_farewell_said = true; // what has no power latches nothing
+            }
+            Mishap::FixedLimit => self.is_limit_fixed = true,
+            Mishap::AllowRegrasp => self.is_regrasp_allowed = true,
+        }
+    }
+}

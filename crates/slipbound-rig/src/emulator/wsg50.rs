@@ -1,0 +1,189 @@
+//! A Weiss WSG-50 at its binary interface.
+
+pub use super::weiss::Settings;
+use super::weiss::{Task, Weiss};
+use super::{Emulator, Mishap};
+use crate::gripper::wsg50::frame::{self, Frame, Parser, number};
+use crate::gripper::wsg50::words::{flag, id, status};
+use slipbound::port::Plant;
+
+/// What it tells by itself.
+#[derive(Debug, Clone, Copy)]
+struct Update {
+    id: u8,
+    period_ns: u64,
+    due_ns: u64,
+}
+
+/// The emulator.
+#[derive(Debug)]
+pub struct Wsg50 {
+    weiss: Weiss,
+    parser: Parser,
+    outgoing: Vec<u8>,
+    updates: Vec<Update>,
+}
+
+impl Default for Wsg50 {
+    fn default() -> Self {
+        Wsg50::new(Settings::default())
+    }
+}
+
+impl Wsg50 {
+    /// Wide open, force limit at the most.
+    pub fn new(settings: Settings) -> Self {
+        Wsg50 { weiss: Weiss::new(settings), parser: Parser::default(), outgoing: Vec::new(), updates: Vec::new() }
+    }
+
+    /// What its grasp state says, 0 to 7.
+    pub fn grasp_state(&self) -> u8 {
+        self.weiss.grasp
+    }
+
+    fn reply(&mut self, id: u8, status: u16, rest: &[u8]) {
+        let mut payload = status.to_le_bytes().to_vec();
+        payload.extend(rest);
+        frame::write(&mut self.outgoing, id, &payload);
+    }
+
+    fn tell_ended(&mut self) {
+        for (task, status) in std::mem::take(&mut self.weiss.ended) {
+            let id = match task {
+                Task::Home => id::HOME,
+                Task::Move { .. } => id::MOVE,
+                Task::Grasp { .. } => id::GRASP,
+                Task::Release { .. } => id::RELEASE,
+            };
+            self.reply(id, status, &[]);
+        }
+    }
+
+    fn obey(&mut self, now_ns: u64, frame: &Frame) {
+        let payload = frame.payload();
+        match frame.id {
+            id::DISCONNECT => self.weiss.bid_farewell(),
+            id::ACKNOWLEDGE if payload == b"ack" => self.weiss.acknowledge(),
+            id::STOP => self.weiss.stop(),
+            id::FAST_STOP => self.weiss.stop_fast(),
+            _ => {}
+        }
+        self.tell_ended();
+        let status = match frame.id {
+            id::DISCONNECT | id::STOP | id::FAST_STOP => status::OK,
+            id::ACKNOWLEDGE if payload != b"ack" => status::FORMAT,
+            id::ACKNOWLEDGE => status::OK,
+            id::SET_LIMIT => match number(payload) {
+                Some(limit_n) => self.weiss.set_limit(f64::from(limit_n)),
+                None => status::TOO_SHORT,
+            },
+            id::GET_LIMIT => {
+                let limit_n = self.weiss.limit_n as f32;
+                return self.reply(frame.id, status::OK, &limit_n.to_le_bytes());
+            }
+            id::SYSTEM_STATE | id::GRASP_STATE | id::OPENING | id::SPEED | id::FORCE => {
+                self.subscribe(now_ns, frame.id, payload);
+                return self.tell(frame.id);
+            }
+            id::HOME => self.weiss.begin(Task::Home),
+            id::MOVE | id::GRASP | id::RELEASE => match task(frame.id, payload) {
+                Some(task) => self.weiss.begin(task),
+                None => status::TOO_SHORT,
+            },
+            _ => status::UNKNOWN,
+        };
+        self.reply(frame.id, status, &[]);
+    }
+
+    fn subscribe(&mut self, now_ns: u64, id: u8, payload: &[u8]) {
+        let Some([flags, low, high]) = payload.first_chunk() else { return };
+        self.updates.retain(|update| update.id != id);
+        let period_ns = u64::from(u16::from_le_bytes([*low, *high]).max(1)) * 1_000_000;
+        if flags & 1 != 0 {
+            self.updates.push(Update { id, period_ns, due_ns: now_ns + period_ns });
+        }
+    }
+
+    fn tell(&mut self, id: u8) {
+        let weiss = &self.weiss;
+        match id {
+            id::SYSTEM_STATE => {
+                let bits = [
+                    (weiss.is_homed, flag::REFERENCED),
+                    (weiss.running.is_some(), flag::MOVING),
+                    (weiss.is_stopped, flag::FAST_STOP),
+                ];
+                let bits = bits.iter().filter(|(is_set, _)| *is_set).fold(0, |all, (_, bit)| all | bit);
+                self.reply(id, status::OK, &bits.to_le_bytes());
+            }
+            id::GRASP_STATE => self.reply(id, status::OK, &[weiss.grasp]),
+            id::OPENING => self.reply(id, status::OK, &(weiss.hand.opening_mm() as f32).to_le_bytes()),
+            id::FORCE => self.reply(id, status::OK, &(weiss.hand.force_n() as f32).to_le_bytes()),
+            id => self.reply(id, status::OK, &0f32.to_le_bytes()),
+        }
+    }
+}
+
+fn task(id: u8, payload: &[u8]) -> Option<Task> {
+    let numbers = if id == id::MOVE { payload.get(1..)? } else { payload };
+    let opening_mm = f64::from(number(numbers)?);
+    let speed = f64::from(number(numbers.get(4..)?)?);
+    Some(match id {
+        id::MOVE => Task::Move { opening_mm, speed },
+        id::GRASP => Task::Grasp { width_mm: Some(opening_mm), speed },
+        _ => Task::Release { opening_mm, speed },
+    })
+}
+
+impl Emulator for Wsg50 {
+    fn connected(&mut self, _now_ns: u64) {
+        self.parser.clear();
+        self.updates.clear();
+        self.outgoing.clear();
+        self.weiss.connected();
+    }
+
+    fn disconnected(&mut self, _now_ns: u64) {
+        self.updates.clear();
+        self.weiss.disconnected();
+        self.weiss.ended.clear();
+        self.outgoing.clear();
+    }
+
+    fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
+        let mut parser = std::mem::take(&mut self.parser);
+        parser.feed(bytes, |frame| self.obey(now_ns, &frame));
+        self.parser = parser;
+    }
+
+    fn tick(&mut self, now_ns: u64, plant: &mut dyn Plant) {
+        self.weiss.advance_to(now_ns, plant);
+        self.tell_ended();
+        for i in 0..self.updates.len() {
+            let update = &mut self.updates[i];
+            if now_ns >= update.due_ns {
+                update.due_ns = now_ns.max(update.due_ns + update.period_ns);
+                let id = update.id;
+                self.tell(id);
+            }
+        }
+    }
+
+    fn outgoing(&mut self) -> &mut Vec<u8> {
+        &mut self.outgoing
+    }
+
+    fn befall(&mut self, _now_ns: u64, mishap: Mishap) -> bool {
+        self.weiss.befall(mishap);
+        self.tell_ended();
+        true
+    }
+
+    fn force_n(&self) -> f64 {
+        self.weiss.hand.force_n()
+    }
+
+    fn opening_mm(&self) -> f64 {
+        self.weiss.hand.opening_mm()
+    }
+}

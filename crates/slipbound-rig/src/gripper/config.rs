@@ -1,0 +1,349 @@
+//! What is true of a gripper and of how it may be used: defaults by driver, under a TOML file, under the query of its
+//! address.
+
+use super::Error;
+use crate::config::{self, Layer};
+use serde::{Deserialize, Serialize};
+use slipbound::sensor::SettingError;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// What the gripper's own newtons mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ForceIs {
+    /// Normal force per finger, as everywhere in Slipbound.
+    PerFinger,
+    /// The sum of both fingers.
+    Total,
+}
+
+/// Whether a lower force may be sent while something is held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Lowering {
+    /// It is refused: nobody has yet shown that this gripper holds on through the change.
+    Refuse,
+    /// It is sent.
+    Allow,
+}
+
+/// How a change of force reaches a WSG-50 that holds something.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ForceChange {
+    /// The force limit is set; if the measured force does not follow, the grasp is given again.
+    Auto,
+    /// The force limit is set, nothing else.
+    Limit,
+    /// The force limit is set and the grasp given again at once.
+    Regrasp,
+}
+
+/// Settings of a gripper. Forces are per finger.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// What the gripper's own newtons mean.
+    pub force_is: ForceIs,
+    /// Least force ever sent, N per finger.
+    pub least_n: f64,
+    /// Largest force ever sent, N per finger.
+    pub most_n: f64,
+    /// Whether a lower force may be sent while something is held.
+    pub lowering: Lowering,
+    /// How a change of force reaches the jaws (WSG-50, binary, only).
+    pub force_change: ForceChange,
+    /// Width of the object, mm. A WSG-50 expects it, and calls contact far from it a collision.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part_width_mm: Option<f64>,
+    /// Opening to release to, mm.
+    pub open_mm: f64,
+    /// Speed of the jaws off the object, mm/s.
+    pub speed_mm_per_s: f64,
+    /// Whether a fast stop that our own lost link has latched is acknowledged at the next one.
+    pub acknowledge_own_fast_stop: bool,
+    /// Longest wait for an answer, ms.
+    pub reply_ms: u64,
+    /// Longest wait for the end of a motion, ms.
+    pub motion_ms: u64,
+    /// Longest time without a sign of life, ms; then `poll` is an error.
+    pub silence_ms: u64,
+    /// Time between two states, ms.
+    pub update_ms: u64,
+    /// Time in which the measured force must follow a new limit, ms (WSG-50, binary, only).
+    pub follow_ms: u64,
+    /// Robotiq only: its force setting (0 to 255) against newtons of its own, rising. Unconfirmed: the two ends are
+    /// those of its data sheet, a straight line between.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub force_table: Vec<[f64; 2]>,
+    /// Robotiq only: its position (0 to 255) against the opening in mm, falling. Unconfirmed like `force_table`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub opening_table: Vec<[f64; 2]>,
+}
+
+/// Which kind of gripper, and so which defaults and limits of hardware.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// WSG-50, binary interface.
+    Wsg50,
+    /// WSG-50, text interface.
+    Gcl,
+    /// Robotiq 2F-85.
+    Robotiq,
+    /// Whatever answers the line protocol.
+    Line,
+    /// Nothing.
+    Dry,
+}
+
+impl Kind {
+    /// Forces the hardware can be asked for, in its own newtons.
+    fn hardware_n(self) -> (f64, f64) {
+        match self {
+            Kind::Wsg50 | Kind::Gcl => (5.0, 80.0),
+            Kind::Robotiq => (10.0, 300.0),
+            Kind::Line | Kind::Dry => (0.0, 1000.0),
+        }
+    }
+}
+
+impl Config {
+    /// The defaults of a driver.
+    pub fn of(kind: Kind) -> Self {
+        let wsg50 = Config {
+            force_is: ForceIs::PerFinger,
+            least_n: 5.0,
+            most_n: 80.0,
+            lowering: Lowering::Refuse,
+            force_change: ForceChange::Auto,
+            part_width_mm: None,
+            open_mm: 100.0,
+            speed_mm_per_s: 50.0,
+            acknowledge_own_fast_stop: false,
+            reply_ms: 300,
+            motion_ms: 10_000,
+            silence_ms: 500,
+            update_ms: 20,
+            follow_ms: 400,
+            force_table: Vec::new(),
+            opening_table: Vec::new(),
+        };
+        match kind {
+            Kind::Wsg50 => wsg50,
+            Kind::Gcl => Config { update_ms: 33, ..wsg50 },
+            Kind::Robotiq => Config {
+                least_n: 20.0,
+                most_n: 235.0,
+                open_mm: 85.0,
+                force_table: vec![[0.0, 20.0], [255.0, 235.0]],
+                opening_table: vec![[3.0, 85.0], [230.0, 0.0]],
+                ..wsg50
+            },
+            // Its other side answers for what a lower force does.
+            Kind::Line | Kind::Dry => Config { lowering: Lowering::Allow, ..wsg50 },
+        }
+    }
+
+    /// Defaults, under the keys of a file, under those of the address (`key=value`, joined by `&`).
+    pub fn load(kind: Kind, file: Option<&Path>, address: &str, query: &str) -> Result<Self, Error> {
+        let mut layers = Vec::new();
+        let mut from_query = Table::new();
+        for pair in query.split('&').filter(|pair| !pair.is_empty()) {
+            let Some((key, value)) = pair.split_once('=') else {
+                let why = format!("expected key=value after `?`, got `{pair}`");
+                return Err(Error::Address { address: address.into(), why });
+            };
+            from_query.insert(key.into(), in_toml(value));
+        }
+        layers.push(Layer { file: address.into(), table: from_query });
+        if let Some(path) = file {
+            layers.push(Layer::read(path)?);
+        }
+        let defaults = Table::try_from(Config::of(kind)).unwrap_or_default();
+        let mut merged = defaults;
+        for layer in layers.iter().rev() {
+            merged.extend(layer.table.clone());
+        }
+        let config: Config = config::typed(merged, &layers)?;
+        let file = |key: &str| config::blame(&layers, key);
+        config.check(kind).map_err(|source| config::Error::OutOfRange { file: file(&source.key), source })?;
+        Ok(config)
+    }
+
+    /// Checks every setting; the error names the first one that cannot be.
+    pub fn check(&self, kind: Kind) -> Result<(), SettingError> {
+        let (least_n, most_n) = kind.hardware_n();
+        let (least_n, most_n) = (least_n / self.own_per_finger(), most_n / self.own_per_finger());
+        within("least_n", self.least_n, least_n, most_n)?;
+        within("most_n", self.most_n, self.least_n, most_n)?;
+        within("open_mm", self.open_mm, 0.0, 1000.0)?;
+        within("speed_mm_per_s", self.speed_mm_per_s, 5.0, 420.0)?;
+        if let Some(width_mm) = self.part_width_mm {
+            within("part_width_mm", width_mm, 0.0, 1000.0)?;
+        }
+        for (key, ms) in [
+            ("reply_ms", self.reply_ms),
+            ("motion_ms", self.motion_ms),
+            ("silence_ms", self.silence_ms),
+            ("update_ms", self.update_ms),
+            ("follow_ms", self.follow_ms),
+        ] {
+            within(key, ms as f64, 1.0, 60_000.0)?;
+        }
+        if kind == Kind::Robotiq {
+            table("force_table", &self.force_table, "two or more pairs [0 to 255, newtons], both rising", 1.0)?;
+            table("opening_table", &self.opening_table, "two or more pairs [0 to 255, mm], the mm falling", -1.0)?;
+        }
+        Ok(())
+    }
+
+    /// How many of the gripper's own newtons one newton per finger is.
+    fn own_per_finger(&self) -> f64 {
+        match self.force_is {
+            ForceIs::PerFinger => 1.0,
+            ForceIs::Total => 2.0,
+        }
+    }
+
+    /// Newtons per finger in the gripper's own.
+    pub fn to_own_n(&self, force_n: f64) -> f64 {
+        force_n * self.own_per_finger()
+    }
+
+    /// The gripper's own newtons per finger. None when they are no number or beyond twice what it can press with:
+    /// then it is no measurement.
+    pub fn from_own_n(&self, own_n: f64) -> Option<f64> {
+        let force_n = own_n / self.own_per_finger();
+        (force_n.abs() <= 2.0 * self.most_n).then(|| force_n.max(0.0))
+    }
+
+    /// The force brought inside its range; None when it is no number.
+    pub fn admitted_n(&self, force_n: f64) -> Option<f64> {
+        (!force_n.is_nan()).then(|| force_n.clamp(self.least_n, self.most_n))
+    }
+}
+
+/// Milliseconds in nanoseconds.
+pub(crate) const fn ns(ms: u64) -> u64 {
+    ms * 1_000_000
+}
+
+/// A value of an address as TOML would read it: a number or truth value where it looks like one, else text.
+fn in_toml(value: &str) -> Value {
+    let parsed = format!("value = {value}").parse::<Table>().ok().and_then(|mut table| table.remove("value"));
+    match parsed {
+        Some(value) if !value.is_table() && !value.is_datetime() => value,
+        _ => Value::String(value.into()),
+    }
+}
+
+fn within(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(SettingError { key: key.into(), got: value.to_string(), expected: format!("a number from {low} to {high}") })
+}
+
+/// Pairs whose first rises within a byte and whose second goes the one way (`sign`).
+fn table(key: &str, pairs: &[[f64; 2]], expected: &str, sign: f64) -> Result<(), SettingError> {
+    let steps = pairs.windows(2).all(|w| w[1][0] > w[0][0] && sign * (w[1][1] - w[0][1]) > 0.0);
+    let bytes = pairs.iter().all(|pair| (0.0..=255.0).contains(&pair[0]) && pair[1].is_finite() && pair[1] >= 0.0);
+    if pairs.len() >= 2 && steps && bytes {
+        return Ok(());
+    }
+    Err(SettingError { key: key.into(), got: format!("{pairs:?}"), expected: expected.into() })
+}
+
+/// Reads a table along one of its columns: `from` 0 or 1; beyond its ends the end counts.
+pub(crate) fn read_table(pairs: &[[f64; 2]], from: usize, value: f64) -> f64 {
+    let to = 1 - from;
+    let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else { return 0.0 };
+    let rises = last[from] > first[from];
+    let before = |a: f64, b: f64| if rises { a <= b } else { a >= b };
+    if before(value, first[from]) {
+        return first[to];
+    }
+    for pair in pairs.windows(2) {
+        let ([low, high], [low_to, high_to]) = ([pair[0][from], pair[1][from]], [pair[0][to], pair[1][to]]);
+        if before(value, high) {
+            return low_to + (high_to - low_to) * (value - low) / (high - low);
+        }
+    }
+    last[to]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn load(kind: Kind, text: &str, query: &str) -> Result<Config, String> {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("gripper.toml");
+        std::fs::write(&path, text).expect("writes");
+        Config::load(kind, Some(&path), "wsg50://x:1000", query).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn the_address_goes_before_the_file_and_the_file_before_the_defaults() {
+        let got = load(Kind::Wsg50, "most_n = 40\nleast_n = 6.0\n", "most_n=30&part_width_mm=28&lowering=allow");
+        let got = got.expect("valid");
+        assert_eq!((got.least_n, got.most_n, got.part_width_mm), (6.0, 30.0, Some(28.0)));
+        assert_eq!((got.lowering, got.force_is), (Lowering::Allow, ForceIs::PerFinger));
+        for kind in [Kind::Wsg50, Kind::Gcl, Kind::Robotiq, Kind::Line, Kind::Dry] {
+            assert_eq!(load(kind, "", "").expect("the defaults are valid"), Config::of(kind));
+        }
+    }
+
+    #[test]
+    fn mistakes_name_file_key_expected_and_got() {
+        for (kind, text, query, parts) in [
+            (Kind::Wsg50, "most = 3\n", "", ["gripper.toml", "`most`", "did you mean `most_n`?"]),
+            (Kind::Wsg50, "most_n = 90\n", "", ["gripper.toml: most_n", "from 5 to 80", "got 90"]),
+            (Kind::Wsg50, "force_is = \"total\"\n", "most_n=60", ["wsg50://x:1000: most_n", "from 5 to 40", "got 60"]),
+            (Kind::Wsg50, "least_n = nan\n", "", ["gripper.toml: least_n", "from 5 to 80", "got NaN"]),
+            (Kind::Wsg50, "", "lowering=maybe", ["wsg50://x:1000: lowering", "maybe", "`allow`"]),
+            (Kind::Wsg50, "", "most_n", ["wsg50://x:1000", "key=value", "`most_n`"]),
+            (Kind::Robotiq, "force_table = [[0, 9], [255, 9]]\n", "", ["gripper.toml: force_table", "rising", "9.0"]),
+        ] {
+            let message = load(kind, text, query).expect_err("refused");
+            for part in parts {
+                assert!(message.contains(part), "`{message}` lacks `{part}`");
+            }
+        }
+    }
+
+    #[test]
+    fn newtons_are_converted_and_brought_inside() {
+        let mut config = Config::of(Kind::Wsg50);
+        assert_eq!((config.to_own_n(20.0), config.from_own_n(20.0)), (20.0, Some(20.0)));
+        config.force_is = ForceIs::Total;
+        assert_eq!((config.to_own_n(20.0), config.from_own_n(20.0)), (40.0, Some(10.0)));
+        assert_eq!(
+            (config.from_own_n(f64::NAN), config.from_own_n(1e9), config.from_own_n(-0.2)),
+            (None, None, Some(0.0))
+        );
+        for (asked_n, given_n) in [(f64::INFINITY, 80.0), (f64::NEG_INFINITY, 5.0), (-3.0, 5.0), (6.5, 6.5)] {
+            assert_eq!(config.admitted_n(asked_n), Some(given_n));
+        }
+        assert_eq!(config.admitted_n(f64::NAN), None);
+    }
+
+    #[test]
+    fn tables_are_read_both_ways() {
+        let force = [[0.0, 20.0], [100.0, 60.0], [255.0, 235.0]];
+        let opening = [[3.0, 85.0], [230.0, 0.0]];
+        for (pairs, from, value, expected) in [
+            (&force[..], 0, 50.0, 40.0),
+            (&force, 1, 40.0, 50.0),
+            (&force, 1, 500.0, 255.0),
+            (&force, 1, 3.0, 0.0),
+            (&opening, 0, 255.0, 0.0),
+            (&opening, 0, 0.0, 85.0),
+            (&opening, 1, 42.5, 116.5),
+            (&opening, 1, 99.0, 3.0),
+        ] {
+            assert_eq!(read_table(pairs, from, value), expected, "{value}");
+        }
+    }
+}

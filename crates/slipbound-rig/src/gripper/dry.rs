@@ -1,0 +1,67 @@
+//! No gripper: takes every command over, writes it down, moves nothing.
+
+use super::config::Config;
+use super::ledger::Ledger;
+use super::{Driver, Error, Note, Order};
+use crate::link::Talker;
+use slipbound::port::{GripperState, Jaws, Motion};
+
+/// The driver of nothing.
+#[derive(Debug)]
+pub struct Dry {
+    ledger: Ledger,
+}
+
+impl Dry {
+    /// A driver that needs no link.
+    pub fn new(address: &str, config: Config) -> Self {
+        let mut ledger = Ledger::new(address, config);
+        ledger.state.jaws = Jaws::Open;
+        Dry { ledger }
+    }
+}
+
+impl Talker for Dry {
+    fn linked(&mut self, _now_ns: u64) {}
+
+    fn unlinked(&mut self, _now_ns: u64, _why: &str) {}
+
+    fn receive(&mut self, _now_ns: u64, _bytes: &[u8]) {}
+
+    fn tick(&mut self, now_ns: u64) {
+        self.ledger.state.time_ns = now_ns;
+    }
+
+    fn outgoing(&mut self) -> &mut Vec<u8> {
+        &mut self.ledger.outgoing
+    }
+}
+
+impl Driver for Dry {
+    fn order(&mut self, _now_ns: u64, order: Order) -> Result<(), Error> {
+        let Order::Grip(command) = order else { return Ok(()) };
+        let state = match command.motion {
+            Motion::Release => (None, Jaws::Open),
+            Motion::Go | Motion::Pause => (Some(self.ledger.admit(command.force_n)?), Jaws::Holding),
+        };
+        (self.ledger.state.target_n, self.ledger.state.jaws) = state;
+        self.ledger.note(Note::Dry { command });
+        Ok(())
+    }
+
+    fn state(&mut self, _now_ns: u64) -> Result<GripperState, Error> {
+        Ok(self.ledger.state)
+    }
+
+    fn is_busy(&self) -> bool {
+        false
+    }
+
+    fn next_note(&mut self) -> Option<Note> {
+        self.ledger.next_note()
+    }
+
+    fn permit_lowering(&mut self, permitted: bool) {
+        self.ledger.permit_lowering(permitted);
+    }
+}

@@ -1,0 +1,141 @@
+//! What can go wrong with a gripper, one variant a cause.
+
+use crate::config;
+use std::io;
+
+/// A gripper that cannot be opened, or a command that it did not take over. Whatever the cause, the force stays where
+/// it was. Every text names the address, what was expected and what was got.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The address is none of a gripper.
+    #[error(
+        "{address}: expected wsg50://HOST:PORT, gcl://HOST:PORT, robotiq:///dev/..., robotiq://HOST:PORT, line://HOST:PORT or dry; {why}"
+    )]
+    Address {
+        /// What was asked for.
+        address: String,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// The settings cannot be.
+    #[error(transparent)]
+    Config(#[from] config::Error),
+    /// Nobody answers there.
+    #[error("{address}: expected a gripper, cannot connect: {source}")]
+    Connect {
+        /// Where.
+        address: String,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// The link is gone; it is being made anew.
+    #[error("{address}: the link is lost ({why}); the gripper keeps its force, reconnecting")]
+    Lost {
+        /// Where.
+        address: String,
+        /// The system's reason.
+        why: String,
+    },
+    /// The link is there, but nothing comes through it.
+    #[error(
+        "{address}: expected a sign of life every {expected_ms} ms, got none for {got_ms} ms; the gripper keeps its force"
+    )]
+    Silent {
+        /// Where.
+        address: String,
+        /// Longest silence allowed, ms.
+        expected_ms: u64,
+        /// Silence so far, ms.
+        got_ms: u64,
+    },
+    /// No answer to a command in time.
+    #[error("{address}: expected an answer to {command} within {expected_ms} ms, got none")]
+    Unanswered {
+        /// Where.
+        address: String,
+        /// The command.
+        command: &'static str,
+        /// Time allowed, ms.
+        expected_ms: u64,
+    },
+    /// The gripper said no.
+    #[error("{address}: expected {command} to be done, got {got}")]
+    Refused {
+        /// Where.
+        address: String,
+        /// The command.
+        command: &'static str,
+        /// What it said.
+        got: String,
+    },
+    /// A force that is no number.
+    #[error("{address}: expected a force from {least_n} N to {most_n} N per finger, got {got_n}")]
+    Force {
+        /// Where.
+        address: String,
+        /// Least force, N per finger.
+        least_n: f64,
+        /// Largest force, N per finger.
+        most_n: f64,
+        /// What was asked for.
+        got_n: f64,
+    },
+    /// A lower force while something is held, and it is not known whether this gripper holds on through the change.
+    #[error(
+        "{address}: a lower force was asked for while holding ({from_n} N to {to_n} N per finger), but this gripper has not been shown to hold on through that: run check-hold, then set lowering = \"allow\""
+    )]
+    Lowering {
+        /// Where.
+        address: String,
+        /// The force it holds with, N per finger.
+        from_n: f64,
+        /// What was asked for, N per finger.
+        to_n: f64,
+    },
+    /// The gripper has stopped itself.
+    #[error(
+        "{address}: expected a gripper that may move, got a latched fast stop: {why}; acknowledge it when the cause is gone"
+    )]
+    FastStop {
+        /// Where.
+        address: String,
+        /// Why, as far as it is known.
+        why: String,
+    },
+    /// It must be homed or activated first.
+    #[error(
+        "{address}: expected a gripper that knows where its jaws are, got one that is not homed; take the object out and run home"
+    )]
+    NotHomed {
+        /// Where.
+        address: String,
+    },
+    /// The driver has not yet heard enough of the gripper to command it safely.
+    #[error("{address}: expected {expected}, got no word of it yet; try again in a moment")]
+    NotReady {
+        /// Where.
+        address: String,
+        /// What it waits for.
+        expected: &'static str,
+    },
+    /// A setting without which the command cannot be given.
+    #[error("{address}: {command} needs the setting {key}: {why}")]
+    Unset {
+        /// Where.
+        address: String,
+        /// The command.
+        command: &'static str,
+        /// The key.
+        key: &'static str,
+        /// What it is for.
+        why: &'static str,
+    },
+    /// This gripper cannot do that.
+    #[error("{address}: this gripper has no command {command}")]
+    Unable {
+        /// Where.
+        address: String,
+        /// The command.
+        command: &'static str,
+    },
+}

@@ -1,0 +1,256 @@
+//! Modbus RTU, the two functions that a 2F-85 needs.
+//!
+//! ```text
+//!   write:  09 10 03E8 0003 06 | 6 bytes | crc     answer  09 10 03E8 0003 crc
+//!   read:   09 04 07D0 0003 crc                    answer  09 04 06 | 6 bytes | crc
+//!                                                  refusal 09 (90 or 84) code crc
+//! ```
+
+use crc::{CRC_16_MODBUS, Crc};
+
+/// The gripper's address on the line.
+pub const SLAVE: u8 = 9;
+
+const CRC: Crc<u16> = Crc::<u16>::new(&CRC_16_MODBUS);
+
+const READ_HOLDING: u8 = 3;
+const READ: u8 = 4;
+const WRITE: u8 = 16;
+const REFUSED: u8 = 0x80;
+
+/// Where the outputs are, and how many registers.
+const OUTPUT: [u8; 4] = [0x03, 0xE8, 0x00, 0x03];
+
+/// Where the inputs are.
+const INPUT: [u8; 2] = [0x07, 0xD0];
+
+/// Longest message of either side, bytes.
+const LONGEST: usize = 15;
+
+fn end(into: &mut Vec<u8>, start: usize) {
+    let crc = CRC.checksum(&into[start..]);
+    into.extend(crc.to_le_bytes());
+}
+
+/// A message of either side without its checksum.
+fn message(into: &mut Vec<u8>, parts: &[&[u8]]) {
+    let start = into.len();
+    for part in parts {
+        into.extend_from_slice(part);
+    }
+    end(into, start);
+}
+
+/// Appends the request to write the six output bytes.
+pub fn ask_write(into: &mut Vec<u8>, outputs: [u8; 6]) {
+    message(into, &[&[SLAVE, WRITE], &OUTPUT, &[6], &outputs]);
+}
+
+/// Appends the request to read the six input bytes.
+pub fn ask_read(into: &mut Vec<u8>) {
+    message(into, &[&[SLAVE, READ], &INPUT, &[0, 3]]);
+}
+
+/// Appends the answer to a write.
+pub fn answer_write(into: &mut Vec<u8>) {
+    message(into, &[&[SLAVE, WRITE], &OUTPUT]);
+}
+
+/// Appends the answer to a read by this function (3 or 4): the first registers of the inputs.
+pub fn answer_read(into: &mut Vec<u8>, function: u8, inputs: &[u8]) {
+    message(into, &[&[SLAVE, function, inputs.len() as u8], inputs]);
+}
+
+/// Appends a refusal.
+pub fn answer_refused(into: &mut Vec<u8>, function: u8, code: u8) {
+    message(into, &[&[SLAVE, function | REFUSED, code]]);
+}
+
+/// What a gripper answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer {
+    /// The six input bytes.
+    Inputs([u8; 6]),
+    /// The outputs were written.
+    Written,
+    /// The function was refused, with this code.
+    Refused(u8),
+}
+
+/// What a gripper is asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ask {
+    /// Write the six output bytes.
+    Write([u8; 6]),
+    /// Read so many input registers, by function 3 or 4.
+    Read {
+        /// 3 or 4.
+        function: u8,
+        /// 1 to 3.
+        registers_count: u8,
+    },
+    /// Something else, by its function.
+    Unknown(u8),
+}
+
+/// What stands at the start of the bytes held.
+enum Look<T> {
+    Whole(T, usize),
+    None,
+    Short,
+}
+
+/// Finds messages in bytes as they come. Keeps at most one message's worth.
+#[derive(Debug, Default)]
+pub struct Parser {
+    held: Vec<u8>,
+}
+
+impl Parser {
+    /// Takes a gripper's bytes and calls `found` with every answer that is now whole.
+    pub fn feed_answers(&mut self, bytes: &[u8], found: impl FnMut(Answer)) {
+        self.feed(bytes, answer, found);
+    }
+
+    /// Takes a master's bytes and calls `found` with every request that is now whole.
+    pub fn feed_asks(&mut self, bytes: &[u8], found: impl FnMut(Ask)) {
+        self.feed(bytes, ask, found);
+    }
+
+    /// Forgets what has not become a message.
+    pub fn clear(&mut self) {
+        self.held.clear();
+    }
+
+    fn feed<T>(&mut self, mut bytes: &[u8], look: fn(&[u8]) -> Look<T>, mut found: impl FnMut(T)) {
+        while !bytes.is_empty() {
+            let room = (LONGEST - self.held.len()).min(bytes.len());
+            self.held.extend_from_slice(&bytes[..room]);
+            bytes = &bytes[room..];
+            let mut start = 0;
+            loop {
+                match look(&self.held[start..]) {
+                    Look::Whole(message, length) => {
+                        found(message);
+                        start += length;
+                    }
+                    Look::None => start += 1,
+                    Look::Short => break,
+                }
+            }
+            self.held.drain(..start);
+        }
+    }
+}
+
+/// The first `length` bytes if they are there and their checksum is right.
+fn sound<T>(bytes: &[u8], length: usize, make: impl FnOnce(&[u8]) -> Option<T>) -> Look<T> {
+    let Some(message) = bytes.get(..length) else { return Look::Short };
+    let (body, crc) = message.split_at(length - 2);
+    if CRC.checksum(body).to_le_bytes() != crc {
+        return Look::None;
+    }
+    make(body).map_or(Look::None, |made| Look::Whole(made, length))
+}
+
+fn answer(bytes: &[u8]) -> Look<Answer> {
+    match bytes {
+        [] | [SLAVE] => Look::Short,
+        [SLAVE, READ] => Look::Short,
+        [SLAVE, READ, 6, ..] => sound(bytes, 11, |body| body[3..].first_chunk().copied().map(Answer::Inputs)),
+        [SLAVE, WRITE, ..] => sound(bytes, 8, |body| (body[2..] == OUTPUT).then_some(Answer::Written)),
+        [SLAVE, function, ..] if [READ | REFUSED, WRITE | REFUSED].contains(function) => {
+            sound(bytes, 5, |body| Some(Answer::Refused(body[2])))
+        }
+        _ => Look::None,
+    }
+}
+
+fn ask(bytes: &[u8]) -> Look<Ask> {
+    match bytes {
+        [] | [SLAVE] => Look::Short,
+        [SLAVE, READ | READ_HOLDING, ..] => sound(bytes, 8, |body| {
+            let is_ours = body[2..4] == INPUT && body[4] == 0 && (1..=3).contains(&body[5]);
+            let unknown = Ask::Unknown(body[1]);
+            Some(if is_ours { Ask::Read { function: body[1], registers_count: body[5] } } else { unknown })
+        }),
+        [SLAVE, WRITE, ..] => {
+            let head = bytes.len().min(7);
+            let expected = [&[SLAVE, WRITE], OUTPUT.as_slice(), &[6]].concat();
+            match bytes[..head] == expected[..head] {
+                true => sound(bytes, 15, |body| body[7..].first_chunk().copied().map(Ask::Write)),
+                false => Look::None,
+            }
+        }
+        [SLAVE, function, ..] if *function < REFUSED => sound(bytes, 8, |body| Some(Ask::Unknown(body[1]))),
+        _ => Look::None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bytes(hex: &str) -> Vec<u8> {
+        hex.split(' ').map(|byte| u8::from_str_radix(byte, 16).expect("a byte")).collect()
+    }
+
+    fn answers(bytes: &[u8]) -> Vec<Answer> {
+        let mut found = Vec::new();
+        Parser::default().feed_answers(bytes, |answer| found.push(answer));
+        found
+    }
+
+    fn asks(bytes: &[u8]) -> Vec<Ask> {
+        let mut found = Vec::new();
+        Parser::default().feed_asks(bytes, |ask| found.push(ask));
+        found
+    }
+
+    /// Frames printed in the maker's manual for the 2F-85 and 2F-140.
+    #[test]
+    fn the_manuals_frames_are_written_and_read() {
+        let mut out = Vec::new();
+        ask_write(&mut out, [0x09, 0, 0, 0, 0xFF, 0xFF]);
+        assert_eq!(out, bytes("09 10 03 E8 00 03 06 09 00 00 00 FF FF 72 19"));
+        assert_eq!(asks(&out), [Ask::Write([0x09, 0, 0, 0, 0xFF, 0xFF])]);
+        out.clear();
+        answer_write(&mut out);
+        assert_eq!(out, bytes("09 10 03 E8 00 03 01 30"));
+        assert_eq!(answers(&out), [Answer::Written]);
+        out.clear();
+        ask_read(&mut out);
+        assert_eq!(out, bytes("09 04 07 D0 00 03 B1 CE"));
+        assert_eq!(asks(&out), [Ask::Read { function: 4, registers_count: 3 }]);
+        assert_eq!(asks(&bytes("09 03 07 D0 00 01 85 CF")), [Ask::Read { function: 3, registers_count: 1 }]);
+        out.clear();
+        answer_read(&mut out, 4, &[0xF9, 0, 0, 0, 0x0D, 0]);
+        assert_eq!(out, bytes("09 04 06 F9 00 00 00 0D 00 17 AA"));
+        assert_eq!(answers(&out), [Answer::Inputs([0xF9, 0, 0, 0, 0x0D, 0])]);
+        out.clear();
+        answer_read(&mut out, 4, &[0x31, 0]);
+        assert_eq!(out, bytes("09 04 02 31 00 4D 61"));
+    }
+
+    #[test]
+    fn messages_are_found_between_garbage_and_no_single_byte_can_be_changed() {
+        let good = bytes("09 04 06 F9 00 00 00 0D 00 17 AA");
+        for place in 0..good.len() {
+            for change in 1..=255 {
+                let mut bad = good.clone();
+                bad[place] ^= change;
+                assert_eq!(answers(&bad), [], "byte {place} by {change:#x}");
+                bad.extend(&good);
+                bad.extend([0; LONGEST]);
+                assert_eq!(answers(&bad).len(), 1, "byte {place} by {change:#x}");
+            }
+        }
+        let mut parser = Parser::default();
+        let mut count = 0;
+        for byte in [&good[..5], &[9, 9, 4, 16], &good, &[0x90, 9], &good].concat() {
+            parser.feed_answers(&[byte], |_| count += 1);
+            assert!(parser.held.len() <= LONGEST);
+        }
+        assert_eq!(count, 2);
+    }
+}

@@ -1,0 +1,100 @@
+//! What the WSG-50's numbers mean.
+
+/// Commands.
+pub mod id {
+    #![allow(missing_docs)]
+    pub const DISCONNECT: u8 = 0x07;
+    pub const HOME: u8 = 0x20;
+    pub const MOVE: u8 = 0x21;
+    pub const STOP: u8 = 0x22;
+    pub const FAST_STOP: u8 = 0x23;
+    pub const ACKNOWLEDGE: u8 = 0x24;
+    pub const GRASP: u8 = 0x25;
+    pub const RELEASE: u8 = 0x26;
+    pub const SET_LIMIT: u8 = 0x32;
+    pub const GET_LIMIT: u8 = 0x33;
+    pub const SYSTEM_STATE: u8 = 0x40;
+    pub const GRASP_STATE: u8 = 0x41;
+    pub const OPENING: u8 = 0x43;
+    pub const SPEED: u8 = 0x44;
+    pub const FORCE: u8 = 0x45;
+}
+
+/// Answers to commands.
+pub mod status {
+    #![allow(missing_docs)]
+    pub const OK: u16 = 0;
+    pub const NOT_INITIALIZED: u16 = 3;
+    pub const ALREADY_RUNNING: u16 = 4;
+    pub const TOO_SHORT: u16 = 13;
+    pub const UNKNOWN: u16 = 14;
+    pub const FORMAT: u16 = 15;
+    pub const DENIED: u16 = 16;
+    pub const FAILED: u16 = 18;
+    pub const ABORTED: u16 = 19;
+    pub const PENDING: u16 = 26;
+    pub const RANGE: u16 = 28;
+    pub const BLOCKED: u16 = 29;
+
+    /// The status in words.
+    pub fn in_words(status: u16) -> String {
+        let words = match status {
+            OK => "done",
+            NOT_INITIALIZED => "not homed",
+            ALREADY_RUNNING => "another motion is under way",
+            TOO_SHORT => "too few parameters",
+            UNKNOWN => "unknown command",
+            FORMAT => "wrong format",
+            DENIED => "access denied: fast stop, or not in this state",
+            FAILED => "command failed",
+            ABORTED => "aborted",
+            PENDING => "under way",
+            RANGE => "out of range",
+            BLOCKED => "axis blocked: contact where none was expected; is part_width_mm right?",
+            _ => "",
+        };
+        match words {
+            "" => format!("status {status}"),
+            words => format!("status {status}, {words}"),
+        }
+    }
+}
+
+/// What the jaws are doing with a part.
+pub mod grasp {
+    #![allow(missing_docs)]
+    pub const IDLE: u8 = 0;
+    pub const GRASPING: u8 = 1;
+    pub const NO_PART: u8 = 2;
+    pub const PART_LOST: u8 = 3;
+    pub const HOLDING: u8 = 4;
+    pub const RELEASING: u8 = 5;
+    pub const POSITIONING: u8 = 6;
+    pub const ERROR: u8 = 7;
+}
+
+/// Bits of the system state.
+pub mod flag {
+    #![allow(missing_docs)]
+    pub const REFERENCED: u32 = 1;
+    pub const MOVING: u32 = 1 << 1;
+    pub const AXIS_STOPPED: u32 = 1 << 6;
+    pub const FAST_STOP: u32 = 1 << 12;
+    pub const TEMPERATURE_FAULT: u32 = 1 << 14;
+    pub const POWER_FAULT: u32 = 1 << 15;
+    pub const CURRENT_FAULT: u32 = 1 << 16;
+    pub const FINGER_FAULT: u32 = 1 << 17;
+
+    const FAULTS: [(u32, &str); 4] = [
+        (TEMPERATURE_FAULT, "it is too hot"),
+        (POWER_FAULT, "its supply voltage is wrong"),
+        (CURRENT_FAULT, "its motor draws too much current"),
+        (FINGER_FAULT, "a sensor finger fails"),
+    ];
+
+    /// The faults of the hardware among these bits, in words; empty when there is none.
+    pub fn faults(system: u32) -> String {
+        let words: Vec<&str> = FAULTS.iter().filter(|(bit, _)| system & bit != 0).map(|(_, words)| *words).collect();
+        words.join(", ")
+    }
+}

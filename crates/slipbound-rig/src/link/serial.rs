@@ -1,0 +1,81 @@
+//! A serial line, 115200 baud, 8 bits, no parity, one stop bit.
+
+use super::{Dial, Link, later};
+use serial2::SerialPort;
+use std::io;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Bits a second on the line.
+const BAUD: u32 = 115_200;
+
+/// Longest wait of one call. The library has no call that does not wait at all; on a line that is quiet, a read costs this.
+const SHORTEST_WAIT: Duration = Duration::from_millis(1);
+
+/// A serial line that hardly waits.
+#[derive(Debug)]
+pub struct SerialLink {
+    port: SerialPort,
+}
+
+impl SerialLink {
+    /// Takes over an open port, or one end of a pseudo-terminal.
+    pub fn new(mut port: SerialPort) -> io::Result<Self> {
+        port.set_read_timeout(SHORTEST_WAIT)?;
+        port.set_write_timeout(SHORTEST_WAIT)?;
+        Ok(SerialLink { port })
+    }
+}
+
+impl Link for SerialLink {
+    fn read(&mut self, into: &mut Vec<u8>) -> io::Result<usize> {
+        let mut bytes = [0; 1024];
+        match self.port.read(&mut bytes) {
+            Ok(count) => {
+                into.extend_from_slice(&bytes[..count]);
+                Ok(count)
+            }
+            Err(e) => later(Err(e)),
+        }
+    }
+
+    fn write(&mut self, from: &[u8]) -> io::Result<usize> {
+        later(self.port.write(from))
+    }
+}
+
+/// A serial line that is not there: our end of a pseudo-terminal, and the device to be opened at the other.
+#[cfg(target_os = "linux")]
+#[derive(Debug)]
+pub struct PseudoTerminal {
+    /// Our end.
+    pub link: SerialLink,
+    /// The other end, as in `/dev/pts/3`.
+    pub device: PathBuf,
+    /// Keeps the other end there while nobody has opened it.
+    _other: SerialPort,
+}
+
+#[cfg(target_os = "linux")]
+impl PseudoTerminal {
+    /// A new one.
+    pub fn new() -> io::Result<Self> {
+        use std::os::fd::AsRawFd;
+        let (ours, other) = SerialPort::pair()?;
+        let device = std::fs::read_link(format!("/proc/self/fd/{}", other.as_raw_fd()))?;
+        Ok(PseudoTerminal { link: SerialLink::new(ours)?, device, _other: other })
+    }
+}
+
+/// A serial device, opened anew whenever it must be.
+#[derive(Debug, Clone)]
+pub struct SerialDial {
+    /// The device, as in `/dev/ttyUSB0`.
+    pub device: PathBuf,
+}
+
+impl Dial for SerialDial {
+    fn dial(&self) -> io::Result<Box<dyn Link>> {
+        Ok(Box::new(SerialLink::new(SerialPort::open(&self.device, BAUD)?)?))
+    }
+}

@@ -1,0 +1,73 @@
+//! What can go wrong with a wrist, one variant a cause.
+
+use std::io;
+
+/// A wrist that cannot be opened, or a motion that it did not take over. Whatever the cause, the last motion runs out
+/// and the wrist pauses. Every text names the address, what was expected and what was got.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The address is none of a wrist.
+    #[error("{address}: expected line://HOST:PORT or dry")]
+    Address {
+        /// What was asked for.
+        address: String,
+    },
+    /// Nobody answers there.
+    #[error("{address}: expected a wrist, cannot connect: {source}")]
+    Connect {
+        /// Where.
+        address: String,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// The link is gone; it is being made anew.
+    #[error("{address}: the link is lost ({why}); the wrist pauses by itself, reconnecting")]
+    Lost {
+        /// Where.
+        address: String,
+        /// The system's reason.
+        why: String,
+    },
+    /// The link is there, but nothing comes through it.
+    #[error(
+        "{address}: expected a sign of life every {expected_ms} ms, got none for {got_ms} ms; the wrist pauses by itself"
+    )]
+    Silent {
+        /// Where.
+        address: String,
+        /// Longest silence allowed, ms.
+        expected_ms: u64,
+        /// Silence so far, ms.
+        got_ms: u64,
+    },
+    /// A motion that cannot be: no number, a negative bound, or a life beyond what is allowed.
+    #[error("{address}: expected {key} {expected}, got {got}")]
+    Motion {
+        /// Where.
+        address: String,
+        /// Which number.
+        key: &'static str,
+        /// What it may be.
+        expected: &'static str,
+        /// What it was.
+        got: f64,
+    },
+    /// No answer to a command in time.
+    #[error("{address}: expected an answer within {expected_ms} ms, got none")]
+    Unanswered {
+        /// Where.
+        address: String,
+        /// Time allowed, ms.
+        expected_ms: u64,
+    },
+    /// The wrist said no.
+    #[error("{address}: expected `{expected}` to be taken over, got {got}")]
+    Refused {
+        /// Where.
+        address: String,
+        /// The command.
+        expected: String,
+        /// What it said.
+        got: String,
+    },
+}

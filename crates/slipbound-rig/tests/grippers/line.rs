@@ -1,0 +1,169 @@
+//! The line protocol, gripper and wrist, in lock-step.
+
+use crate::bench::{Bench, MS};
+use slipbound::port::{Jaws, Plant, WristCommand, WristMotion};
+use slipbound_rig::emulator::{Block, Emulator, Faults, Faulty, by_name};
+use slipbound_rig::gripper::Order;
+use slipbound_rig::link::Talker;
+use slipbound_rig::wrist::{Error, LineWrist};
+
+#[test]
+fn a_block_is_gripped_and_released_by_these_lines() {
+    for chunk in [1, usize::MAX] {
+        let mut bench = Bench::of("line", "");
+        bench.chunk = chunk;
+        bench.run(100);
+        bench.grip(20.0).expect("taken over");
+        bench.until(3000, |state| state.jaws == Jaws::Holding);
+        bench.grip(10.0).expect("the other side answers for what a lower force does");
+        bench.run(1000);
+        let state = bench.state().expect("there");
+        assert_eq!((state.target_n, state.opening_mm), (Some(10.0), Some(50.0)));
+        assert!((bench.plant.force_n - 10.0).abs() < 0.1);
+        bench.release().expect("taken over");
+        bench.until(3000, |state| state.opening_mm.is_some_and(|mm| mm > 99.9));
+        bench.order(Order::Leave).expect("taken over");
+        let text = String::from_utf8(bench.sent.clone()).expect("ASCII");
+        let expected = "1 GRASP force_n 20.000000\n2 GRASP force_n 10.000000\n3 RELEASE opening_mm 100.000000\n4 BYE\n";
+        assert_eq!(text, expected);
+    }
+}
+
+#[test]
+fn a_refusal_a_wrong_echo_and_a_wrong_version_are_told() {
+    let mut bench = Bench::of("line", "refuse-force");
+    bench.run(100);
+    bench.grip(20.0).expect("sent");
+    let message = bench.until_error(200).to_string();
+    assert!(message.contains("`force_n may be 5 to 80`"), "{message}");
+
+    let mut bench = Bench::of("line", "");
+    bench.run(100);
+    bench.is_carrying = false;
+    bench.grip(20.0).expect("sent");
+    bench.driver.receive(bench.now_ns, b"ACK 1 GRASP force_n 28.000000\n");
+    let message = bench.state().expect_err("another force").to_string();
+    assert!(message.contains("28.000000` taken over instead of `GRASP force_n 20.000000`"), "{message}");
+    assert_eq!(bench.state().expect("there").target_n, None);
+    bench.driver.receive(bench.now_ns, b"HELLO slipbound-line 2\n");
+    assert!(bench.state().expect_err("a version").to_string().contains("version 2, expected 1"));
+}
+
+/// A wrist and its emulator, stepped by 2 ms.
+struct Arm {
+    wrist: LineWrist,
+    emulator: Faulty,
+    plant: Block,
+    now_ns: u64,
+    sent: Vec<u8>,
+    is_carrying: bool,
+}
+
+impl Arm {
+    fn new(faults: &str) -> Self {
+        let faults: Faults = faults.parse().expect("faults");
+        let emulator = Faulty::new(by_name("line").expect("a name"), faults);
+        let wrist = LineWrist::new("line://arm");
+        let mut arm = Arm { wrist, emulator, plant: Block::new(50.0), now_ns: 0, sent: Vec::new(), is_carrying: true };
+        arm.emulator.connected(0);
+        arm.wrist.linked(0);
+        arm.run(50);
+        arm
+    }
+
+    fn run(&mut self, ms: u64) {
+        for _ in 0..ms / 2 {
+            self.now_ns += 2 * MS;
+            self.emulator.tick(self.now_ns, &mut self.plant);
+            self.plant.advance_to(self.now_ns);
+            self.wrist.tick(self.now_ns);
+            for _ in 0..if self.is_carrying { 4 } else { 0 } {
+                let ours = std::mem::take(self.wrist.outgoing());
+                self.sent.extend(&ours);
+                self.emulator.receive(self.now_ns, &ours);
+                let theirs = std::mem::take(self.emulator.outgoing());
+                self.wrist.receive(self.now_ns, &theirs);
+            }
+        }
+    }
+
+    fn command(&mut self, motion: WristMotion) -> Result<(), Error> {
+        self.wrist.command(self.now_ns, WristCommand::new(motion))
+    }
+}
+
+fn turn(rate_rad_per_s: f64, most_rad: f64) -> WristMotion {
+    WristMotion::Turn { rate_rad_per_s, most_rad }
+}
+
+#[test]
+fn a_turn_that_is_not_renewed_pauses_and_one_that_is_goes_on_to_its_bound() {
+    let mut arm = Arm::new("");
+    arm.command(turn(0.3, 1.0)).expect("taken over");
+    arm.run(1000);
+    let state = arm.wrist.report(arm.now_ns).expect("there");
+    assert!((state.angle_rad - 0.06).abs() < 1e-3 && !state.moving, "{state:?}");
+    assert!((arm.plant.angle_rad - state.angle_rad).abs() < 1e-6);
+    for _ in 0..20 {
+        arm.command(turn(-0.3, 0.02)).expect("taken over");
+        arm.run(50);
+    }
+    let before_rad = arm.plant.angle_rad;
+    assert!((before_rad - (0.06 - 20.0 * 0.015)).abs() < 1e-3, "{before_rad}");
+    arm.command(turn(0.3, 0.01)).expect("taken over");
+    arm.run(190);
+    assert!((arm.plant.angle_rad - before_rad - 0.01).abs() < 1e-3, "{}", arm.plant.angle_rad);
+    arm.command(WristMotion::Lower { rate_mm_per_s: 10.0, most_mm: 1.5 }).expect("taken over");
+    arm.run(300);
+    arm.command(WristMotion::Open { most_mm: 70.0 }).expect("taken over");
+    arm.run(1500);
+    assert!((arm.plant.lowered_mm - 1.5).abs() < 1e-6, "{}", arm.plant.lowered_mm);
+    assert!((arm.emulator.opening_mm() - 70.0).abs() < 1e-6);
+    let text = String::from_utf8(arm.sent.clone()).expect("ASCII");
+    let first = text.lines().next();
+    assert_eq!(first, Some("1 TURN rate_rad_per_s 0.300000 most_rad 1.000000 time_to_live_ms 200.000000"));
+}
+
+#[test]
+fn a_pause_waits_for_nothing_and_a_cut_link_pauses() {
+    let mut arm = Arm::new("late=60");
+    arm.command(turn(0.3, 1.0)).expect("taken over");
+    arm.run(20);
+    arm.command(turn(0.3, 1.0)).expect("taken over, to be sent after the answer");
+    arm.command(WristMotion::Pause).expect("taken over");
+    arm.run(20);
+    let angle_rad = arm.plant.angle_rad;
+    arm.run(500);
+    assert_eq!(arm.plant.angle_rad, angle_rad);
+
+    let mut arm = Arm::new("");
+    arm.command(turn(0.3, 1.0)).expect("taken over");
+    arm.run(50);
+    arm.is_carrying = false;
+    arm.run(1000);
+    assert!(arm.plant.angle_rad < 0.3 * 0.21, "{}", arm.plant.angle_rad);
+    let message = arm.wrist.report(arm.now_ns).expect_err("silent").to_string();
+    assert!(message.contains("a sign of life every 300 ms"), "{message}");
+    assert!(matches!(arm.command(turn(0.3, 1.0)), Err(Error::Silent { .. })));
+}
+
+#[test]
+fn motions_that_cannot_be_are_refused_here_or_there() {
+    let mut arm = Arm::new("");
+    for (motion, said) in [
+        (turn(f64::NAN, 1.0), "rate_rad_per_s a number, got NaN"),
+        (turn(0.1, f64::INFINITY), "most_rad a number not below 0, got inf"),
+        (WristMotion::Lower { rate_mm_per_s: 1.0, most_mm: -1.0 }, "most_mm a number not below 0, got -1"),
+    ] {
+        let message = arm.command(motion).expect_err("refused").to_string();
+        assert!(message.contains(said), "{message}");
+    }
+    let too_long = WristCommand { motion: WristMotion::Pause, time_to_live_ns: 201 * MS };
+    let message = arm.wrist.command(arm.now_ns, too_long).expect_err("refused").to_string();
+    assert!(message.contains("time_to_live_ms at most 200, got 201"), "{message}");
+    arm.command(turn(50.0, 1.0)).expect("sent");
+    arm.run(20);
+    let message = arm.wrist.report(arm.now_ns).expect_err("refused").to_string();
+    assert!(message.contains("expected `TURN rate_rad_per_s 50.000000") && message.contains("too high"), "{message}");
+    assert_eq!(arm.plant.angle_rad, 0.0);
+}

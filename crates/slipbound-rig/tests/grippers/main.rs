@@ -1,0 +1,10 @@
+//! Drivers against emulators: in lock-step through byte queues, then over real sockets and a pseudo-terminal.
+
+mod bench;
+mod faults;
+mod gcl;
+mod line;
+mod noise;
+mod robotiq;
+mod sockets;
+mod wsg50;

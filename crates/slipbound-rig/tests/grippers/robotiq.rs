@@ -1,0 +1,126 @@
+//! Robotiq 2F-85, both ways, in lock-step.
+
+use crate::bench::{Bench, config};
+use slipbound::port::Jaws;
+use slipbound_rig::gripper::config::{Config, Lowering};
+use slipbound_rig::gripper::{Error, Order};
+
+const BOTH: [&str; 2] = ["robotiq-rtu", "robotiq"];
+
+fn allowing() -> Config {
+    Config { lowering: Lowering::Allow, ..config("robotiq") }
+}
+
+#[test]
+fn a_block_is_gripped_by_steps_of_force_and_released() {
+    for name in BOTH {
+        for chunk in [1, 4, usize::MAX] {
+            let mut bench = Bench::new(name, allowing(), "");
+            bench.chunk = chunk;
+            bench.run(200);
+            assert_eq!(bench.state().expect("there").jaws, Jaws::Open, "{name}");
+            bench.grip(40.0).expect("taken over");
+            bench.until(3000, |state| state.jaws == Jaws::Holding);
+            for force_n in [40.0, 60.0, 100.0, 50.0] {
+                bench.grip(force_n).expect("taken over");
+                bench.run(1000);
+                let state = bench.state().expect("there");
+                assert_eq!((state.jaws, state.target_n, state.force_n), (Jaws::Holding, Some(force_n), None), "{name}");
+                // 0.84 N is a step of the 256, 0.5 N the emulator's own.
+                assert!((bench.plant.force_n - force_n).abs() < 0.7, "{name}: {}", bench.plant.force_n);
+                assert!((state.opening_mm.expect("told") - 50.0).abs() < 0.3, "{name}: {state:?}");
+            }
+            bench.release().expect("taken over");
+            bench.until(3000, |state| state.jaws == Jaws::Open && state.opening_mm.is_some_and(|mm| mm > 84.5));
+            assert_eq!(bench.plant.force_n, 0.0);
+        }
+    }
+}
+
+#[test]
+fn the_bytes_sent_are_these() {
+    let mut bench = Bench::new("robotiq", allowing(), "");
+    bench.run(200);
+    bench.grip(128.0).expect("taken over");
+    bench.run(100);
+    bench.release().expect("taken over");
+    bench.run(100);
+    let text = String::from_utf8(bench.sent.clone()).expect("ASCII");
+    assert!(text.starts_with("GET STA\nGET OBJ\nGET PRE\nGET POS\nGET FLT\nGET FOR\n"), "{text}");
+    let sets: Vec<&str> = text.lines().filter(|line| line.starts_with("SET")).collect();
+    assert_eq!(sets, ["SET POS 255 SPE 59 FOR 128 GTO 1", "SET POS 3 SPE 59 FOR 0 GTO 1"]);
+
+    let mut bench = Bench::new("robotiq-rtu", allowing(), "");
+    bench.run(200);
+    bench.grip(235.0).expect("taken over");
+    let write = [0x09, 0x10, 0x03, 0xE8, 0, 3, 6, 0x09, 0, 0, 255, 59, 255];
+    assert!(bench.sent.windows(13).any(|bytes| bytes == write), "{:02X?}", &bench.sent[bench.sent.len() - 15..]);
+    assert!(bench.sent.starts_with(&[0x09, 0x04, 0x07, 0xD0, 0, 3, 0xB1, 0xCE]));
+}
+
+#[test]
+fn activation_is_asked_for_and_never_done_by_itself() {
+    for name in BOTH {
+        let mut bench = Bench::new(name, allowing(), "power-cycle@100");
+        bench.run(200);
+        bench.connect();
+        bench.run(300);
+        assert_eq!(bench.state().expect("there").jaws, Jaws::Unknown);
+        assert!(matches!(bench.grip(40.0), Err(Error::NotHomed { .. })), "{name}");
+        bench.order(Order::Home).expect("taken over");
+        bench.run(10);
+        assert!(bench.driver.is_busy() && matches!(bench.grip(40.0), Err(Error::NotHomed { .. })), "{name}");
+        bench.until(3000, |state| state.jaws == Jaws::Open);
+        bench.run(300);
+        assert!(!bench.driver.is_busy(), "{name}");
+        bench.grip(40.0).expect("taken over");
+        bench.until(3000, |state| state.jaws == Jaws::Holding);
+        assert!(matches!(bench.order(Order::Home), Err(Error::Refused { .. })), "{name}: something is held");
+    }
+}
+
+#[test]
+fn nothing_a_lost_part_a_fault_and_a_refusal_are_told() {
+    for name in BOTH {
+        let mut bench = Bench::of(name, "");
+        bench.plant.width_mm = None;
+        bench.run(200);
+        bench.grip(40.0).expect("taken over");
+        bench.until(3000, |state| state.jaws == Jaws::Nothing);
+
+        let mut bench = Bench::holding(name, config(name), "lose-part@6000", 40.0);
+        bench.until(6000, |state| state.jaws == Jaws::Lost);
+
+        let mut bench = Bench::holding(name, config(name), "fast-stop@6000", 40.0);
+        bench.until(6000, |state| state.jaws == Jaws::Stopped);
+        let message = bench.grip(60.0).expect_err("refused").to_string();
+        assert!(message.contains("fault 14, overcurrent"), "{message}");
+        assert!(bench.least_n > 39.0, "{name}: {}", bench.least_n);
+
+        let mut bench = Bench::holding(name, config(name), "refuse-force@6000", 40.0);
+        bench.run(5000);
+        bench.grip(60.0).expect("taken over");
+        bench.until_error(2000);
+        assert_eq!(bench.state().expect("there").target_n, Some(40.0), "{name}");
+        assert!((bench.plant.force_n - 40.0).abs() < 0.7, "{name}");
+    }
+}
+
+#[test]
+fn what_it_was_set_to_is_known_after_a_new_link_only_by_the_socket() {
+    for (name, target_n) in [("robotiq", Some(40.0)), ("robotiq-rtu", None)] {
+        let mut bench = Bench::holding(name, config(name), "", 40.0);
+        let fresh = Bench::new(name, config(name), "");
+        bench.driver = fresh.driver;
+        bench.connect();
+        bench.run(400);
+        let got = bench.state().expect("there").target_n;
+        assert!(
+            got.zip(target_n).is_none_or(|(got, wanted): (f64, f64)| (got - wanted).abs() < 0.5),
+            "{name}: {got:?}"
+        );
+        assert_eq!(got.is_some(), target_n.is_some(), "{name}: {got:?}");
+        let lower = bench.grip(30.0);
+        assert!(matches!(lower, Err(Error::Lowering { .. } | Error::NotReady { .. })), "{name}: {lower:?}");
+    }
+}

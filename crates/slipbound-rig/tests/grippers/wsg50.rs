@@ -1,0 +1,298 @@
+//! WSG-50, binary interface, in lock-step.
+
+use crate::bench::{Bench, MS, WIDTH_MM, config};
+use slipbound::port::{GripCommand, Jaws, Motion};
+use slipbound_rig::gripper::config::{Config, ForceChange, ForceIs, Lowering};
+use slipbound_rig::gripper::wsg50::Wsg50;
+use slipbound_rig::gripper::wsg50::frame::{self, Parser};
+use slipbound_rig::gripper::{Driver, Error, Note, Order};
+use slipbound_rig::link::Talker;
+
+/// Payloads of a command among sent bytes.
+fn sent(bench: &Bench, id: u8) -> Vec<Vec<u8>> {
+    let mut found = Vec::new();
+    let mut keep = |frame: frame::Frame| {
+        if frame.id == id {
+            found.push(frame.payload().to_vec());
+        }
+    };
+    Parser::default().feed(&bench.sent, &mut keep);
+    found
+}
+
+fn allowing() -> Config {
+    Config { lowering: Lowering::Allow, ..config("wsg50") }
+}
+
+#[test]
+fn a_block_is_grasped_held_by_steps_of_force_and_released() {
+    let mut bench = Bench::new("wsg50", allowing(), "");
+    bench.run(100);
+    assert_eq!(bench.state().expect("there").jaws, Jaws::Open);
+    bench.grip(20.0).expect("taken over");
+    let closing_ms = bench.until(3000, |state| state.jaws == Jaws::Holding);
+    // 110 to 50 mm at 60 mm/s, 25 ms of delay, 2.3 lags of 80 ms to nine tenths of the force.
+    assert!((1200..=1260).contains(&closing_ms), "{closing_ms} ms");
+    bench.run(500);
+    for force_n in [30.0, 42.5, 60.0, 35.0, 20.0] {
+        bench.grip(force_n).expect("taken over");
+        bench.run(700);
+        let state = bench.state().expect("there");
+        assert_eq!((state.jaws, state.target_n), (Jaws::Holding, Some(force_n)));
+        assert!((state.force_n.expect("measured") - force_n).abs() < 0.1, "{state:?}");
+        assert!((bench.plant.force_n - force_n).abs() < 0.1, "{}", bench.plant.force_n);
+    }
+    assert_eq!(sent(&bench, 0x25).len(), 1, "one grasp: the limit alone carried every change");
+    let path = Note::ForcePath { path: "setting the force limit alone" };
+    assert_eq!(bench.notes.iter().filter(|note| **note == path).count(), 1, "{:?}", bench.notes);
+    bench.release().expect("taken over");
+    bench.until(3000, |state| state.opening_mm.is_some_and(|mm| mm > 99.9));
+    assert_eq!((bench.state().expect("there").jaws, bench.plant.force_n), (Jaws::Open, 0.0));
+    assert_eq!(sent(&bench, 0x26).len(), 1);
+    bench.grip(10.0).expect("taken over");
+    bench.until(3000, |state| state.jaws == Jaws::Holding);
+}
+
+#[test]
+fn the_bytes_of_a_grasp_are_the_known_good_ones() {
+    let mut bench = Bench::of("wsg50", "");
+    bench.run(50);
+    bench.grip(20.0).expect("taken over");
+    bench.run(2000);
+    let limit_20_n = [0xAA, 0xAA, 0xAA, 0x32, 0x04, 0x00, 0x00, 0x00, 0xA0, 0x41, 0xF5, 0x22];
+    assert!(bench.sent.windows(12).any(|bytes| bytes == limit_20_n));
+    assert_eq!(sent(&bench, 0x25), [[50f32.to_le_bytes(), 50f32.to_le_bytes()].concat()]);
+    assert_eq!(sent(&bench, 0x40)[0], [1, 20, 0], "system state by itself, every 20 ms");
+    for id in [0x20, 0x21, 0x22, 0x23, 0x24, 0x26, 0x07] {
+        assert!(sent(&bench, id).is_empty(), "{id:#x} was never asked for");
+    }
+    bench.order(Order::Acknowledge).expect("taken over");
+    let ack = [0xAA, 0xAA, 0xAA, 0x24, 0x03, 0x00, 0x61, 0x63, 0x6B, 0xDC, 0xB9];
+    assert!(bench.sent.ends_with(&ack));
+}
+
+#[test]
+fn split_into_single_bytes_the_run_is_the_same() {
+    let run = |chunk| {
+        let mut bench = Bench::new("wsg50", allowing(), "");
+        bench.chunk = chunk;
+        bench.run(100);
+        bench.grip(25.0).expect("taken over");
+        bench.run(2000);
+        bench.grip(15.0).expect("taken over");
+        bench.run(150);
+        (bench.state().expect("there"), bench.plant.force_n)
+    };
+    assert_eq!(run(1), run(usize::MAX));
+    assert_eq!(run(5), run(usize::MAX));
+}
+
+#[test]
+fn force_stays_in_its_range_whatever_is_asked() {
+    let mut bench = Bench::new("wsg50", Config { least_n: 8.0, most_n: 40.0, ..allowing() }, "");
+    bench.run(100);
+    let message = bench.grip(f64::NAN).expect_err("refused").to_string();
+    assert_eq!(message, "wsg50://bench: expected a force from 8 N to 40 N per finger, got NaN");
+    for (asked_n, given_n) in [(1e300, 40.0), (-5.0, 8.0), (f64::INFINITY, 40.0), (0.0, 8.0)] {
+        bench.grip(asked_n).expect("taken over");
+        bench.run(2500);
+        assert_eq!(bench.state().expect("there").target_n, Some(given_n));
+        assert!((bench.plant.force_n - given_n).abs() < 0.1, "{}", bench.plant.force_n);
+        assert!(bench.notes.contains(&Note::Clamped { asked_n, given_n }));
+    }
+    for payload in sent(&bench, 0x32) {
+        let own_n = f32::from_le_bytes(payload.try_into().expect("four bytes"));
+        assert!((8.0..=40.0).contains(&own_n), "{own_n}");
+    }
+}
+
+#[test]
+fn newtons_of_both_fingers_are_halved_and_doubled() {
+    let config = Config { force_is: ForceIs::Total, most_n: 40.0, ..allowing() };
+    let mut bench = Bench::new("wsg50", config, "");
+    bench.run(100);
+    bench.grip(15.0).expect("taken over");
+    bench.run(2500);
+    assert_eq!(sent(&bench, 0x32), [30f32.to_le_bytes()]);
+    let state = bench.state().expect("there");
+    assert_eq!(state.target_n, Some(15.0));
+    assert!((state.force_n.expect("measured") - 15.0).abs() < 0.1, "{state:?}");
+}
+
+#[test]
+fn a_lower_force_while_holding_is_refused_until_it_is_allowed() {
+    let mut bench = Bench::holding("wsg50", config("wsg50"), "", 30.0);
+    let message = bench.grip(20.0).expect_err("refused").to_string();
+    for part in ["30 N to 20 N", "check-hold", "lowering = \"allow\""] {
+        assert!(message.contains(part), "{message}");
+    }
+    bench.run(1000);
+    assert!(bench.least_n > 29.9, "{}", bench.least_n);
+    bench.grip(35.0).expect("higher is taken over");
+    bench.run(700);
+    bench.driver.permit_lowering(true);
+    bench.grip(20.0).expect("taken over");
+    bench.run(700);
+    assert!((bench.plant.force_n - 20.0).abs() < 0.1);
+    bench.driver.permit_lowering(false);
+    assert!(matches!(bench.grip(10.0), Err(Error::Lowering { .. })));
+    bench.release().expect("letting go is no lowering");
+}
+
+#[test]
+fn where_the_limit_has_no_effect_the_grasp_is_given_again() {
+    let mut bench = Bench::holding("wsg50", allowing(), "fixed-limit,allow-regrasp", 20.0);
+    bench.grip(40.0).expect("taken over");
+    bench.run(350);
+    assert!((bench.plant.force_n - 20.0).abs() < 0.1, "not before it was seen not to follow");
+    bench.run(1000);
+    assert!((bench.plant.force_n - 40.0).abs() < 0.1, "{}", bench.plant.force_n);
+    assert!(bench.notes.contains(&Note::ForcePath { path: "setting the force limit and giving the grasp again" }));
+    assert!(bench.least_n > 19.9, "{}", bench.least_n);
+
+    // Where neither way works that is told, and the force stays.
+    let mut bench = Bench::holding("wsg50", allowing(), "fixed-limit", 20.0);
+    bench.grip(40.0).expect("taken over");
+    let message = bench.until_error(2000).to_string();
+    assert!(message.contains("expected grasp to be done, got status 16"), "{message}");
+    bench.run(1000);
+    assert!((bench.plant.force_n - 20.0).abs() < 0.1, "{}", bench.plant.force_n);
+
+    let config = Config { force_change: ForceChange::Regrasp, ..allowing() };
+    let mut bench = Bench::holding("wsg50", config, "fixed-limit,allow-regrasp", 20.0);
+    bench.grip(40.0).expect("taken over");
+    bench.run(350);
+    assert!((bench.plant.force_n - 40.0).abs() < 2.0, "at once: {}", bench.plant.force_n);
+}
+
+#[test]
+fn nothing_and_a_lost_part_are_told_and_no_grasp_is_given_again() {
+    let mut bench = Bench::of("wsg50", "");
+    bench.plant.width_mm = None;
+    bench.run(100);
+    bench.grip(20.0).expect("taken over");
+    bench.until(3000, |state| state.jaws == Jaws::Nothing);
+
+    let mut bench = Bench::holding("wsg50", config("wsg50"), "lose-part@4000", 20.0);
+    bench.until(3000, |state| state.jaws == Jaws::Lost);
+    for _ in 0..20 {
+        bench.grip(20.0).expect("taken over");
+        bench.run(50);
+    }
+    assert_eq!((sent(&bench, 0x25).len(), bench.state().expect("there").jaws), (1, Jaws::Lost));
+}
+
+#[test]
+fn contact_far_from_the_parts_width_is_told_as_a_collision() {
+    let config = Config { part_width_mm: Some(WIDTH_MM - 20.0), ..config("wsg50") };
+    let mut bench = Bench::new("wsg50", config.clone(), "");
+    bench.run(100);
+    bench.grip(20.0).expect("taken over");
+    let message = bench.until_error(3000).to_string();
+    assert!(message.contains("status 29") && message.contains("part_width_mm"), "{message}");
+    let mut bench = Bench::new("wsg50", Config { part_width_mm: None, ..config }, "");
+    bench.run(100);
+    let message = bench.grip(20.0).expect_err("refused").to_string();
+    assert!(message.contains("grasp needs the setting part_width_mm"), "{message}");
+}
+
+#[test]
+fn home_is_refused_while_holding_and_asked_for_where_it_is_missing() {
+    let mut bench = Bench::holding("wsg50", config("wsg50"), "", 20.0);
+    let message = bench.order(Order::Home).expect_err("refused").to_string();
+    assert!(message.contains("home to be done, got something between the jaws"), "{message}");
+
+    let mut bench = Bench::of("wsg50", "power-cycle@100");
+    bench.run(200);
+    bench.connect();
+    bench.run(100);
+    assert_eq!(bench.state().expect("there").jaws, Jaws::Unknown);
+    assert!(matches!(bench.grip(20.0), Err(Error::NotHomed { .. })));
+    bench.order(Order::Home).expect("taken over");
+    bench.until(3000, |state| state.jaws == Jaws::Open);
+    bench.grip(20.0).expect("taken over");
+    bench.until(3000, |state| state.jaws == Jaws::Holding);
+}
+
+#[test]
+fn a_command_overtaken_before_it_was_sent_is_never_sent() {
+    let mut bench = Bench::holding("wsg50", allowing(), "late=100", 20.0);
+    for force_n in [30.0, 31.0, 32.0, 33.0] {
+        bench.grip(force_n).expect("taken over");
+    }
+    bench.run(1500);
+    let limits: Vec<_> = sent(&bench, 0x32);
+    assert_eq!(limits[1..], [30f32.to_le_bytes(), 33f32.to_le_bytes()]);
+    assert!((bench.plant.force_n - 33.0).abs() < 0.1);
+}
+
+#[test]
+fn a_release_overtakes_a_grasp_under_way() {
+    let mut bench = Bench::of("wsg50", "");
+    bench.run(100);
+    bench.grip(20.0).expect("taken over");
+    bench.run(500);
+    bench.release().expect("taken over");
+    bench.until(3000, |state| state.opening_mm.is_some_and(|mm| mm > 99.9));
+    assert_eq!((bench.least_n, sent(&bench, 0x22).len()), (0.0, 1));
+}
+
+#[test]
+fn silence_is_told_in_time_and_nothing_piles_up() {
+    let mut bench = Bench::holding("wsg50", allowing(), "", 20.0);
+    bench.is_carrying = false;
+    let from_ns = bench.now_ns;
+    bench.grip(30.0).expect("taken over");
+    let message = bench.until_error(600).to_string();
+    assert!((500 * MS..525 * MS).contains(&(bench.now_ns - from_ns)));
+    assert!(message.starts_with("wsg50://bench: expected a sign of life every 500 ms, got none for 50"), "{message}");
+    bench.run(20_000);
+    assert!(bench.driver.outgoing().len() < 1200, "{} bytes wait for a dead link", bench.driver.outgoing().len());
+    assert!((bench.plant.force_n - 20.0).abs() < 0.1);
+}
+
+#[test]
+fn an_unanswered_limit_is_sent_three_times_and_then_told() {
+    let mut driver = Wsg50::new("wsg50://hand", config("wsg50"));
+    let tell = |driver: &mut Wsg50, now_ns, id, rest: &[u8]| {
+        let mut bytes = Vec::new();
+        frame::write(&mut bytes, id, &[&[0, 0], rest].concat());
+        driver.receive(now_ns, &bytes);
+    };
+    driver.linked(0);
+    tell(&mut driver, 1, 0x40, &[1, 0, 0, 0]);
+    tell(&mut driver, 1, 0x41, &[4]);
+    tell(&mut driver, 1, 0x33, &20f32.to_le_bytes());
+    driver.outgoing().clear();
+    let command = GripCommand { force_n: 30.0, motion: Motion::Go };
+    driver.order(2, Order::Grip(command)).expect("taken over");
+    let (mut errors, mut sent_count) = (Vec::new(), 0);
+    for ms in 1..2000 {
+        tell(&mut driver, ms * MS, 0x45, &20f32.to_le_bytes());
+        driver.tick(ms * MS);
+        Parser::default().feed(&std::mem::take(driver.outgoing()), |frame| sent_count += usize::from(frame.id == 0x32));
+        errors.extend(driver.state(ms * MS).err().map(|error| (ms, error.to_string())));
+    }
+    assert_eq!(sent_count, 3);
+    assert_eq!(errors, [(903, "wsg50://hand: expected an answer to set force limit within 300 ms, got none".into())]);
+    assert_eq!(driver.state(2000 * MS).expect("there").target_n, Some(20.0));
+}
+
+#[test]
+fn two_runs_are_the_same_and_faster_than_real_time() {
+    let from = std::time::Instant::now();
+    let run = || {
+        let mut bench = Bench::new("wsg50", allowing(), "late=13,corrupt=0.05,drop=0.02,seed=7");
+        bench.run(100);
+        let mut trace = Vec::new();
+        for i in 0..100 {
+            let _ = bench.grip(20.0 + f64::from(i % 7));
+            bench.run(100);
+            trace.push((bench.plant.force_n, bench.state().ok().and_then(|state| state.force_n)));
+        }
+        (trace, bench.sent)
+    };
+    assert_eq!(run(), run());
+    let real_s = from.elapsed().as_secs_f64();
+    assert!(real_s < 10.0, "20 s of gripping took {real_s} s");
+}

@@ -1,0 +1,253 @@
+//! Spots -> which of them stand on a grid, and on which of its nodes.
+//!
+//! ```text
+//!      .   o   .        a seed o with neighbours on both sides of two directions;
+//!      o - o - o  a     from there node by node: a node next to known ones is predicted by
+//!      .   o   .        the affine map of the known ones around it, and the nearest spot
+//!          b            within a quarter of a pitch is the dot
+//! ```
+//! Missing dots leave holes, doubled ones a spot without a node; perspective and lens bend the grid slowly enough for
+//! the local affine map to follow.
+
+use super::fit::median;
+use super::solve::Normal;
+use crate::pixels::dots::Spot;
+use crate::plane::Vec2;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Spots nearest to a seed among which its neighbours on the grid are sought.
+const NEIGHBOURS_COUNT: usize = 14;
+/// So many of the strongest spots are looked at as seeds.
+const CANDIDATES_COUNT: usize = 120;
+/// Seeds tried, best first.
+const SEEDS_COUNT: usize = 8;
+/// A spot this near to a predicted node is its dot, in local pitches.
+const NEAR_PITCH: f64 = 0.25;
+/// Known nodes within this many nodes predict a new one.
+const REACH: i32 = 3;
+/// A dot has at least this share of the median contrast of the dots around it.
+const WEAKEST_RATIO: f32 = 0.3;
+
+/// Node of the grid -> number of its spot.
+pub(super) type Nodes = BTreeMap<(i32, i32), usize>;
+
+/// The largest grid among the spots, which come strongest first; empty when there is none.
+pub(super) fn find(spots: &[Spot]) -> Nodes {
+    let candidates = 0..spots.len().min(CANDIDATES_COUNT);
+    let mut seeds: Vec<(usize, Basis)> = candidates.filter_map(|i| Some((i, Basis::at(spots, i)?))).collect();
+    seeds.sort_by(|(i, p), (j, q)| q.supported.cmp(&p.supported).then(i.cmp(j)));
+    // Seeds far from each other: one bad corner must not spoil all.
+    let mut best = Nodes::new();
+    let mut tried: Vec<Vec2> = Vec::new();
+    for (seed, basis) in &seeds {
+        let at = spots[*seed].position;
+        if tried.iter().any(|t| (*t - at).length() < 3.0 * basis.a.length()) {
+            continue;
+        }
+        tried.push(at);
+        let nodes = grow(spots, *seed, basis);
+        if nodes.len() > best.len() {
+            best = nodes;
+        }
+        if tried.len() == SEEDS_COUNT || 10 * best.len() > 8 * spots.len() {
+            break;
+        }
+    }
+    best
+}
+
+/// Two steps of the grid at a seed.
+#[derive(Debug, Clone, Copy)]
+struct Basis {
+    a: Vec2,
+    b: Vec2,
+    /// How many of the eight nodes around have a spot.
+    supported: usize,
+}
+
+impl Basis {
+    fn at(spots: &[Spot], seed: usize) -> Option<Basis> {
+        let at = spots[seed].position;
+        let mut around: Vec<Vec2> =
+            spots.iter().enumerate().filter(|(i, _)| *i != seed).map(|(_, s)| s.position - at).collect();
+        around.sort_by(|p, q| p.length_squared().total_cmp(&q.length_squared()));
+        around.truncate(2 * NEIGHBOURS_COUNT);
+        let nearest = &around[..around.len().min(NEIGHBOURS_COUNT)];
+        let mut best: Option<Basis> = None;
+        for (i, &a) in nearest.iter().enumerate() {
+            for &b in &nearest[i + 1..] {
+                let (long, short) = (a.length().max(b.length()), a.length().min(b.length()));
+                let sine = a.cross(b) / (long * short);
+                if long > 1.9 * short || sine.abs() < 0.7 {
+                    continue;
+                }
+                let (a, b) = if sine > 0.0 { (a, b) } else { (b, a) };
+                let has = |p: Vec2| around.iter().any(|q| (*q - p).length() < 0.22 * short);
+                let supported = [a, b, -a, -b, a + b, a - b, b - a, -a - b].into_iter().filter(|p| has(*p)).count();
+                // With equal support the shorter steps: diagonal ones span every other node, or a slanted grid.
+                let better =
+                    |o: &Basis| (supported, -a.length() * b.length()) > (o.supported, -o.a.length() * o.b.length());
+                if supported >= 5 && best.as_ref().is_none_or(better) {
+                    best = Some(Basis { a, b, supported });
+                }
+            }
+        }
+        best
+    }
+}
+
+/// All nodes that can be reached from a seed.
+fn grow(spots: &[Spot], seed: usize, basis: &Basis) -> Nodes {
+    let mut nodes = Nodes::from([((0, 0), seed)]);
+    let mut used = vec![false; spots.len()];
+    used[seed] = true;
+    let mut tried: BTreeMap<(i32, i32), usize> = BTreeMap::new();
+    loop {
+        let mut found: Vec<(f64, (i32, i32), usize)> = Vec::new();
+        for node in frontier(&nodes) {
+            // A node without a spot is looked at again when more is known around it.
+            let known_count = known_around(&nodes, node).count();
+            if tried.get(&node) == Some(&known_count) {
+                continue;
+            }
+            tried.insert(node, known_count);
+            let Some((at, pitch_px)) = predict(spots, &nodes, node, basis) else { continue };
+            let near = spots.iter().enumerate().filter(|(i, _)| !used[*i]);
+            let near = near.map(|(i, s)| ((s.position - at).length() / pitch_px, i));
+            if let Some((miss_pitch, i)) = near.min_by(|p, q| p.0.total_cmp(&q.0)) {
+                if miss_pitch < NEAR_PITCH {
+                    found.push((miss_pitch, node, i));
+                }
+            }
+        }
+        found.sort_by(|p, q| p.0.total_cmp(&q.0).then(p.1.cmp(&q.1)));
+        let before = nodes.len();
+        // The best half first: the others are predicted better when these are known.
+        let most = (found.len() / 2).max(8);
+        for (_, node, i) in found.into_iter().take(most) {
+            if !used[i] {
+                used[i] = true;
+                nodes.insert(node, i);
+            }
+            tried.remove(&node);
+        }
+        if nodes.len() == before {
+            break;
+        }
+    }
+    drop_weak(spots, &mut nodes);
+    nodes
+}
+
+/// Nodes beside known ones, also across one missing node.
+fn frontier(nodes: &Nodes) -> BTreeSet<(i32, i32)> {
+    let steps = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+    let beside = nodes.keys().flat_map(|&(i, j)| steps.map(|(a, b)| (i + a, j + b)));
+    beside.filter(|n| !nodes.contains_key(n)).collect()
+}
+
+fn known_around(nodes: &Nodes, (i, j): (i32, i32)) -> impl Iterator<Item = ((i32, i32), usize)> + '_ {
+    (i - REACH..=i + REACH).flat_map(move |x| nodes.range((x, j - REACH)..=(x, j + REACH))).map(|(n, i)| (*n, *i))
+}
+
+/// Where a node should be and the pitch there, by the affine map of the known nodes around it.
+fn predict(spots: &[Spot], nodes: &Nodes, node: (i32, i32), basis: &Basis) -> Option<(Vec2, f64)> {
+    let [mut x, mut y] = [Normal::new(3), Normal::new(3)];
+    let mut anchor = None;
+    for (known, i) in known_around(nodes, node) {
+        let (di, dj) = (f64::from(known.0 - node.0), f64::from(known.1 - node.1));
+        let weight = 1.0 / (di * di + dj * dj).powi(2);
+        let at = spots[i].position;
+        x.add(&[1.0, di, dj], at.x, weight);
+        y.add(&[1.0, di, dj], at.y, weight);
+        if anchor.is_none_or(|(w, _)| weight > w) {
+            anchor = Some((weight, at - basis.a * di - basis.b * dj));
+        }
+    }
+    // The steps of the seed, faintly: they decide while too few nodes are known.
+    let faint = 1e-3;
+    for (n, [first, second]) in [(&mut x, [basis.a.x, basis.b.x]), (&mut y, [basis.a.y, basis.b.y])] {
+        n.add(&[0.0, 1.0, 0.0], first, faint);
+        n.add(&[0.0, 0.0, 1.0], second, faint);
+    }
+    anchor?;
+    let (x, y) = (x.solve(0.0)?, y.solve(0.0)?);
+    let pitch_px = (x[1] * y[2] - x[2] * y[1]).abs().sqrt();
+    Some((Vec2::new(x[0], y[0]), pitch_px))
+}
+
+/// Takes out spots much weaker than the dots around them: specks where a dot is missing.
+fn drop_weak(spots: &[Spot], nodes: &mut Nodes) {
+    let weak: Vec<(i32, i32)> = nodes
+        .iter()
+        .filter(|(node, i)| {
+            let around: Vec<f64> =
+                known_around(nodes, **node).map(|(_, i)| f64::from(spots[i].response_levels)).collect();
+            spots[**i].response_levels < WEAKEST_RATIO * median(&around) as f32
+        })
+        .map(|(node, _)| *node)
+        .collect();
+    for node in weak {
+        nodes.remove(&node);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spot(x: f64, y: f64, response_levels: f32) -> Spot {
+        Spot { position: Vec2::new(x, y), response_levels }
+    }
+
+    /// 10 x 8 nodes, turned and in perspective; `keep` says which nodes are there.
+    fn grid(keep: impl Fn(usize) -> bool) -> Vec<Spot> {
+        (0..80)
+            .filter(|i| keep(*i))
+            .map(|i| {
+                let (u, v) = ((i % 10) as f64 * 20.0, (i / 10) as f64 * 20.0);
+                let w = 1.0 + 0.001 * u + 0.002 * v;
+                spot((100.0 + 0.94 * u - 0.34 * v) / w, (40.0 + 0.34 * u + 0.94 * v) / w, 30.0)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn every_dot_finds_its_node_and_no_two_the_same() {
+        let spots = grid(|i| i % 9 != 4);
+        let nodes = find(&spots);
+        assert_eq!(nodes.len(), spots.len());
+        // Neighbouring nodes are neighbours in the picture.
+        for (&(i, j), &a) in &nodes {
+            if let Some(&b) = nodes.get(&(i + 1, j)) {
+                let apart = (spots[b].position - spots[a].position).length();
+                assert!((10.0..22.0).contains(&apart), "{apart} px apart");
+            }
+        }
+    }
+
+    #[test]
+    fn doubles_and_specks_get_no_node() {
+        let mut spots = grid(|i| i % 13 != 5);
+        let dots_count = spots.len();
+        for i in (0..dots_count).step_by(11) {
+            let p = spots[i].position + Vec2::new(7.0, 5.0);
+            spots.push(spot(p.x, p.y, 25.0));
+        }
+        // Where node 5 is missing: a speck of a tenth of the contrast.
+        spots.push(spot((100.0 + 94.0) / 1.1, (40.0 + 34.0) / 1.1, 3.0));
+        let nodes = find(&spots);
+        assert_eq!(nodes.len(), dots_count);
+        assert!(nodes.values().all(|&i| i < dots_count));
+    }
+
+    #[test]
+    fn a_heap_of_spots_is_no_grid() {
+        let spots: Vec<Spot> = (0..60u32)
+            .map(|i| {
+                spot(f64::from(i.wrapping_mul(2_654_435_761) >> 23), f64::from(i.wrapping_mul(40_503) % 400), 20.0)
+            })
+            .collect();
+        assert!(find(&spots).len() < 12, "{}", find(&spots).len());
+    }
+}

@@ -1,0 +1,55 @@
+//! Camera frames of one size -> their mean, as colour pixels.
+
+use crate::image::{Pixels, SizePx};
+
+/// Sums of frames.
+#[derive(Debug, Clone)]
+pub struct FrameMean {
+    size: SizePx,
+    sums: Vec<u32>,
+    frames_count: u32,
+}
+
+impl FrameMean {
+    /// No frame yet.
+    pub fn new(size: SizePx) -> Self {
+        FrameMean { size, sums: vec![0; 3 * size.area()], frames_count: 0 }
+    }
+
+    /// Adds a frame of the size given to `new`, up to 2^24 of them; a grey one counts as three equal channels.
+    pub fn add(&mut self, pixels: &Pixels<'_>) {
+        assert_eq!(pixels.size(), self.size, "frame of another size");
+        for (y, sums) in self.sums.chunks_exact_mut(3 * self.size.width).enumerate() {
+            match pixels {
+                Pixels::Rgb(image) => sums.iter_mut().zip(image.row(y)).for_each(|(s, &v)| *s += u32::from(v)),
+                Pixels::Gray(image) => {
+                    for (sums, &v) in sums.chunks_exact_mut(3).zip(image.row(y)) {
+                        sums.iter_mut().for_each(|s| *s += u32::from(v));
+                    }
+                }
+            }
+        }
+        self.frames_count += 1;
+    }
+
+    /// The mean as bytes red, green, blue, a half rounded upwards; black without a frame.
+    pub fn rgb(&self) -> Vec<u8> {
+        let n = self.frames_count.max(1);
+        self.sums.iter().map(|s| ((s + n / 2) / n) as u8).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::{Gray, Rgb};
+
+    #[test]
+    fn grey_and_colour_frames_have_one_mean() {
+        let size = SizePx::new(2, 1);
+        let mut mean = FrameMean::new(size);
+        mean.add(&Pixels::Gray(Gray::new(&[10, 200], size).expect("whole")));
+        mean.add(&Pixels::Rgb(Rgb::new(&[20, 11, 10, 100, 200, 255], size).expect("whole")));
+        assert_eq!(mean.rgb(), [15, 11, 10, 150, 200, 228]);
+    }
+}

@@ -1,0 +1,280 @@
+//! Fingers of numbers, drawn and calibrated: perspective, lens, rotation, missing and doubled dots, noise.
+//!
+//! `SLIPBOUND_CALIBRATE_FROM` and `SLIPBOUND_CALIBRATE_COUNT` choose other fingers than the first hundred.
+
+use slipbound::calibrate::{Given, calibrate};
+use slipbound::image::{Frame, Gray, Pixels, SizePx};
+use slipbound::plane::{Homography, Vec2};
+use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
+use std::collections::BTreeMap;
+
+/// A generator good enough for pictures (xorshift64*).
+struct Random(u64);
+
+impl Random {
+    fn new(seed: u64) -> Self {
+        Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x2545_F491_4F6C_DD1D)
+    }
+
+    /// Even in 0..1.
+    fn share(&mut self) -> f64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.share()
+    }
+
+    /// Normal, of variance 1.
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.share()).sum::<f64>() - 6.0
+    }
+}
+
+/// How a finger's grid of dots comes into the picture.
+struct Truth {
+    homography: Homography,
+    /// Cubic: radial, then mixed terms.
+    bend: [f64; 5],
+    half_span: f64,
+}
+
+impl Truth {
+    /// From the plane, in pitches about the middle of the grid, to the camera.
+    fn camera(&self, p: Vec2) -> Vec2 {
+        let q = p / self.half_span;
+        let [k, a, b, c, d] = self.bend;
+        let r2 = q.length_squared();
+        let bent = Vec2::new(
+            q.x * (1.0 + k * r2) + a * q.x * q.x * q.y + b * q.y * q.y,
+            q.y * (1.0 + k * r2) + c * q.y * q.y * q.x + d * q.x * q.x,
+        );
+        self.homography.apply(bent)
+    }
+
+    /// Derivatives along the two directions of the plane, camera px per pitch.
+    fn slopes(&self, p: Vec2) -> (Vec2, Vec2) {
+        let slope = |by: Vec2| (self.camera(p + by) - self.camera(p - by)) / 0.02;
+        (slope(Vec2::new(0.01, 0.0)), slope(Vec2::new(0.0, 0.01)))
+    }
+}
+
+/// A finger of numbers.
+struct Finger {
+    truth: Truth,
+    size: SizePx,
+    /// Nodes of the grid in pitches about its middle, those without a dot among them.
+    nodes: Vec<Vec2>,
+    polarity: Polarity,
+    grey: Vec<u8>,
+    what: String,
+}
+
+const DIAMETERS_PITCH: [f64; 4] = [0.22, 0.3, 0.38, 0.46];
+
+fn finger(seed: u64) -> Finger {
+    let mut random = Random::new(seed);
+    let markers_count = random.within(60.0, 500.0);
+    let size = match markers_count > 180.0 {
+        true => SizePx::new(640, 480),
+        false => [SizePx::new(320, 240), SizePx::new(427, 320), SizePx::new(640, 480)][(random.share() * 3.0) as usize],
+    };
+    let turn = random.within(0.0, std::f64::consts::TAU);
+    // A grid that fills about the picture, whichever way it is turned.
+    let (w, h) = (size.width as f64, size.height as f64);
+    let (cos, sin) = (turn.cos().abs(), turn.sin().abs());
+    let (wide, high) = if cos > sin { (w, h) } else { (h, w) };
+    let columns = (markers_count * wide / high).sqrt().round().max(5.0);
+    let rows = (markers_count / columns).round().max(5.0);
+    let half_span = columns.max(rows) / 2.0;
+    let pitch_px = (0.86 * (wide / columns).min(high / rows)) * random.within(0.8, 1.0);
+    let scale = pitch_px * half_span;
+    let (s, c) = turn.sin_cos();
+    let shift = [random.within(-0.04, 0.04) * w, random.within(-0.04, 0.04) * h];
+    let place = Homography([
+        [scale * c, -scale * s, w / 2.0 - 0.5 + shift[0]],
+        [scale * s, scale * c, h / 2.0 - 0.5 + shift[1]],
+        [0.0, 0.0, 1.0],
+    ]);
+    let lean =
+        Homography([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [random.within(-0.2, 0.2), random.within(-0.2, 0.2), 1.0]]);
+    let mut small = |most: f64| random.within(-most, most);
+    let bend = [small(0.1), small(0.03), small(0.03), small(0.03), small(0.03)];
+    let truth = Truth { homography: place.after(&lean), bend, half_span };
+    let polarity = if random.share() < 0.5 { Polarity::Dark } else { Polarity::Bright };
+    let diameter_pitch = DIAMETERS_PITCH[(random.share() * 4.0) as usize].max(4.0 / pitch_px).min(0.5);
+
+    let nodes: Vec<Vec2> = (0..(columns * rows) as usize)
+        .map(|i| Vec2::new(i as f64 % columns, (i as f64 / columns).floor()))
+        .map(|p| p - Vec2::new((columns - 1.0) / 2.0, (rows - 1.0) / 2.0))
+        .collect();
+    let (light, depth) = (random.within(100.0, 150.0), random.within(35.0, 80.0));
+    let slope = [random.within(-40.0, 40.0), random.within(-40.0, 40.0)];
+    let mut levels: Vec<f64> = (0..size.area())
+        .map(|i| {
+            light + slope[0] * ((i % size.width) as f64 / w - 0.5) + slope[1] * ((i / size.width) as f64 / h - 0.5)
+        })
+        .collect();
+    let sign = if polarity == Polarity::Dark { -1.0 } else { 1.0 };
+    let mut cover = vec![0.0f64; size.area()];
+    for node in &nodes {
+        let doubled = random.share() < 0.05;
+        if random.share() < 0.1 {
+            continue;
+        }
+        let direction = random.within(0.0, std::f64::consts::TAU);
+        let by = Vec2::new(direction.cos(), direction.sin()) * diameter_pitch;
+        match (doubled, random.share() < 0.5) {
+            (false, _) => draw(&mut cover, size, &truth, *node, diameter_pitch),
+            // Seen double, as by a lens: two halves of a bow tie.
+            (true, true) => {
+                draw(&mut cover, size, &truth, *node + by * 0.35, diameter_pitch * 0.8);
+                draw(&mut cover, size, &truth, *node - by * 0.35, diameter_pitch * 0.8);
+            }
+            // Printed twice.
+            (true, false) => {
+                draw(&mut cover, size, &truth, *node, diameter_pitch);
+                draw(&mut cover, size, &truth, *node + by * random.within(0.8, 1.2), diameter_pitch * 0.9);
+            }
+        }
+    }
+    for (level, cover) in levels.iter_mut().zip(&cover) {
+        *level += sign * depth * cover + 2.5 * random.normal();
+    }
+    let grey = levels.iter().map(|v| v.round().clamp(0.0, 255.0) as u8).collect();
+    let what = format!(
+        "seed {seed}: {size}, {columns}x{rows} dots of {:.1} px at {pitch_px:.1} px, turned {:.0} deg, {polarity:?}",
+        diameter_pitch * pitch_px,
+        turn.to_degrees(),
+    );
+    Finger { truth, size, nodes, polarity, grey, what }
+}
+
+/// A disc of the plane as the camera sees it, with an edge of about a pixel.
+fn draw(cover: &mut [f64], size: SizePx, truth: &Truth, centre: Vec2, diameter_pitch: f64) {
+    let at = truth.camera(centre);
+    let (a, b) = truth.slopes(centre);
+    let det = a.cross(b);
+    let radius = diameter_pitch / 2.0;
+    let px_per_pitch = det.abs().sqrt();
+    let reach = (radius * a.length().max(b.length()) + 4.0).ceil();
+    let span = |at: f64, len: usize| (at - reach).max(0.0) as usize..((at + reach).max(0.0) as usize).min(len);
+    for y in span(at.y, size.height) {
+        for x in span(at.x, size.width) {
+            let by = Vec2::new(x as f64, y as f64) - at;
+            let plane = Vec2::new(by.cross(b), a.cross(by)) / det;
+            let beyond_px = (plane.length() - radius) * px_per_pitch;
+            let here = 1.0 / (1.0 + (beyond_px / 0.45).exp());
+            let pixel = &mut cover[y * size.width + x];
+            *pixel = pixel.max(here);
+        }
+    }
+}
+
+fn given() -> Given {
+    Given {
+        name: "drawn".into(),
+        description: String::new(),
+        serial: None,
+        pitch_mm: Some(1.5),
+        flip: Flip::None,
+        skin: Skin::Smooth,
+        polarity: None,
+    }
+}
+
+fn frame(grey: &[u8], size: SizePx) -> Frame<'_> {
+    Frame { pixels: Pixels::Gray(Gray::new(grey, size).expect("whole")), seq: 0, time_ns: None }
+}
+
+/// How far the calibrated map puts every node of the grid in view from where it was drawn, in pitches: RMS and worst.
+/// Infinite when nodes are not numbered one after the other.
+fn reprojection_pitch(sensor: &Sensor, truth: &Truth, nodes: &[Vec2], size: SizePx) -> (f64, f64) {
+    let pitch = sensor.pitch_px;
+    let inside = |p: Vec2| p.x > 2.0 && p.y > 2.0 && p.x < size.width as f64 - 3.0 && p.y < size.height as f64 - 3.0;
+    let seen: Vec<(Vec2, Vec2)> = nodes.iter().map(|n| (*n, truth.camera(*n))).filter(|(_, c)| inside(*c)).collect();
+    // The origin of the rectified grid: the phase that most nodes agree on.
+    let plane = |c: Vec2| sensor.rectified_from_upright(c).map_or(Vec2::new(f64::NAN, f64::NAN), |p| p / pitch);
+    let (middle, _) =
+        seen.iter().map(|(n, c)| (*c, n.length())).min_by(|a, b| a.1.total_cmp(&b.1)).expect("a node in view");
+    let origin = plane(middle);
+    let (mut sum, mut worst) = (0.0, 0.0f64);
+    let mut numbered: BTreeMap<(i64, i64), Vec2> = BTreeMap::new();
+    for (node, c) in &seen {
+        let from = plane(*c) - origin;
+        let number = Vec2::new(from.x.round(), from.y.round());
+        if numbered.insert((number.x as i64, number.y as i64), *node).is_some() || !from.is_finite() {
+            return (f64::INFINITY, f64::INFINITY);
+        }
+    }
+    // Neighbours in the rectified grid are neighbours on the finger.
+    for (&(i, j), node) in &numbered {
+        for next in [(i + 1, j), (i, j + 1)] {
+            if numbered.get(&next).is_some_and(|other| ((*other - *node).length() - 1.0).abs() > 1e-6) {
+                return (f64::INFINITY, f64::INFINITY);
+            }
+        }
+    }
+    // The phase of the grid as the calibration has it: nodes at whole pitches from its margin.
+    let phase = {
+        let margin = (0.75 * pitch).round() / pitch;
+        Vec2::new(margin, margin)
+    };
+    for (_, c) in &seen {
+        let p = plane(*c) - phase;
+        let node = Vec2::new(p.x.round(), p.y.round()) + phase;
+        let back = sensor.upright_from_rectified(node * pitch);
+        let step = sensor.upright_from_rectified((node + Vec2::new(0.5, 0.0)) * pitch)
+            - sensor.upright_from_rectified((node - Vec2::new(0.5, 0.0)) * pitch);
+        let other = sensor.upright_from_rectified((node + Vec2::new(0.0, 0.5)) * pitch)
+            - sensor.upright_from_rectified((node - Vec2::new(0.0, 0.5)) * pitch);
+        let miss = (back - *c).length() / step.cross(other).abs().sqrt();
+        sum += miss * miss;
+        worst = worst.max(miss);
+    }
+    ((sum / seen.len() as f64).sqrt(), worst)
+}
+
+/// 99 of 100 fingers come out to within 0.03 pitch, and the others are refused.
+#[test]
+fn a_drawn_finger_is_calibrated_to_three_hundredths_of_a_pitch_or_refused() {
+    let number = |key: &str, default: u64| std::env::var(key).ok().and_then(|v| v.parse().ok()).unwrap_or(default);
+    let (from, count) = (number("SLIPBOUND_CALIBRATE_FROM", 0), number("SLIPBOUND_CALIBRATE_COUNT", 100));
+    let (mut refused, mut wrong, mut errors) = (0, 0, Vec::new());
+    for seed in from..from + count {
+        let finger = finger(seed);
+        match calibrate(&[frame(&finger.grey, finger.size)], &given()) {
+            Err(e) => {
+                refused += 1;
+                println!("{}: refused: {e}", finger.what);
+            }
+            Ok(found) => {
+                let (rms, worst) = reprojection_pitch(&found.sensor, &finger.truth, &finger.nodes, finger.size);
+                errors.push(rms);
+                if !(rms <= 0.03) || found.sensor.polarity != finger.polarity {
+                    wrong += 1;
+                    println!(
+                        "{}: WRONG: reprojection {rms:.4} RMS, {worst:.4} worst pitch; {} markers, residual {:.4}, {:?}",
+                        finger.what,
+                        found.markers.len(),
+                        found.residual_pitch,
+                        found.sensor.polarity
+                    );
+                }
+            }
+        }
+    }
+    errors.sort_by(f64::total_cmp);
+    let at = |share: f64| errors.get((share * (errors.len().max(1) - 1) as f64) as usize).copied().unwrap_or(f64::NAN);
+    println!(
+        "{count} fingers from seed {from}: {refused} refused, {wrong} wrong; reprojection median {:.4}, 99 % {:.4}, worst {:.4} pitch",
+        at(0.5),
+        at(0.99),
+        at(1.0)
+    );
+    assert_eq!(wrong, 0, "wrong calibrations");
+    assert!(100 * refused <= count, "{refused} of {count} refused");
+}
