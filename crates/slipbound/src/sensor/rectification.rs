@@ -298,7 +298,7 @@ mod tests {
         let d = bent().distortion.expect("there");
         let (rim, step) = (Vec2::new(310.0, 290.0), Vec2::new(4.0, 3.0));
         let at = |k: f64| d.displacement_px(rim + step * k);
-        assert!((at(2.0) - at(1.0) - (at(1.0) - at(0.0))).length() < 1e-6, "not straight");
+        assert!((at(2.0) - at(1.0) - (at(1.0) - at(0.0))).length() < 1e-4, "not straight");
         assert!(((at(1.0) - at(0.0)) - (at(0.0) - at(-0.001)) / 0.001).length() < 1e-2, "a kink at the rim");
     }
 
