@@ -44,9 +44,15 @@ fn what_cannot_be_done_is_refused_with_the_reason_and_leaves_no_file() {
         (&["calibrate", "even.jpg", "-o", "a.toml"][..], "no grid of markers: expected at least 16 dots"),
         (&["calibrate", "none.jpg", "-o", "a.toml"], "none.jpg"),
         (&["calibrate", "even.jpg", "-o", "a.json"], "expected a name that ends in .toml, got a.json"),
-        (&["calibrate", "even.jpg", "-o", "a.toml", "--frames", "5..9"], "--frames 5..9: even.jpg has no whole frame there"),
+        (
+            &["calibrate", "even.jpg", "-o", "a.toml", "--frames", "5..9"],
+            "--frames 5..9: even.jpg has no whole frame there",
+        ),
         (&["calibrate", "even.jpg", "-o", "a.toml", "--weight-g", "100"], "--sensor"),
-        (&["calibrate", "even.jpg", "-o", "a.toml", "--weight-g", "0", "--sensor", "gelslim"], "expected grams above 0"),
+        (
+            &["calibrate", "even.jpg", "-o", "a.toml", "--weight-g", "0", "--sensor", "gelslim"],
+            "expected grams above 0",
+        ),
     ] {
         let done = slipbound(folder.path(), words);
         let message = String::from_utf8_lossy(&done.stderr);

@@ -83,12 +83,10 @@ impl Basis {
                 }
                 let (a, b) = if sine > 0.0 { (a, b) } else { (b, a) };
                 let has = |p: Vec2| around.iter().any(|q| (*q - p).length() < 0.22 * short);
-                let supported =
-                    [a, b, -a, -b, a + b, a - b, b - a, -a - b].into_iter().filter(|p| has(*p)).count();
+                let supported = [a, b, -a, -b, a + b, a - b, b - a, -a - b].into_iter().filter(|p| has(*p)).count();
                 // With equal support the shorter steps: diagonal ones span every other node, or a slanted grid.
-                let better = |o: &Basis| {
-                    (supported, -a.length() * b.length()) > (o.supported, -o.a.length() * o.b.length())
-                };
+                let better =
+                    |o: &Basis| (supported, -a.length() * b.length()) > (o.supported, -o.a.length() * o.b.length());
                 if supported >= 5 && best.as_ref().is_none_or(better) {
                     best = Some(Basis { a, b, supported });
                 }
@@ -116,11 +114,8 @@ fn grow(spots: &[Spot], seed: usize, basis: &Basis) -> Nodes {
             let Some((at, pitch_px)) = predict(spots, &nodes, node, basis) else { continue };
             let near = spots.iter().enumerate().filter(|(i, _)| !used[*i]);
             let near = near.map(|(i, s)| ((s.position - at).length() / pitch_px, i));
-            if let Some((miss_pitch, i)) = near.min_by(|p, q| p.0.total_cmp(&q.0)) {
-                if miss_pitch < NEAR_PITCH {
-                    found.push((miss_pitch, node, i));
-                }
-            }
+            let nearest = near.min_by(|p, q| p.0.total_cmp(&q.0));
+            found.extend(nearest.filter(|n| n.0 < NEAR_PITCH).map(|(miss_pitch, i)| (miss_pitch, node, i)));
         }
         found.sort_by(|p, q| p.0.total_cmp(&q.0).then(p.1.cmp(&q.1)));
         let before = nodes.len();

@@ -188,7 +188,7 @@ impl Rectification {
             }
             let (along, across) = slopes(&seen, p);
             let det = along.cross(across);
-            if !(det > 0.05) {
+            if det.is_nan() || det <= 0.05 {
                 return None; // folded, or not a number
             }
             let step = Vec2::new(miss.cross(across), along.cross(miss)) / det;
@@ -247,7 +247,8 @@ impl Rectification {
             let share = |i: usize, from: usize, to: usize| from as f64 + (to - from) as f64 * i as f64 / 10.0;
             let p = Vec2::new(share(i % 11, left, right), share(i / 11, top, bottom));
             let (along, across) = slopes(&|p| p + d.displacement_px(p), p);
-            !(along.cross(across) > 0.05)
+            let det = along.cross(across);
+            det.is_nan() || det <= 0.05
         };
         match (0..121).any(folds) {
             true => {
