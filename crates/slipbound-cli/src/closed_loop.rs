@@ -117,6 +117,7 @@ pub struct Turn {
 
 /// How a turn went.
 #[derive(Debug, Clone, Copy)]
+#[allow(clippy::large_enum_variant)] // made once a turn, never stored
 pub enum Turned {
     /// The fingers are still being looked at open; nothing was commanded.
     AtRest,

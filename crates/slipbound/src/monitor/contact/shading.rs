@@ -206,7 +206,7 @@ impl ShadingContact {
         for (score, c) in self.score.iter_mut().zip(&self.change) {
             *score = if c[3] > 0.0 { c[0].abs().max(c[1].abs()).max(c[2].abs()) } else { 0.0 };
         }
-        // Deviation: D13 light thrown about
+        // Deviation: D15 light thrown about
         let peak = self.peak();
         let change_levels = change_levels.max(change_fraction * peak);
         let strength = mean_above(&self.score, change_levels);
