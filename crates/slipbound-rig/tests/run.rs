@@ -135,6 +135,37 @@ fn events_tell_what_happened() {
     assert_eq!(count(|e| matches!(e, Event::Result(_))), screw::results().len());
 }
 
+#[test]
+fn a_slip_is_over_when_it_is_quiet_and_a_new_one_when_it_is_answered_again() {
+    // `x`: slips, `!`: slips and the controller answers, 33 ms a sign.
+    for (course, expected) in [
+        ("..!x........x.........", vec![(2, 33), (12, 0)]),
+        ("..x.x...x......!......", vec![(2, 200), (15, 0)]),
+        ("..x!xx!xxxx!..........", vec![(2, 100), (6, 133), (11, 0)]),
+        (".......!", vec![(7, 0)]),
+    ] {
+        let mut cycles = screw::cycles()[..course.len()].to_vec();
+        let mut alarms_count = 0;
+        for (cycle, sign) in cycles.iter_mut().zip(course.chars()) {
+            alarms_count += u32::from(sign == '!');
+            cycle.alarms_count = alarms_count;
+            cycle.hand.state = if sign == '.' { SlipState::Stick } else { SlipState::Incipient };
+        }
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), &screw::info(), &cycles).finish(&[], None).expect("finishes");
+        let (mut begins, mut ends) = (Vec::new(), Vec::new());
+        for event in events(folder.path()) {
+            match event.event {
+                Event::SlipBegins { .. } => begins.push((event.time_ns as f64 * 30.0 / 1e9).round() as u64),
+                Event::SlipEnds { lasted_ns, .. } => ends.push(lasted_ns / 1_000_000),
+                _ => {}
+            }
+        }
+        let got: Vec<(u64, u64)> = begins.iter().copied().zip(ends.iter().copied()).collect();
+        assert_eq!((got, begins.len()), (expected, ends.len()), "{course}");
+    }
+}
+
 /// The page of a run; with a picture of every finger at each slip.
 fn page(info: &RunInfo, cycles: &[Cycle]) -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().expect("a folder");

@@ -67,7 +67,8 @@ impl Feet {
     }
 
     /// The springs of a step and their force where the object now is. A foot counts when it is going to be on the
-    /// ground at the end of the step: moving over the pads as it did in the last one (`moved`), or falling. Guessed
+    /// ground at the end of the step: moving over the pads as it did in the last one (`moved`), or falling. One that
+    /// stands counts for a step more, whatever it did last: let go too early it would fall into the ground. Guessed
     /// wrong, it comes down, or leaves, a step late.
     pub fn springs(&self, contact: &Truth, moved: Pose, lowered_mm: f64, step_s: f64) -> (Springs, Wrench) {
         let (mut springs, mut push) = (Springs::default(), Wrench::default());
@@ -76,7 +77,7 @@ impl Feet {
         let gaps_mm = self.gaps_mm(pose, lowered_mm);
         for (lever, gap_mm) in self.levers_mm(pose.turn_rad).into_iter().zip(gaps_mm) {
             let sinks_mm = moved.position_mm.x - lever.y * moved.turn_rad + falls_mm;
-            if gap_mm > sinks_mm {
+            if gap_mm > sinks_mm.max(0.0) {
                 continue;
             }
             let k = self.stiffness_n_per_mm;

@@ -46,9 +46,16 @@ pub fn serve_tcp(
     while go_on() {
         match listener.accept() {
             Ok((stream, _)) => {
-                if link.take().is_some() {
+                if let Some(mut old) = link.take() {
+                    // What it still had to say, a farewell perhaps, came before the new one.
+                    inbox.clear();
+                    while old.read(&mut inbox).is_ok_and(|count| count > 0) {
+                        emulator.receive(now_ns(), &inbox);
+                        inbox.clear();
+                    }
                     emulator.disconnected(now_ns());
                 }
+                inbox.clear();
                 link = Some(TcpLink::new(stream)?);
                 emulator.connected(now_ns());
             }

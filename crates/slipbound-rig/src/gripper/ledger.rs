@@ -101,6 +101,13 @@ impl Ledger {
         Ok(())
     }
 
+    /// Whether something is, or may soon be, between the jaws. After a fast stop, say, a gripper presses without
+    /// knowing that it holds.
+    pub fn seems_to_hold(&self) -> bool {
+        let presses = self.state.force_n.is_some_and(|force_n| force_n > 0.5 * self.config.least_n);
+        presses || matches!(self.state.jaws, Jaws::Holding | Jaws::Closing | Jaws::Stopped)
+    }
+
     /// A force as it may be sent: a number, inside its range, and not lower than the last one while something is held
     /// unless that is permitted.
     pub fn admit(&mut self, asked_n: f64) -> Result<f64, Error> {
@@ -108,8 +115,7 @@ impl Ledger {
         let Some(given_n) = self.config.admitted_n(asked_n) else {
             return Err(Error::Force { address: self.address.clone(), least_n, most_n, got_n: asked_n });
         };
-        let holds = matches!(self.state.jaws, Jaws::Holding | Jaws::Closing | Jaws::Stopped);
-        if holds && !self.lowering_permitted {
+        if self.seems_to_hold() && !self.lowering_permitted {
             let Some(from_n) = self.state.target_n.or(self.state.force_n) else {
                 let expected = "the force it holds with (or a release, or lowering = \"allow\")";
                 return Err(Error::NotReady { address: self.address.clone(), expected });

@@ -121,6 +121,10 @@ impl Wsg50 {
         self.system.is_some_and(|bits| bits & flag::FAST_STOP != 0)
     }
 
+    fn is_homed(&self) -> bool {
+        self.system.is_some_and(|bits| bits & flag::REFERENCED != 0)
+    }
+
     fn why_stopped(&self) -> String {
         let faults = flag::faults(self.system.unwrap_or(0));
         match (faults.is_empty(), self.is_link_lost) {
@@ -297,7 +301,7 @@ impl Wsg50 {
         if self.is_stopped() {
             return Jaws::Stopped;
         }
-        if self.system.is_none_or(|bits| bits & flag::REFERENCED == 0) {
+        if !self.is_homed() {
             return Jaws::Unknown;
         }
         match self.grasp {
@@ -389,13 +393,13 @@ impl Wsg50 {
 
     fn may_move(&self) -> Result<(), Error> {
         let address = || self.ledger.address.clone();
-        let Some(bits) = self.system else {
+        if self.system.is_none() {
             return Err(Error::NotReady { address: address(), expected: "its system state" });
-        };
+        }
         if self.is_stopped() {
             return Err(Error::FastStop { address: address(), why: self.why_stopped() });
         }
-        if bits & flag::REFERENCED == 0 {
+        if !self.is_homed() {
             return Err(Error::NotHomed { address: address() });
         }
         if self.grasp.is_none() {
@@ -476,7 +480,9 @@ impl Driver for Wsg50 {
         match order {
             Order::Grip(command) => self.grip(command)?,
             Order::Home if self.is_stopped() => self.may_move()?,
-            Order::Home if self.grasp == Some(grasp::HOLDING) => return Err(self.ledger.holds_something("home")),
+            Order::Home if self.is_homed() && self.ledger.seems_to_hold() => {
+                return Err(self.ledger.holds_something("home"));
+            }
             Order::Home => self.want = Want::Home,
             Order::Acknowledge => self.want = Want::Acknowledge,
             Order::Leave => {

@@ -105,6 +105,9 @@ fn a_link_cut_without_farewell_latches_a_fast_stop_that_is_explained() {
     bench.order(Order::Acknowledge).expect("taken over");
     bench.run(200);
     assert_held(&bench, "wsg50", "acknowledged");
+    assert_eq!(bench.state().expect("there").jaws, Jaws::Open, "it does not know that it presses, but we do:");
+    assert!(matches!(bench.grip(10.0), Err(Error::Lowering { .. })));
+    assert!(matches!(bench.order(Order::Home), Err(Error::Refused { .. })));
     bench.grip(30.0).expect("taken over");
     bench.until(2000, |state| state.jaws == Jaws::Holding);
     bench.run(1000);

@@ -6,7 +6,8 @@
 //!
 //! The checksum takes its table from the polynomial 0x1021 as for most significant bit first, but moves through it
 //! least significant byte first. No catalogued CRC-16 is that; it starts with FFFF, goes over everything from the
-//! first AA, and is 0 over a frame with its checksum.
+//! first AA, and is 0 over a frame with its checksum. It sees every change of one byte, but of two neighbours lets one
+//! in 10000 pass; over TCP, whose own checksum stands before it, that is no worry.
 
 /// What every frame begins with.
 const PREAMBLE: [u8; 3] = [0xAA; 3];
@@ -180,22 +181,29 @@ mod tests {
         assert_eq!(number(frames(&LIMIT_20_N)[0].payload()), Some(20.0));
     }
 
+    /// That some changes of two neighbours pass is a weakness of this checksum; a catalogued CRC-16 lets none pass.
     #[test]
-    fn no_change_of_one_byte_and_no_burst_of_two_goes_unseen() {
-        for place in 0..LIMIT_20_N.len() {
-            for change in 1..=255 {
-                let mut bytes = LIMIT_20_N;
-                bytes[place] ^= change;
-                assert_eq!(frames(&bytes), [], "byte {place} by {change:#x}");
-                for second in 0..=255 {
-                    let mut both = bytes;
-                    if let Some(next) = both.get_mut(place + 1) {
-                        *next ^= second;
-                        assert_eq!(frames(&both), [], "bytes {place} by {change:#x}, next by {second:#x}");
+    fn no_change_of_one_byte_goes_unseen_and_73_of_715275_changes_of_two_neighbours_do() {
+        let mut force = Vec::new();
+        write(&mut force, 0x45, &[&[0, 0], &20f32.to_le_bytes()[..]].concat());
+        let mut unseen_count = 0;
+        for good in [&LIMIT_20_N[..], &HOMED, &force] {
+            for place in 0..good.len() {
+                for change in 1..=255 {
+                    let mut bytes = good.to_vec();
+                    bytes[place] ^= change;
+                    assert_eq!(frames(&bytes), [], "byte {place} by {change:#x}");
+                    for second in 1..=255 {
+                        let mut both = bytes.clone();
+                        if let Some(next) = both.get_mut(place + 1).filter(|_| good == LIMIT_20_N) {
+                            *next ^= second;
+                            unseen_count += u32::from(checksum(&both) == 0);
+                        }
                     }
                 }
             }
         }
+        assert_eq!(unseen_count, 73);
     }
 
     #[test]
