@@ -262,6 +262,48 @@ def judge_components(kernels, results, mask):
     results.pixels("components, holes filled", kernels.picture("fill_holes", [], mask), filled)
 
 
+def least_squares(before, after):
+    """Rigid motion by singular values (Kabsch), in float64: mean displacement and angle."""
+    a, b = before - before.mean(0), after - after.mean(0)
+    u, _, vt = np.linalg.svd(a.T @ b)
+    turn = vt.T @ np.diag([1, np.linalg.det(vt.T @ u.T)]) @ u.T
+    return np.array([*(after.mean(0) - before.mean(0)), np.arctan2(turn[1, 0], turn[0, 0])])
+
+
+def similarity(before, after):
+    """Least-squares similarity as linear equations, and its angle as the paper reads it: arcsin of the lower left entry."""
+    zero, one = np.zeros(len(before)), np.ones(len(before))
+    x, y = before.T
+    rows = np.vstack([np.stack([x, -y, one, zero], 1), np.stack([y, x, zero, one], 1)])
+    found = np.linalg.lstsq(rows, after.T.reshape(-1), rcond=None)[0]
+    return np.array([*(after.mean(0) - before.mean(0)), np.arcsin(np.clip(found[1], -1, 1))]), found
+
+
+def judge_rigid(kernels, results):
+    """The fits of step 3 on seeded point sets."""
+    random = np.random.default_rng(7)
+    dot = np.zeros((1, 1), np.uint8)
+    for i in range(50):
+        count, angle = int(random.integers(4, 120)), random.uniform(-0.5, 0.5)
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        before = random.uniform(0, 300, (count, 2))
+        exact = before @ turn.T + random.uniform(-20, 20, 2)
+        after = exact + random.normal(0, 0.3, before.shape)
+
+        def ours(variant, after):
+            kernels.request("rigid_fit", [variant, 20, *np.hstack([before, after]).ravel()], dot)
+            return kernels.read(3, "<f8")
+        results.add("rigid fit against SVD", 1e-4, "px, rad", np.abs(ours(0, after) - least_squares(before, after)).max())
+        expected, found = similarity(before, after)
+        results.add("similarity fit against numpy", 1e-4, "px, rad", np.abs(ours(1, after) - expected).max())
+        if count >= 20:
+            # cv2 without its outlier search: every point an inlier, refined by least squares.
+            cv = cv2.estimateAffinePartial2D(before, after, ransacReprojThreshold=1e6, refineIters=100)[0]
+            results.add("similarity: numpy against cv2", 1e-3, "px", np.abs(cv[1, 0] - found[1]) * 300)
+        # The robust fit is least squares where all agree, and keeps the motion of most where a third does not.
+        results.add("robust fit, exact points", 1e-4, "px, rad", np.abs(ours(2, exact) - least_squares(before, exact)).max())
+
+
 def main():
     cv2.setNumThreads(1)
     frames = real_frames() + drawn_frames()
@@ -273,6 +315,7 @@ def main():
         judge_smooth(kernels, results, grey)
         edges, flat = judge_edges(kernels, results, grey)
         judge_masks(kernels, results, edges, flat)
+    judge_rigid(kernels, results)
     print(f"cv2 {cv2.__version__} on {len(frames)} frames; for comparison, cv2.warpPerspective against float64 sampling: "
           f"worst {judge_warp.cv2_worst:.3g}, mean {judge_warp.cv2_mean:.3g} levels")
     sys.exit(1 if results.report() else 0)

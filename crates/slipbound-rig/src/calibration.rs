@@ -178,7 +178,7 @@ mod tests {
     /// What is written is read back: every fact, to ten digits.
     #[test]
     fn the_file_says_what_was_found() {
-        let terms: Vec<f64> = (0..21).map(|i| f64::from(i * i) * 0.37 - 20.0).collect();
+        let terms: Vec<f64> = (0..21).map(|i| f64::from(i * i) * 0.25 - 20.0).collect();
         let sensor = Sensor {
             name: "mine \"A\"".into(),
             description: "one\\two".into(),

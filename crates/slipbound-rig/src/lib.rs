@@ -6,6 +6,7 @@
 //! | the fingers that are known, and files for others | [`sensors`] |
 //! | a calibration as a sensor file and a picture | [`calibration`] |
 //! | settings files, and how a mistake in one is told | [`config`] |
+//! | which fingers a hand has and how they are mounted | [`hand_file`] |
 //! | reports as JSON lines | [`report_json`] |
 //! | pictures of what was found | [`overlay`] |
 //! | Motion-JPEG AVI files | [`avi_writer`] |
@@ -40,6 +41,7 @@ pub mod calibration;
 pub mod config;
 pub mod emulator;
 pub mod gripper;
+pub mod hand_file;
 pub mod link;
 pub mod overlay;
 pub mod report_json;

@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn every_built_in_finger_loads_under_the_name_of_its_file() {
         let names: Vec<_> = names().collect();
-        assert_eq!(names, ["gelsight", "gelsight_mini_near", "gelsight_mini_wide", "gelslim"]);
+        assert_eq!(names, ["gelsight", "gelsight_mini_near", "gelsight_mini_wide", "gelslim", "gelslim3"]);
         for name in names {
             let sensor = load(name).expect("valid");
             assert_eq!(sensor.name, name);

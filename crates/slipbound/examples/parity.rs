@@ -3,9 +3,10 @@
 //! A request is a line `kernel width height numbers...` followed by the raw bytes of its picture (three bytes a pixel
 //! for `grey`, two pictures for `below_levels` and `flatten`, one else; a mask is a picture of 0 and 255). The answer
 //! is raw bytes: one picture of bytes or of little-endian f32; for `components` a count, then rows of seven numbers,
-//! all little-endian f64.
+//! all little-endian f64; for `rigid_fit`, whose points are its numbers, three f64.
 
 use slipbound::image::{Mask, Rgb, SizePx};
+use slipbound::monitor::{fit_most, fit_rigid, fit_similarity};
 use slipbound::pixels::background::Background;
 use slipbound::pixels::canny::Canny;
 use slipbound::pixels::components::Components;
@@ -15,7 +16,7 @@ use slipbound::pixels::grey::{GreyWeights, grey_from_rgb};
 use slipbound::pixels::morphology::{Element, Morphology};
 use slipbound::pixels::threshold::{below_level, below_levels};
 use slipbound::pixels::warp::WarpTable;
-use slipbound::plane::Homography;
+use slipbound::plane::{Homography, Vec2};
 use slipbound::sensor::Flip;
 use std::error::Error;
 use std::io::{BufRead, Read, Write};
@@ -107,6 +108,18 @@ fn answer(kernel: &str, size: SizePx, numbers: &[f64], picture: &[u8]) -> Result
                 numbers.extend([c.area_px, c.left_px, c.top_px, c.right_px, c.bottom_px].map(|n| n as f64));
                 numbers.extend([c.centroid_px.x, c.centroid_px.y]);
             }
+            return Ok(numbers.into_iter().flat_map(f64::to_le_bytes).collect());
+        }
+        ("rigid_fit", &[variant, pitch_px, ref p @ ..]) => {
+            // Pairs x, y, x', y'; the answer: displacement at the mean of the first points, and the angle.
+            let pairs = p.chunks_exact(4).map(|c| (Vec2::new(c[0], c[1]), Vec2::new(c[2], c[3])));
+            let motion = match variant as u8 {
+                0 => fit_rigid(pairs),
+                1 => fit_similarity(pairs),
+                _ => fit_most(pairs, pitch_px),
+            };
+            let m = motion.ok_or("no points")?;
+            let numbers = [m.translation.x, m.translation.y, m.rotation_rad];
             return Ok(numbers.into_iter().flat_map(f64::to_le_bytes).collect());
         }
         ("fill_holes", &[]) => {

@@ -99,6 +99,8 @@ const FEWEST_LINES: i32 = 3;
 const WORST_MEDIAN_PITCH: f64 = 0.08;
 /// The largest RMS residual.
 const WORST_RMS_PITCH: f64 = 0.15;
+/// The largest expected error of the map: residual times the root of parameters per marker.
+const WORST_ERROR_PITCH: f64 = 0.02;
 /// Fewest nodes inside the outline of the grid that must have a marker, as a share.
 const FEWEST_FILLED: f64 = 0.5;
 /// A second grid in the gaps of the first is there when it has this share of as many spots.
@@ -154,6 +156,15 @@ pub enum CalibrationError {
         /// RMS, in pitches.
         rms_pitch: f64,
     },
+    /// Too few markers for the scatter they have.
+    Uncertain {
+        /// Expected error of the map, in pitches.
+        error_pitch: f64,
+        /// Markers there are.
+        markers_count: usize,
+        /// Their RMS residual, in pitches.
+        rms_pitch: f64,
+    },
     /// A fact came out that a sensor cannot have.
     Fact(SettingError),
 }
@@ -192,6 +203,12 @@ impl fmt::Display for CalibrationError {
                 f,
                 "markers off the grid: expected half of them within {WORST_MEDIAN_PITCH} pitch and {WORST_RMS_PITCH} \
                  RMS, got {median_pitch:.3} and {rms_pitch:.3} (was the gel touched? take the finger at rest)"
+            ),
+            CalibrationError::Uncertain { error_pitch, markers_count, rms_pitch } => write!(
+                f,
+                "too few markers for their scatter: expected a map good to {WORST_ERROR_PITCH} pitch, got \
+                 {error_pitch:.3} from {markers_count} markers {rms_pitch:.3} pitch RMS off it (average more frames, or \
+                 show more of the gel)"
             ),
             CalibrationError::Fact(e) => e.fmt(f),
         }
@@ -356,6 +373,12 @@ fn judge(grid: &Grid, grey: &[u8], camera_px: SizePx) -> Result<(), CalibrationE
     let (median_pitch, rms_pitch) = (median(&misses), rms(&misses));
     if !(median_pitch <= WORST_MEDIAN_PITCH && rms_pitch <= WORST_RMS_PITCH) {
         return Err(CalibrationError::Residual { median_pitch, rms_pitch });
+    }
+    // Homography and the terms of the polynomial that are not linear, for each axis.
+    let parameters = 4.0 + grid.map.distortion.map_or(0.0, |d| d.terms_px().0.len() as f64 - 3.0);
+    let error_pitch = rms_pitch * (parameters / markers_count as f64).sqrt();
+    if error_pitch > WORST_ERROR_PITCH {
+        return Err(CalibrationError::Uncertain { error_pitch, markers_count, rms_pitch });
     }
     let between_count = between(grid, grey, camera_px);
     if between_count as f64 > SECOND_GRID_RATIO * markers_count as f64 {

@@ -183,7 +183,8 @@ pub(super) fn fit_as_needed(pairs: &[Pair], pitch_px: f64) -> Option<PlaneMap> {
         else {
             continue;
         };
-        let folds = pairs.iter().any(|p| !(map.scale_at(p.plane) > 0.0));
+        // Where it folds the scale is no number.
+        let folds = pairs.iter().any(|p| map.scale_at(p.plane).is_nan());
         if error < PAYS_RATIO * best.1 && !folds {
             best = (map, error);
         }

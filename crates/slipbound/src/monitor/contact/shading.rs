@@ -178,12 +178,15 @@ impl ShadingContact {
         }
     }
 
-    /// Writes the contact region; returns the mean change inside it in levels.
+    /// Writes the contact region; returns the mean change inside it in levels. `change_fraction`: what changes less than
+    /// this share of the strongest change is light that the imprint throws about, and so is a piece that nowhere reaches
+    /// twice that share.
     pub(crate) fn find(
         &mut self,
         cells: &Cells,
         markers: impl Iterator<Item = Vec2>,
         change_levels: f32,
+        change_fraction: f32,
         region: &mut Mask,
     ) -> f64 {
         self.covered.copy_from_slice(&self.rest_covered);
@@ -203,9 +206,12 @@ impl ShadingContact {
         for (score, c) in self.score.iter_mut().zip(&self.change) {
             *score = if c[3] > 0.0 { c[0].abs().max(c[1].abs()).max(c[2].abs()) } else { 0.0 };
         }
+        // Deviation: D13 light thrown about
+        let peak = self.peak();
+        let change_levels = change_levels.max(change_fraction * peak);
         let strength = mean_above(&self.score, change_levels);
         self.close();
-        self.drop_small(change_levels);
+        self.drop_small(change_levels, 2.0 * change_fraction * peak);
         mask_above(&self.score, self.map.columns, self.map.cell_px, change_levels, region);
         // The flat middle of an object changes less than its rim.
         self.components.fill_holes(region);
@@ -235,7 +241,15 @@ impl ShadingContact {
         spread(&mut self.score, widened, columns, f32::MAX, |a, b| if a < b { a } else { b });
     }
 
-    fn drop_small(&mut self, level: f32) {
+    /// The change that one cell in a hundred exceeds.
+    fn peak(&mut self) -> f32 {
+        self.work.copy_from_slice(&self.score);
+        let at = self.work.len() * 99 / 100;
+        *self.work.select_nth_unstable_by(at, f32::total_cmp).1
+    }
+
+    /// Drops pieces that are small or reach `peak` nowhere.
+    fn drop_small(&mut self, level: f32, peak: f32) {
         let columns = self.map.columns;
         // `work` says what has been seen.
         self.work.fill(0.0);
@@ -264,7 +278,8 @@ impl ShadingContact {
                     }
                 }
             }
-            if self.stack.len() < self.least_cells {
+            let highest = self.stack.iter().map(|&i| self.score[i as usize]).fold(0.0, f32::max);
+            if self.stack.len() < self.least_cells || highest < peak {
                 for &i in &self.stack {
                     self.score[i as usize] = 0.0;
                 }
