@@ -41,6 +41,8 @@
 //! }
 //! assert!(world.gross().is_some(), "it slid in the end");
 //! ```
+//!
+//! Two such fingers on a gripper and a wrist, holding a cap, a bottle or a tool, are a [`hand`] that commands move.
 
 pub mod contact;
 pub mod faults;

@@ -187,6 +187,12 @@ fn a_tool_pivots_on_its_lower_foot_then_stands_with_its_weight() {
     let carried_n = pivots.wrench[0].force_n.x + pivots.wrench[1].force_n.x;
     assert!((carried_n + ground.force_n - ground.weight_n).abs() < 0.01, "{carried_n} N, {ground:?}");
     assert!(pivots.required_n > 0.95 * 8.0, "the pads turn: {}", pivots.required_n);
+    // The hand stops and goes on: the ground pushes on as it did.
+    for n in 0..48 {
+        let rate_mm_per_s = if n < 24 { 0.0 } else { 10.0 };
+        let now = bench.run(1.0 / 120.0, 0.0, rate_mm_per_s, 8.0).ground.expect("a tool");
+        assert!((now.force_n / ground.force_n - 1.0).abs() < 0.2, "{n}: {now:?} after {ground:?}");
+    }
     // Down until both feet stand, and no further.
     while bench.world.truth().ground.expect("a tool").feet_gap_mm[1] > 0.0 {
         bench.run(1.0 / 120.0, 0.0, 10.0, 8.0);

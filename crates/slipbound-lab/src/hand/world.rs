@@ -155,7 +155,7 @@ impl HandWorld {
         let object_strain = soft.map_or(0.0, |object| contact.peak_pressure_mpa / object.modulus_mpa);
         truth.beyond_linear = contact.beyond_linear || object_strain > LINEAR_STRAIN;
         truth.at_border = contact.at_border;
-        truth.converged = contact.converged;
+        truth.converged &= contact.converged;
 
         let force_n = contact.wrench.force_n;
         let middle_mm = sliding.map_or(contact.pose.position_mm, |s| s.middle_mm);
