@@ -1,6 +1,6 @@
 //! Controllers and tasks against made-up hands: the paper's law, the bounds nobody gets past, endings on evidence.
 
-use slipbound::grip::{GripController, GripLimits, Law, MarginSettings, OnSlipSettings};
+use slipbound::grip::{GripController, GripLimits, Guard, Law, MarginSettings, OnSlipSettings};
 use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, Motion, WristMotion, WristState};
@@ -121,6 +121,32 @@ fn a_gripper_that_lost_the_part_or_stopped_is_told_to_keep_its_force() {
         let command = controller.command(0, &hand(SlipState::Incipient), &state);
         assert_eq!(command, GripCommand { force_n: 10.0, motion: Motion::Pause });
     }
+}
+
+/// A controller gone mad.
+struct Mad(std::vec::IntoIter<f64>);
+
+impl GripController for Mad {
+    fn command(&mut self, _: u64, _: &HandReport, _: &GripperState) -> GripCommand {
+        GripCommand { force_n: self.0.next().unwrap_or(f64::NAN), motion: Motion::Go }
+    }
+
+    fn alarms_count(&self) -> u32 {
+        0
+    }
+
+    fn wants_more(&self) -> bool {
+        false
+    }
+}
+
+#[test]
+fn a_controller_that_asks_for_what_cannot_be_never_lets_go() {
+    let asked = vec![30.0, f64::NAN, f64::INFINITY, 1e9, -5.0, 0.0, f64::NEG_INFINITY];
+    let mut guard = Guard::new(Box::new(Mad(asked.into_iter())), GripLimits::default());
+    let told: Vec<f64> =
+        (0..7).map(|i| guard.command(i * FRAME_NS, &hand(SlipState::Stick), &gripper(30.0)).force_n).collect();
+    assert_eq!(told, [30.0, 30.0, 30.0, 60.0, 5.0, 5.0, 5.0]);
 }
 
 #[test]
