@@ -6,7 +6,7 @@
 //! | `gcl://HOST:PORT` | Weiss WSG-50, text interface | [`gcl`] |
 //! | `robotiq:///dev/ttyUSB0` | Robotiq 2F-85, Modbus RTU | [`robotiq`] |
 //! | `robotiq://HOST:63352` | Robotiq 2F-85 behind a UR controller | [`robotiq`] |
-//! | `line://HOST:PORT` | whatever answers the line protocol (docs/grippers.md) | [`line`] |
+//! | `line://HOST:PORT` | whatever answers the line protocol (docs/grippers.md) | [`mod@line`] |
 //! | `dry` | none: takes every command, moves nothing | [`dry`] |
 //!
 //! Settings may follow the address: `wsg50://192.168.1.20:1000?part_width_mm=28&most_n=40`. Newtons are per finger.
