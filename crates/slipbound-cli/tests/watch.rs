@@ -381,9 +381,12 @@ fn rest_may_be_named() {
 #[test]
 fn the_finger_is_taken_by_frame_size_only_when_there_is_no_doubt() {
     let trial = Trial::new(0);
-    trial.write("run/0.jpg", &encode(&vec![128; 427 * 320], SizePx::new(427, 320)));
-    let ended = Ended::of(trial.command(&["watch", "run"]).output().expect("runs"));
-    ended.expect(1, &["run: too few markers"]);
+    let watch = |width: usize, height: usize| {
+        trial.write("run/0.jpg", &encode(&vec![128; width * height], SizePx::new(width, height)));
+        Ended::of(trial.command(&["watch", "run"]).output().expect("runs"))
+    };
+    watch(640, 480).expect(1, &["run: too few markers"]);
+    watch(427, 320).expect(2, &["more than one built-in finger has frames of 427x320", "gelslim, gelslim3"]);
 }
 
 #[test]
@@ -454,6 +457,6 @@ fn the_built_in_fingers_are_listed() {
     let ended = Ended::of(trial.command(&["sensors"]).output().expect("runs"));
     ended.expect(0, &[]);
     let names: Vec<&str> = ended.out.lines().map(|line| line.split(' ').next().expect("a word")).collect();
-    assert_eq!(names, ["NAME", "gelsight", "gelsight_mini_near", "gelsight_mini_wide", "gelslim"]);
+    assert_eq!(names, ["NAME", "gelsight", "gelsight_mini_near", "gelsight_mini_wide", "gelslim", "gelslim3"]);
     assert!(ended.out.contains("427x320") && ended.out.contains("unknown"));
 }
