@@ -4,7 +4,9 @@ use crate::commands::calibrate::Calibrate;
 use crate::commands::demo::Demo;
 use crate::commands::emulate::Emulate;
 use crate::commands::gripper::Gripper;
+use crate::commands::latency::Latency;
 use crate::commands::replay::Replay;
+use crate::commands::run::{Hold, Run};
 use crate::commands::simulate::Simulate;
 use crate::commands::trials::Trials;
 use crate::commands::watch::Watch;
@@ -48,9 +50,17 @@ pub enum Command {
     Simulate(Simulate),
     /// List the scenes, their parameters and the objects in them
     Scenes,
+    /// Hold something with a real gripper, harder whenever it begins to slip
+    #[command(after_help = EXIT_CODES)]
+    Hold(Hold),
+    /// Do a task of the paper with a real gripper and wrist
+    #[command(after_help = EXIT_CODES)]
+    Run(Run),
     /// Try a gripper by hand
     #[command(after_help = EXIT_CODES)]
     Gripper(Gripper),
     /// Be a gripper that is not there, to try a driver without hardware
     Emulate(Emulate),
+    /// Measure the time from a frame to the bytes of a grip command
+    Latency(Latency),
 }

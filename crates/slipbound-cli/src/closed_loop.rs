@@ -6,7 +6,9 @@
 //!   gripper, wrist: poll ------'
 //! ```
 //!
-//! On any error the wrist is paused first and the gripper is told nothing: its force stays where it is.
+//! While gripper or wrist are in trouble (a lost link, no answer, a latched fast stop) the wrist is paused, the force
+//! stays where it is, and the loop looks on and waits for them, for ten seconds. On any other error it leaves: the wrist
+//! is paused first, and the gripper keeps its force, or goes to the force for blind hands where that is set and more.
 
 use crate::frames::FrameRecorder;
 use anyhow::{Context, anyhow};
@@ -14,13 +16,21 @@ use slipbound::hand::{Hand, HandReport, Mounting};
 use slipbound::image::Frame;
 use slipbound::monitor::{Rest, RestBuilder, RestKind, Settings, SlipMonitor, SlipReport};
 use slipbound::port::{
-    FrameBuffer, FrameSource, GripSample, Gripper, GripperState, Next, Wrist, WristCommand, WristMotion, WristState,
+    FrameBuffer, FrameSource, GripCommand, GripSample, Gripper, GripperError, GripperState, Jaws, Motion, Next, Wrist,
+    WristCommand, WristMotion, WristState,
 };
 use slipbound::sensor::Sensor;
-use slipbound::task::{Moment, Task, TaskStep};
+use slipbound::task::{Moment, Phase, Task, TaskStep};
+use slipbound_rig::gripper;
 
 /// Frames of the open hand from which each finger's rest is averaged.
 pub const REST_FRAMES_COUNT: u32 = 10;
+
+/// Longest wait for a gripper or wrist in trouble, ns: enough for a cable to be put back.
+const PATIENCE_NS: u64 = 10_000_000_000;
+
+/// A pause, in whatever the wrist is doing.
+const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);
 
 /// A finger: where its frames come from, and who judges them.
 pub struct Eye {
@@ -121,10 +131,32 @@ pub struct Turn {
 pub enum Turned {
     /// The fingers are still being looked at open; nothing was commanded.
     AtRest,
+    /// Gripper or wrist said nothing that could be worked with: see [`ClosedLoop::trouble`].
+    Waiting,
     /// Commands went out.
     Commanded(Turn),
     /// A source has ended.
     Over,
+}
+
+/// What of a turn is told to whoever writes it down.
+#[derive(Debug)]
+pub struct Told<'a> {
+    /// Time of the turn, ns.
+    pub now_ns: u64,
+    /// How it went.
+    pub turned: Turned,
+    /// What the gripper's driver had to say.
+    pub notes: &'a [String],
+}
+
+/// What gripper or wrist could not do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Trouble {
+    /// Since when, ns.
+    pub since_ns: u64,
+    /// What was said first.
+    pub why: String,
 }
 
 /// The loop's state.
@@ -136,29 +168,49 @@ pub struct ClosedLoop {
     pub task: Box<dyn Task + Send>,
     /// Who keeps the frames, if anyone does.
     pub recorder: Option<FrameRecorder>,
+    /// What gripper or wrist could not do in the last turn; None when all is well.
+    pub trouble: Option<Trouble>,
+    /// A lower force that the gripper refused, the first time; the force stays where it is.
+    pub refused_lowering: Option<String>,
+    last: Option<TaskStep>,
 }
 
 impl ClosedLoop {
     /// A loop before its first turn.
     pub fn new(eyes: Vec<Eye>, task: Box<dyn Task + Send>) -> anyhow::Result<Self> {
         let mountings: Vec<Mounting> = eyes.iter().map(|eye| eye.mounting).collect();
-        Ok(ClosedLoop { hand: Hand::new(&mountings)?, eyes, task, recorder: None })
+        let (recorder, trouble, refused_lowering, last) = (None, None, None, None);
+        Ok(ClosedLoop { hand: Hand::new(&mountings)?, eyes, task, recorder, trouble, refused_lowering, last })
     }
 
-    /// One turn: every finger's frame, the gripper's and the wrist's state, the commands. On an error the wrist has
-    /// been paused and the gripper left alone.
+    /// One turn: every finger's frame, the gripper's and the wrist's state, the commands. On an error, that of a
+    /// gripper or wrist in trouble for too long among them, the loop has been left: [`ClosedLoop::leave`].
     pub fn turn(&mut self, now_ns: u64, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> anyhow::Result<Turned> {
         let turned = self.try_turn(now_ns, gripper, wrist);
         if turned.is_err() {
-            // A wrist that does not take this either runs out of its time to live.
-            let _ = wrist.command(WristCommand::new(WristMotion::Pause));
+            self.leave(gripper, wrist);
         }
         turned
     }
 
+    /// Leaves the hand as it is: the wrist pauses, then the force stays, or rises to that for blind hands if it is
+    /// set. To be called when no further turn will come before the task has ended.
+    pub fn leave(&mut self, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) {
+        // A wrist that does not take this either runs out of its time to live.
+        let _ = wrist.command(PAUSE);
+        let Some(TaskStep { grip, phase, .. }) = self.last else { return };
+        let holds = grip.motion != Motion::Release && !matches!(phase, Phase::Releasing | Phase::Ended(_));
+        if let Some(force_n) = self.task.grip().limits().blind_force_n.filter(|n| holds && *n > grip.force_n) {
+            // A gripper that does not take this keeps what it has.
+            let _ = gripper.command(GripCommand { force_n, motion: Motion::Pause });
+        }
+    }
+
     fn try_turn(&mut self, now_ns: u64, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> anyhow::Result<Turned> {
-        let state = gripper.poll().map_err(|e| anyhow!("gripper: {e}"))?;
-        let grip = state.pressed_n().map(|force_n| GripSample { force_n });
+        let state = gripper.poll().map_err(|e| format!("gripper: {e}"));
+        let wrist_state = wrist.poll().map_err(|e| format!("wrist: {e}"));
+        let known = state.and_then(|state| Ok((state, wrist_state?)));
+        let grip = known.as_ref().ok().and_then(|(state, _)| state.pressed_n()).map(|force_n| GripSample { force_n });
         for (i, eye) in self.eyes.iter_mut().enumerate() {
             if !eye.look(grip, self.recorder.as_mut())? {
                 return Ok(Turned::Over);
@@ -169,17 +221,68 @@ impl ClosedLoop {
             }
         }
         if let Some(recorder) = &mut self.recorder {
-            recorder.turn()?;
+            recorder.turn(known.is_err())?;
         }
+        let (state, wrist_state) = match known {
+            Ok(known) => known,
+            Err(why) => {
+                self.suffer(now_ns, why, wrist)?;
+                return Ok(Turned::Waiting);
+            }
+        };
         if self.eyes.iter().any(|eye| eye.monitor.is_none()) {
             return Ok(Turned::AtRest);
         }
         let hand = self.hand.report();
-        let wrist_state = wrist.poll().map_err(|e| anyhow!("wrist: {e}"))?;
         let step = self.task.step(&Moment { now_ns, hand: &hand, gripper: &state, wrist: &wrist_state });
-        // A wrist that is to stand stands before the grip changes.
-        wrist.command(step.wrist).map_err(|e| anyhow!("wrist: {e}"))?;
-        gripper.command(step.grip).map_err(|e| anyhow!("gripper: {e}"))?;
+        self.last = Some(step);
+        match self.command(&state, &step, gripper, wrist) {
+            Some(why) => self.suffer(now_ns, why, wrist)?,
+            None => self.trouble = None,
+        }
         Ok(Turned::Commanded(Turn { hand, gripper: state, wrist: wrist_state, step }))
+    }
+
+    /// Commands wrist and gripper; what they could not do.
+    fn command(
+        &mut self,
+        state: &GripperState,
+        step: &TaskStep,
+        gripper: &mut dyn Gripper,
+        wrist: &mut dyn Wrist,
+    ) -> Option<String> {
+        let is_over = matches!(step.phase, Phase::Ended(_));
+        match state.jaws {
+            Jaws::Stopped => return Some("gripper: it has stopped itself (fast stop); its force stays".into()),
+            Jaws::Unknown if !is_over => {
+                let known = "gripper: expected jaws that know where they are, got jaws unknown";
+                return Some(format!("{known}: switched off and on, or not homed; take the object out and home it"));
+            }
+            _ => {}
+        }
+        // A wrist that is to stand stands before the grip changes.
+        let moved = wrist.command(step.wrist).map_err(|e| format!("wrist: {e}"));
+        let gripped = gripper.command(step.grip).or_else(|e| self.bear(e)).map_err(|e| format!("gripper: {e}"));
+        gripped.and(moved).err()
+    }
+
+    /// A gripper that must not be told a lower force holds on with the one it has: that is no trouble.
+    fn bear(&mut self, error: GripperError) -> Result<(), GripperError> {
+        match error.downcast_ref::<gripper::Error>() {
+            Some(lowering @ gripper::Error::Lowering { .. }) => {
+                self.refused_lowering.get_or_insert_with(|| lowering.to_string());
+                Ok(())
+            }
+            _ => Err(error),
+        }
+    }
+
+    /// In trouble: the wrist is paused; an error when it lasts too long.
+    fn suffer(&mut self, now_ns: u64, why: String, wrist: &mut dyn Wrist) -> anyhow::Result<()> {
+        let _ = wrist.command(PAUSE); // the wrist may be what is in trouble: it then pauses by itself
+        let trouble = self.trouble.get_or_insert(Trouble { since_ns: now_ns, why });
+        let waited_ns = now_ns.saturating_sub(trouble.since_ns);
+        anyhow::ensure!(waited_ns < PATIENCE_NS, "{}; waited {} s", trouble.why, waited_ns / 1_000_000_000);
+        Ok(())
     }
 }

@@ -4,7 +4,9 @@ pub mod calibrate;
 pub mod demo;
 pub mod emulate;
 pub mod gripper;
+pub mod latency;
 pub mod replay;
+pub mod run;
 mod scenes;
 mod sensors;
 pub mod simulate;
@@ -25,7 +27,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Sensors => sensors::run(),
         Command::Simulate(simulate) => simulate.run(),
         Command::Scenes => scenes::run(),
+        Command::Run(task) => task.run(),
+        Command::Hold(hold) => hold.run(),
         Command::Gripper(gripper) => gripper.run(),
+        Command::Latency(latency) => latency.run(),
         Command::Emulate(emulate) => emulate.run(),
     }
 }

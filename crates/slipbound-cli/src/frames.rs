@@ -8,12 +8,10 @@
 use anyhow::{Context, anyhow, bail};
 use serde::{Deserialize, Serialize};
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
-use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
 
 /// What a finger's source gave in a turn.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -39,12 +37,22 @@ pub enum Given {
     Silent,
 }
 
+/// A line of `frames.jsonl`: a turn.
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Line {
+    /// What every finger gave.
+    fingers: Vec<Given>,
+    /// Whether gripper or wrist could not be asked, so that nothing was commanded.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    waiting: bool,
+}
+
 /// Keeps frames.
 #[derive(Debug)]
 pub struct FrameRecorder {
     folder: PathBuf,
     lines: File,
-    turn: Vec<Given>,
+    line: Line,
 }
 
 impl FrameRecorder {
@@ -52,13 +60,13 @@ impl FrameRecorder {
     pub fn create(folder: &Path) -> anyhow::Result<Self> {
         let lines = folder.join("frames.jsonl");
         let lines = File::create(&lines).with_context(|| format!("{}: cannot write", lines.display()))?;
-        Ok(FrameRecorder { folder: folder.to_owned(), lines, turn: Vec::new() })
+        Ok(FrameRecorder { folder: folder.to_owned(), lines, line: Line::default() })
     }
 
     /// Keeps what a finger gave.
     pub fn keep(&mut self, finger: &str, next: &Next, frame: &FrameBuffer) -> anyhow::Result<()> {
         let (seq, time_ns) = (frame.seq, frame.time_ns);
-        self.turn.push(match next {
+        self.line.fingers.push(match next {
             Next::Frame => {
                 if frame.encoded.is_empty() {
                     bail!("{finger}: frame {seq} came without its encoded form, which is what is recorded");
@@ -76,10 +84,11 @@ impl FrameRecorder {
         Ok(())
     }
 
-    /// All fingers of a turn have been asked.
-    pub fn turn(&mut self) -> anyhow::Result<()> {
-        let line = serde_json::to_string(&self.turn).context("frames.jsonl")?;
-        self.turn.clear();
+    /// All fingers of a turn have been asked; `waiting`: nothing will be commanded.
+    pub fn turn(&mut self, waiting: bool) -> anyhow::Result<()> {
+        self.line.waiting = waiting;
+        let line = serde_json::to_string(&self.line).context("frames.jsonl")?;
+        self.line.fingers.clear();
         writeln!(self.lines, "{line}").context("frames.jsonl: cannot write")
     }
 }
@@ -87,32 +96,40 @@ impl FrameRecorder {
 /// A finger's recorded frames as a source.
 pub struct Recorded {
     folder: PathBuf,
-    finger: usize,
-    turns: Rc<RefCell<Vec<VecDeque<Given>>>>,
+    turns: VecDeque<Given>,
 }
 
-/// The sources of all fingers of a recorded run.
-pub fn recorded(folder: &Path, fingers_count: usize) -> anyhow::Result<Vec<Recorded>> {
+/// A recorded run.
+pub struct Recording {
+    /// The sources of all fingers.
+    pub sources: Vec<Recorded>,
+    /// Turn by turn, whether nothing was commanded because gripper or wrist could not be asked.
+    pub waiting: VecDeque<bool>,
+}
+
+/// Reads the frames of a run.
+pub fn recorded(folder: &Path, fingers_count: usize) -> anyhow::Result<Recording> {
     let path = folder.join("frames.jsonl");
     let file = File::open(&path)
         .map_err(|e| anyhow!("{}: {e}; expected a run that was made with --record", path.display()))?;
-    let mut turns: Vec<VecDeque<Given>> = (0..fingers_count).map(|_| VecDeque::new()).collect();
+    let source = |_| Recorded { folder: folder.to_owned(), turns: VecDeque::new() };
+    let mut recording = Recording { sources: (0..fingers_count).map(source).collect(), waiting: VecDeque::new() };
     for (n, line) in BufReader::new(file).lines().enumerate() {
         let line = line.with_context(|| path.display().to_string())?;
-        let given: Vec<Given> =
-            serde_json::from_str(&line).with_context(|| format!("{} line {}", path.display(), n + 1))?;
-        if given.len() != fingers_count {
-            bail!("{} line {}: expected {fingers_count} fingers, got {}", path.display(), n + 1, given.len());
+        let line: Line = serde_json::from_str(&line).with_context(|| format!("{} line {}", path.display(), n + 1))?;
+        let count = line.fingers.len();
+        if count != fingers_count {
+            bail!("{} line {}: expected {fingers_count} fingers, got {count}", path.display(), n + 1);
         }
-        turns.iter_mut().zip(given).for_each(|(turns, given)| turns.push_back(given));
+        recording.waiting.push_back(line.waiting);
+        recording.sources.iter_mut().zip(line.fingers).for_each(|(source, given)| source.turns.push_back(given));
     }
-    let turns = Rc::new(RefCell::new(turns));
-    Ok((0..fingers_count).map(|finger| Recorded { folder: folder.to_owned(), finger, turns: turns.clone() }).collect())
+    Ok(recording)
 }
 
 impl FrameSource for Recorded {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
-        Ok(match self.turns.borrow_mut()[self.finger].pop_front() {
+        Ok(match self.turns.pop_front() {
             None => Next::End,
             Some(Given::Silent) => Next::Silent,
             Some(Given::Torn { seq, time_ns }) => {

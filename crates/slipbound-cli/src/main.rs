@@ -1,15 +1,19 @@
 //! The command `slipbound`.
 
 mod args;
+mod chronicle;
 mod closed_loop;
 mod commands;
 mod frames;
 mod interruption;
+mod live;
+mod loopback;
 mod measures;
 mod outcome;
 mod simulated;
 mod spoiled;
 mod terminal;
+mod through;
 
 use clap::Parser;
 use outcome::{Failure, Outcome};

@@ -3,6 +3,7 @@
 use crate::closed_loop::Turn;
 use slipbound::task::{Ending, Phase, TaskKind};
 use slipbound_lab::hand::HandTruth;
+use slipbound_rig::run::Truth;
 
 /// Least force of the gripper, N per finger: what a perfect controller would still press with.
 const FLOOR_N: f64 = 5.0;
@@ -39,6 +40,24 @@ pub fn most_ground_n(weight_n: f64) -> f64 {
     (GROUND_WEIGHTS * weight_n).max(GROUND_N)
 }
 
+/// The truth of a moment, as the run folder keeps it.
+pub fn truth_of(truth: &HandTruth) -> Truth {
+    let used_fraction = (truth.grip_force_n > 0.0).then(|| truth.required_n / truth.grip_force_n);
+    Truth {
+        cap_angle_rad: truth.cap.as_ref().map(|cap| cap.angle_rad),
+        torque_n_mm: truth.cap.as_ref().map(|cap| cap.torque_n_mm.abs()),
+        torque_limit_n_mm: truth.cap.as_ref().map(|cap| cap.limit_n_mm.abs()),
+        load_n: truth.bottle.as_ref().map(|bottle| bottle.load_n),
+        required_n: Some(truth.required_n),
+        margin: used_fraction.map(|used| (1.0 - used).max(-1.0)),
+        stick_ratio: truth.stick_ratio,
+        slid_mm: Some(truth.slid_mm),
+        gross: truth.gross,
+        ground_force_n: truth.ground.as_ref().map(|ground| ground.force_n),
+        mass_kg: truth.bottle.as_ref().map(|bottle| bottle.mass_kg),
+    }
+}
+
 /// Adds up over a run.
 #[derive(Debug, Clone, Default)]
 pub struct Measures {
@@ -65,29 +84,37 @@ pub struct Measures {
 }
 
 impl Measures {
-    /// Takes the next turn.
-    pub fn see(&mut self, now_ns: u64, turn: &Turn, alarms_count: u32, truth: &HandTruth) {
+    /// Takes the next turn, and what was true then where that is known.
+    pub fn see(&mut self, now_ns: u64, turn: &Turn, alarms_count: u32, truth: Option<&HandTruth>) {
         self.time_s = now_ns as f64 * 1e-9;
+        self.most_n = self.most_n.max(turn.step.grip.force_n);
         if let (Phase::Ended(ending), None) = (turn.step.phase, self.ending) {
             self.ending = Some(ending);
             self.ended_s = Some(self.time_s);
         }
-        let slid = truth.grip_force_n > 0.0;
-        if alarms_count > self.alarms_count && self.first_alarm_ratio.is_none() && slid {
+        let is_alarm = alarms_count > self.alarms_count;
+        self.alarms_count = alarms_count;
+        let Some(truth) = truth else { return };
+        if is_alarm && self.first_alarm_ratio.is_none() && truth.grip_force_n > 0.0 {
             self.first_alarm_ratio = Some(truth.required_n / truth.grip_force_n);
         }
-        self.alarms_count = alarms_count;
-        self.most_n = self.most_n.max(turn.step.grip.force_n);
         if matches!(turn.step.phase, Phase::Working | Phase::Waiting | Phase::Ended(_)) {
-            let least_n = self.least_held_n.get_or_insert(truth.grip_force_n);
-            *least_n = least_n.min(truth.grip_force_n);
+            self.least_held_n.get_or_insert(truth.grip_force_n);
         }
+        self.watch(truth);
         if truth.required_n > FLOOR_N {
             self.pressed_sum_n += truth.grip_force_n;
             self.needed_sum_n += truth.required_n;
         }
         if let Some(cap) = &truth.cap {
             self.torque_n_mm = self.torque_n_mm.max(cap.torque_n_mm.abs());
+        }
+    }
+
+    /// Takes what is true at a moment without a turn.
+    pub fn watch(&mut self, truth: &HandTruth) {
+        if let Some(least_n) = &mut self.least_held_n {
+            *least_n = least_n.min(truth.grip_force_n);
         }
         self.last = truth.clone();
     }

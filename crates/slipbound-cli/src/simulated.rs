@@ -1,11 +1,12 @@
 //! A simulated hand brought together with the loop.
 
-use crate::closed_loop::{ClosedLoop, Eye, Turn, Turned};
+use crate::closed_loop::{ClosedLoop, Eye, Told, Turned};
 use crate::spoiled::{Spoiled, Spoiler};
+use crate::through::{Emulated, LinkFaults, Through};
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::Settings;
 use slipbound::sensor::SettingError;
-use slipbound::task::{TaskKind, TaskSettings};
+use slipbound::task::{Phase, TaskKind, TaskSettings};
 use slipbound_lab::hand::{HandScene, HandTruth, SimGripper, SimHand, SimWrist};
 
 /// Sides of the fingers 0 and 1, and their names.
@@ -17,8 +18,15 @@ pub struct Simulated {
     pub hand: SimHand,
     /// The loop around it.
     pub around: ClosedLoop,
-    gripper: SimGripper,
-    wrist: SimWrist,
+    reach: Reach,
+}
+
+/// How gripper and wrist are reached.
+enum Reach {
+    /// The simulator's own.
+    Direct { gripper: SimGripper, wrist: SimWrist },
+    /// Drivers and emulators.
+    Emulated(Box<Emulated>),
 }
 
 /// How a finger of the simulated hand is mounted, and its name; taken one for the other when they are swapped.
@@ -59,46 +67,78 @@ impl Simulated {
             eyes.push(Eye::new(name, mounting, hand.sensor(finger), monitor.clone(), Box::new(source)));
         }
         let task = settings.task(kind(scene)?, hand.sensor(0).shear_stiffness_mpa_per_mm())?;
-        let (gripper, wrist) = (hand.gripper(), hand.wrist());
-        Ok(Simulated { around: ClosedLoop::new(eyes, task)?, hand, gripper, wrist })
+        let reach = Reach::Direct { gripper: hand.gripper(), wrist: hand.wrist() };
+        Ok(Simulated { around: ClosedLoop::new(eyes, task)?, hand, reach })
+    }
+
+    /// The same, with gripper and wrist reached through drivers and emulators.
+    pub fn through(mut self, scene: &HandScene, through: &Through, faults: &LinkFaults) -> anyhow::Result<Self> {
+        self.reach = Reach::Emulated(Box::new(Emulated::new(&self.hand, scene.width_mm(), through, faults)?));
+        Ok(self)
     }
 
     /// One turn of the loop, then 1/30 s of the world. The truth is of the time of the frames.
-    pub fn turn(&mut self) -> anyhow::Result<(Turned, HandTruth)> {
+    fn turn(&mut self) -> anyhow::Result<(Turned, HandTruth)> {
         let (now_ns, truth) = (self.hand.now_ns(), self.hand.truth());
-        let turned = self.around.turn(now_ns, &mut self.gripper, &mut self.wrist)?;
-        self.hand.advance_frame();
+        let turned = match &mut self.reach {
+            Reach::Direct { gripper, wrist } => self.around.turn(now_ns, gripper, wrist),
+            Reach::Emulated(emulated) => self.around.turn(now_ns, &mut emulated.gripper, &mut emulated.wrist),
+        };
+        if turned.is_err() {
+            // What is held when the loop has been left is held on, or is not: that shows within two seconds.
+            (0..ABANDONED_FRAMES_COUNT).for_each(|_| self.advance_frame());
+        } else {
+            self.advance_frame();
+        }
         if let Some(error) = self.hand.error() {
             return Err(error.into());
         }
-        Ok((turned, truth))
+        Ok((turned?, truth))
+    }
+
+    fn advance_frame(&mut self) {
+        match &mut self.reach {
+            Reach::Direct { .. } => self.hand.advance_frame(),
+            Reach::Emulated(emulated) => emulated.advance_frame(&self.hand),
+        }
+    }
+
+    fn notes(&mut self) -> Vec<String> {
+        match &mut self.reach {
+            Reach::Direct { .. } => Vec::new(),
+            Reach::Emulated(emulated) => {
+                std::iter::from_fn(|| emulated.gripper.next_note()).map(|note| note.to_string()).collect()
+            }
+        }
     }
 
     /// Turns until the task has ended and a little longer, or the scene has. Shows every turn.
     pub fn run(
         &mut self,
-        mut see: impl FnMut(&mut ClosedLoop, u64, &Turn, &HandTruth) -> anyhow::Result<()>,
+        mut see: impl FnMut(&mut ClosedLoop, &Told<'_>, &HandTruth) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         let mut after_count = 0;
         loop {
             let now_ns = self.hand.now_ns();
             let (turned, truth) = self.turn()?;
+            let notes = self.notes();
+            see(&mut self.around, &Told { now_ns, turned, notes: &notes }, &truth)?;
             match turned {
-                Turned::AtRest => {}
                 Turned::Over => return Ok(()),
-                Turned::Commanded(turn) => {
-                    see(&mut self.around, now_ns, &turn, &truth)?;
-                    if matches!(turn.step.phase, slipbound::task::Phase::Ended(_)) {
-                        after_count += 1;
-                        if after_count > AFTER_TURNS_COUNT {
-                            return Ok(());
-                        }
+                Turned::Commanded(turn) if matches!(turn.step.phase, Phase::Ended(_)) => {
+                    after_count += 1;
+                    if after_count > AFTER_TURNS_COUNT {
+                        return Ok(());
                     }
                 }
+                _ => {}
             }
         }
     }
 }
+
+/// Frames that the world goes on for after the loop was left.
+const ABANDONED_FRAMES_COUNT: u32 = 60;
 
 /// Turns after the end of a task: half a second in which a hold that was none would show.
 const AFTER_TURNS_COUNT: u32 = 15;

@@ -143,6 +143,11 @@ impl SimHand {
         self.0.borrow().now_ns()
     }
 
+    /// Whole frames since the start.
+    pub fn frame(&self) -> u64 {
+        self.0.borrow().world.frame()
+    }
+
     /// Lets 1/30 s pass: jaws, wrist and contact in four steps. Pictures are drawn when a camera is asked for the
     /// first of them. After an error no time passes; cameras, gripper and wrist then say what it was, as
     /// [`SimHand::error`] does.

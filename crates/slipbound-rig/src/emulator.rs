@@ -18,6 +18,7 @@ mod block;
 pub mod faults;
 pub mod gcl;
 mod hand;
+mod joined;
 pub mod line;
 pub mod robotiq;
 mod server;
@@ -26,7 +27,8 @@ pub mod wsg50;
 
 pub use block::Block;
 pub use faults::{Faults, Faulty};
-pub use server::{serve_link, serve_tcp};
+pub use joined::{Joined, OnlyMoved};
+pub use server::{Server, serve_link, serve_tcp};
 
 use slipbound::port::Plant;
 

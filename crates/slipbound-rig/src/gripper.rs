@@ -56,6 +56,11 @@ pub fn open(address: &str, config: Option<&Path>) -> Result<Box<dyn Gripper + Se
     Ok(Box::new(Device::open(address, config)?))
 }
 
+/// The driver of an address without its link, for whoever carries the bytes in another way; connects nothing.
+pub fn driver(address: &str, config: Option<&Path>) -> Result<Box<dyn Driver>, Error> {
+    Ok(parts(address, config)?.0)
+}
+
 /// What speaks, and how its link is made (not at all for `dry`).
 type Parts = (Box<dyn Driver>, Option<Arc<dyn Dial>>);
 

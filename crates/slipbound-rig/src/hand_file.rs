@@ -8,18 +8,19 @@
 //! serial = "GS-007"             # that of its sensor file
 //! side = "left"                 # left or right, seen from the wrist
 //! sensor = "left.toml"          # a built-in name, or a file beside this one
-//! mounting = { x = "+x", y = "+y" }
+//! mounting = { x = "+x", y = "-y" }
 //! ```
 //!
-//! `mounting` says along which axis of the shared hand frame the finger's own x and y point. The hand frame: x from the
-//! wrist to the fingertips, y across the gripper's opening plane, z along the opening, from left to right.
-//!
-//! A finger's z points into its gel, so its x and y may be any two axes of the hand at a right angle.
+//! `mounting` says along which axis of the shared hand frame the x and y of the finger's image point (right and down on
+//! the screen). The hand frame: x from the wrist to the fingertips, y across the fingers, z from the left finger to the
+//! right one. A finger's z points into its gel, so an image that is not turned has its y along -y on the left and along
+//! +y on the right; that is what is taken where `mounting` is left out. An image that is mirrored is set right by the
+//! flip of its sensor file, not here.
 
 use crate::config::{Error, Layer, typed};
 use crate::sensors;
 use serde::Deserialize;
-use slipbound::plane::Vec2;
+use slipbound::hand::{FINGERS_MOST, Mounting, Side};
 use slipbound::sensor::{Sensor, SettingError};
 use std::path::Path;
 
@@ -28,7 +29,7 @@ use std::path::Path;
 pub struct Hand {
     /// What the hand is called.
     pub name: String,
-    /// At least one finger; names and serials differ.
+    /// One to [`FINGERS_MOST`] fingers; names and serials differ.
     pub fingers: Vec<Finger>,
 }
 
@@ -39,27 +40,15 @@ pub struct Finger {
     pub name: String,
     /// Its serial number, which its sensor file must bear.
     pub serial: String,
-    /// On which side it is.
-    pub side: Side,
     /// Its facts.
     pub sensor: Sensor,
-    /// From the finger frame to the hand frame.
+    /// How it sits in the hand.
     pub mounting: Mounting,
 }
 
-/// Where a finger is, seen from the wrist.
+/// An axis of the hand in the plane of the gels, with its sign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Side {
-    /// Left.
-    Left,
-    /// Right.
-    Right,
-}
-
-/// An axis of the hand, with its sign.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-pub enum Axis {
+enum Axis {
     /// To the fingertips.
     #[serde(rename = "+x")]
     PlusX,
@@ -72,43 +61,45 @@ pub enum Axis {
     /// Across, the other way.
     #[serde(rename = "-y")]
     MinusY,
-    /// To the right finger.
-    #[serde(rename = "+z")]
-    PlusZ,
-    /// To the left finger.
-    #[serde(rename = "-z")]
-    MinusZ,
 }
 
 impl Axis {
-    /// The unit vector in the hand frame.
-    pub fn unit(self) -> [f64; 3] {
+    /// X and Y of the hand.
+    fn unit(self) -> [i32; 2] {
         match self {
-            Axis::PlusX => [1.0, 0.0, 0.0],
-            Axis::MinusX => [-1.0, 0.0, 0.0],
-            Axis::PlusY => [0.0, 1.0, 0.0],
-            Axis::MinusY => [0.0, -1.0, 0.0],
-            Axis::PlusZ => [0.0, 0.0, 1.0],
-            Axis::MinusZ => [0.0, 0.0, -1.0],
+            Axis::PlusX => [1, 0],
+            Axis::MinusX => [-1, 0],
+            Axis::PlusY => [0, 1],
+            Axis::MinusY => [0, -1],
         }
     }
 }
 
-/// Along which axes of the hand a finger's x and y point.
+/// Along which axes of the hand x and y of a finger's image point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Mounting {
-    /// The finger's x.
-    pub x: Axis,
-    /// The finger's y.
-    pub y: Axis,
+struct Axes {
+    x: Axis,
+    y: Axis,
 }
 
-impl Mounting {
-    /// A vector of the finger frame (a displacement, a force, a slip direction) in the hand frame, in its own unit.
-    pub fn hand_from_finger(&self, v: Vec2) -> [f64; 3] {
-        let (x, y) = (self.x.unit(), self.y.unit());
-        std::array::from_fn(|k| v.x * x[k] + v.y * y[k])
+/// What is wrong with axes.
+enum Wrong {
+    NotSquare,
+    Mirrored,
+}
+
+impl Axes {
+    /// The same as a side and an angle.
+    fn on(self, side: Side) -> Result<Mounting, Wrong> {
+        // In the finger frame, whose y is -Y on the left and Y on the right.
+        let sense = if side == Side::Left { -1 } else { 1 };
+        let [x, y] = [self.x, self.y].map(|axis| [axis.unit()[0], sense * axis.unit()[1]]);
+        match x[0] * y[1] - x[1] * y[0] {
+            1 => Ok(Mounting { side, turn_rad: -f64::from(x[1]).atan2(f64::from(x[0])) }),
+            -1 => Err(Wrong::Mirrored),
+            _ => Err(Wrong::NotSquare),
+        }
     }
 }
 
@@ -126,7 +117,7 @@ struct FingerFile {
     serial: String,
     side: Side,
     sensor: String,
-    mounting: Mounting,
+    mounting: Option<Axes>,
 }
 
 /// Reads a hand file and the sensor files it names. The error names file, key, expected and got.
@@ -137,8 +128,8 @@ pub fn load(path: &Path) -> Result<Hand, Error> {
         let source = SettingError { key, expected: expected.into(), got };
         Err(Error::OutOfRange { file: layer.file.clone(), source })
     };
-    if file.fingers.is_empty() {
-        return refuse("fingers".into(), "at least one finger", "none".into());
+    if !(1..=FINGERS_MOST).contains(&file.fingers.len()) {
+        return refuse("fingers".into(), &format!("1 to {FINGERS_MOST} fingers"), file.fingers.len().to_string());
     }
     let mut fingers: Vec<Finger> = Vec::new();
     for (i, f) in file.fingers.into_iter().enumerate() {
@@ -149,11 +140,16 @@ pub fn load(path: &Path) -> Result<Hand, Error> {
         if f.serial.trim().is_empty() || fingers.iter().any(|other| other.serial == f.serial) {
             return refuse(key("serial"), "a serial number of its own", format!("`{}`", f.serial));
         }
-        let (x, y) = (f.mounting.x.unit(), f.mounting.y.unit());
-        if x.iter().zip(y).any(|(a, b)| a * b != 0.0) {
-            let got = format!("{:?} and {:?}", f.mounting.x, f.mounting.y);
-            return refuse(key("mounting"), "x and y along different axes of the hand", got);
-        }
+        let mounting = match f.mounting.map_or(Ok(Mounting::on(f.side)), |axes| axes.on(f.side)) {
+            Ok(mounting) => mounting,
+            Err(wrong) => {
+                let expected = match wrong {
+                    Wrong::NotSquare => "x and y along different axes of the hand",
+                    Wrong::Mirrored => "an image that is not mirrored (z, from x to y, into the gel)",
+                };
+                return refuse(key("mounting"), expected, format!("{:?}", f.mounting));
+            }
+        };
         let is_file = f.sensor.ends_with(".toml");
         let beside = path.parent().unwrap_or(Path::new("")).join(&f.sensor).display().to_string();
         let sensor = sensors::load(if is_file { &beside } else { &f.sensor })?;
@@ -163,7 +159,7 @@ pub fn load(path: &Path) -> Result<Hand, Error> {
             }
             _ => {}
         }
-        fingers.push(Finger { name: f.name, serial: f.serial, side: f.side, sensor, mounting: f.mounting });
+        fingers.push(Finger { name: f.name, serial: f.serial, sensor, mounting });
     }
     Ok(Hand { name: file.name, fingers })
 }
@@ -171,10 +167,11 @@ pub fn load(path: &Path) -> Result<Hand, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::FRAC_PI_2;
 
     const HAND: &str = "name = \"two\"\n\
-        [[fingers]]\nname = \"left\"\nserial = \"A\"\nside = \"left\"\nsensor = \"a.toml\"\nmounting = { x = \"+x\", y = \"+y\" }\n\
-        [[fingers]]\nname = \"right\"\nserial = \"B\"\nside = \"right\"\nsensor = \"gelslim\"\nmounting = { x = \"+x\", y = \"-y\" }\n";
+        [[fingers]]\nname = \"left\"\nserial = \"A\"\nside = \"left\"\nsensor = \"a.toml\"\nmounting = { x = \"+x\", y = \"-y\" }\n\
+        [[fingers]]\nname = \"right\"\nserial = \"B\"\nside = \"right\"\nsensor = \"gelslim\"\nmounting = { x = \"+y\", y = \"-x\" }\n";
 
     fn read(text: &str) -> Result<Hand, Error> {
         let folder = tempfile::tempdir().expect("a folder");
@@ -184,15 +181,18 @@ mod tests {
         load(&path)
     }
 
-    /// The same slip seen by two fingers facing each other is one vector of the hand.
+    /// An image whose x points along Y and whose y points to the wrist is turned by a quarter: what moves along the
+    /// fingers' X then moves along -y of the image, and that is what the core makes of it.
     #[test]
-    fn fingers_that_face_each_other_agree_in_the_hand_frame() {
+    fn axes_are_the_same_as_a_side_and_an_angle() {
         let hand = read(HAND).expect("valid");
         let [left, right] = &hand.fingers[..] else { panic!("two fingers") };
-        assert_eq!((left.side, right.side, left.sensor.serial.as_deref()), (Side::Left, Side::Right, Some("A")));
-        let seen_left = left.mounting.hand_from_finger(Vec2::new(0.5, 2.0));
-        assert_eq!(seen_left, right.mounting.hand_from_finger(Vec2::new(0.5, -2.0)));
-        assert_eq!(seen_left, [0.5, 2.0, 0.0]);
+        assert_eq!((left.mounting, left.sensor.serial.as_deref()), (Mounting::on(Side::Left), Some("A")));
+        assert_eq!(right.mounting, Mounting { side: Side::Right, turn_rad: -FRAC_PI_2 });
+        let turned = read(&HAND.replacen("\"+x\", y = \"-y\"", "\"-x\", y = \"+y\"", 1)).expect("valid");
+        assert!((turned.fingers[0].mounting.turn_rad.abs() - 2.0 * FRAC_PI_2).abs() < 1e-12);
+        let plain = read(&HAND.replace("mounting = { x = \"+y\", y = \"-x\" }", "")).expect("valid");
+        assert_eq!(plain.fingers[1].mounting, Mounting::on(Side::Right));
     }
 
     #[test]
@@ -201,8 +201,9 @@ mod tests {
             ("serial = \"A\"", "serial = \"C\"", ["hand.toml: fingers[0].serial", "`A` as in a.toml", "`C`"]),
             ("serial = \"B\"", "serial = \"A\"", ["fingers[1].serial", "a serial number of its own", "`A`"]),
             ("name = \"right\"", "name = \"left\"", ["fingers[1].name", "a name of its own", "`left`"]),
-            ("y = \"-y\"", "y = \"-x\"", ["fingers[1].mounting", "different axes", "MinusX"]),
-            ("y = \"-y\"", "y = \"up\"", ["hand.toml: fingers[1].mounting.y", "up", "`+x`"]),
+            ("y = \"-x\"", "y = \"-y\"", ["fingers[1].mounting", "different axes", "MinusY"]),
+            ("y = \"-y\"", "y = \"+y\"", ["fingers[0].mounting", "not mirrored", "PlusY"]),
+            ("y = \"-x\"", "y = \"up\"", ["hand.toml: fingers[1].mounting.y", "up", "`+x`"]),
             ("side = \"right\"", "side = \"top\"", ["fingers[1].side", "top", "`left`"]),
             ("side = \"right\"", "sides = \"right\"", ["hand.toml", "`fingers[1].sides`", "did you mean `side`?"]),
             ("\"a.toml\"", "\"b.toml\"", ["b.toml", "cannot read", ""]),
@@ -213,6 +214,6 @@ mod tests {
             }
         }
         let none = read("name = \"none\"\nfingers = []\n").expect_err("refused").to_string();
-        assert!(none.contains("hand.toml: fingers: expected at least one finger, got none"), "{none}");
+        assert!(none.contains("hand.toml: fingers: expected 1 to 4 fingers, got 0"), "{none}");
     }
 }

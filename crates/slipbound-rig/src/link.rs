@@ -57,6 +57,28 @@ pub trait Talker: Send {
     fn outgoing(&mut self) -> &mut Vec<u8>;
 }
 
+impl<T: Talker + ?Sized> Talker for Box<T> {
+    fn linked(&mut self, now_ns: u64) {
+        (**self).linked(now_ns);
+    }
+
+    fn unlinked(&mut self, now_ns: u64, why: &str) {
+        (**self).unlinked(now_ns, why);
+    }
+
+    fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
+        (**self).receive(now_ns, bytes);
+    }
+
+    fn tick(&mut self, now_ns: u64) {
+        (**self).tick(now_ns);
+    }
+
+    fn outgoing(&mut self) -> &mut Vec<u8> {
+        (**self).outgoing()
+    }
+}
+
 /// Nothing to read or write at the moment is no error.
 fn later(result: io::Result<usize>) -> io::Result<usize> {
     match result {

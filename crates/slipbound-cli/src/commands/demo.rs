@@ -2,25 +2,25 @@
 
 mod results;
 
-use crate::closed_loop::{ClosedLoop, Turn};
+use crate::chronicle::Chronicle;
 use crate::frames::FrameRecorder;
 use crate::interruption;
-use crate::measures::Measures;
+use crate::loopback::Loopback;
 use crate::outcome::{Failure, Outcome};
 use crate::simulated::Simulated;
 use crate::spoiled::Spoiler;
-use crate::terminal::Terminal;
+use crate::through::{LinkFaults, Through};
 use anyhow::{Context, anyhow};
-use slipbound::grip::GripController;
-use slipbound::image::Rgb;
 use slipbound::monitor::Settings;
-use slipbound::task::{ControllerKind, Phase, TaskSettings};
+use slipbound::sensor::Sensor;
+use slipbound::task::{ControllerKind, TaskSettings};
 use slipbound_lab::hand::{HandScene, HandTruth};
 use slipbound_rig::config;
-use slipbound_rig::overlay::Overlay;
-use slipbound_rig::run::{Cycle, RunFolder, RunInfo};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
+use slipbound_rig::emulator::Faults;
+use slipbound_rig::link::now_ns;
+use slipbound_rig::run::RunInfo;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// The folder a run is left in unless another is named.
@@ -50,6 +50,18 @@ pub struct Demo {
     /// Something that goes wrong: lost, frozen, torn, dark or swapped, with @SECONDS and :left or :right as wanted
     #[arg(long, value_name = "WHAT@SECONDS:FINGER")]
     fault: Option<Spoiler>,
+    /// Reach gripper and wrist through a driver and an emulator of its wire protocol, as wsg50 or wsg50?most_n=40
+    #[arg(long, value_name = "GRIPPER?KEY=VALUE")]
+    through: Option<Through>,
+    /// Let that be real sockets on this computer, in real time, instead of lock-step
+    #[arg(long, requires = "through", conflicts_with = "record")]
+    sockets: bool,
+    /// What goes wrong with the gripper's emulator, joined by commas (see `slipbound emulate --help`)
+    #[arg(long, value_name = "FAULTS", default_value = "", requires = "through", hide_default_value = true)]
+    gripper_fault: Faults,
+    /// What goes wrong with the wrist's emulator
+    #[arg(long, value_name = "FAULTS", default_value = "", requires = "through", hide_default_value = true)]
+    wrist_fault: Faults,
     /// Keep every frame, so that `slipbound replay` can run the loop again
     #[arg(long)]
     record: bool,
@@ -67,35 +79,43 @@ impl Demo {
         }
         let scene = HandScene::parse(&self.scene_text()).map_err(Failure::arguments)?;
         let monitor = Settings::default();
+        let folder = self.output.clone().unwrap_or_else(|| next_free(FOLDER));
+        let faults = LinkFaults { gripper: self.gripper_fault.clone(), wrist: self.wrist_fault.clone() };
         let mut simulated = Simulated::new(&scene, &settings, &monitor, self.fault).map_err(Failure::Arguments)?;
-        let folder = self.output.clone().unwrap_or_else(next_free);
-        let mut run = Run::create(&folder, &self.info(&scene, &settings, &monitor, &simulated)?, &simulated)?;
+        if let Some(through) = self.through.as_ref().filter(|_| !self.sockets) {
+            simulated = simulated.through(&scene, through, &faults).map_err(Failure::Arguments)?;
+        }
+        let sensors: Vec<Sensor> = (0..scene.fingers_count()).map(|finger| simulated.hand.sensor(finger)).collect();
+        let names = simulated.around.eyes.iter().map(|eye| eye.name.clone()).collect();
+        let mut chronicle = Chronicle::create(&folder, &self.info(&scene, &settings, &monitor, names)?, &sensors)?;
         if self.record {
             simulated.around.recorder = Some(FrameRecorder::create(&folder)?);
         }
         let interrupted = interruption::listen()?;
         let began = Instant::now();
-        run.terminal.say(&format!("{scene}"))?;
-        let ran = simulated.run(|around, now_ns, turn, truth| {
-            anyhow::ensure!(!interrupted.load(Ordering::Relaxed), "interrupted; the wrist was paused, the grip kept");
-            run.turn(around, now_ns, turn, truth)
-        });
-        run.terminal.clear_bar();
+        chronicle.terminal.say(&format!("{scene}"))?;
+        let (ran, now_ns) = match self.through.as_ref().filter(|_| self.sockets) {
+            Some(through) => {
+                let loopback = Loopback::start(&scene, &settings, &monitor, self.fault, through, &faults)?;
+                let (ran, truth) = loopback.run(&interrupted, &mut chronicle);
+                truth.into_iter().for_each(|truth| chronicle.measures.watch(&truth));
+                (ran, now_ns())
+            }
+            None => {
+                let ran = in_lock_step(&mut simulated, &interrupted, &mut chronicle);
+                chronicle.measures.watch(&simulated.hand.truth());
+                (ran, simulated.hand.now_ns())
+            }
+        };
         if let Err(e) = &ran {
-            run.folder.note(simulated.hand.now_ns(), &format!("{e:#}"));
+            chronicle.note(now_ns, &format!("{e:#}"))?;
         }
-        let seconds = simulated.hand.now_ns() as f64 * 1e-9;
-        let took_s = began.elapsed().as_secs_f64();
-        let rows = results::rows(&scene, &settings, &run.measures);
-        for row in &rows {
-            run.terminal.say(&format!("  {:<28}{:<22}{}", row.name, row.value, row.target))?;
-        }
-        let page = run.folder.finish(&rows, run.measures.ending).map_err(|e| Failure::Work(e.into()))?;
-        run.terminal.say(&format!(
-            "{seconds:.1} s simulated in {took_s:.1} s ({:.1} times real time); report: {}",
-            seconds / took_s,
-            page.display()
-        ))?;
+        let (seconds, took_s) = (now_ns as f64 * 1e-9, began.elapsed().as_secs_f64());
+        let rows = results::rows(&scene, &settings, &chronicle.measures);
+        let (mut terminal, page) = chronicle.finish(&rows)?;
+        let times = seconds / took_s;
+        let page = page.display();
+        terminal.say(&format!("{seconds:.1} s in {took_s:.1} s ({times:.1} times real time); report: {page}"))?;
         ran.map_err(Failure::Work)?;
         Ok(Outcome::Done)
     }
@@ -113,7 +133,7 @@ impl Demo {
         scene: &HandScene,
         settings: &TaskSettings,
         monitor: &Settings,
-        simulated: &Simulated,
+        fingers: Vec<String>,
     ) -> Result<RunInfo, Failure> {
         let mut all = toml::Table::new();
         all.insert("task".into(), toml::Table::try_from(settings).context("settings as TOML")?.into());
@@ -121,109 +141,42 @@ impl Demo {
         if let Some(fault) = self.fault {
             all.insert("fault".into(), fault.to_string().into());
         }
-        let controller = match settings.controller {
-            ControllerKind::Constant => "constant",
-            ControllerKind::OnSlip => "on_slip",
-            ControllerKind::Paper => "paper",
-            ControllerKind::Margin => "margin",
-        };
+        if let Some(through) = &self.through {
+            all.insert("through".into(), through.to_string().into());
+        }
         Ok(RunInfo {
             task: self.task.clone(),
-            controller: controller.into(),
+            controller: name_of(settings.controller).into(),
             source: scene.to_string(),
             seed: self.seed,
             settings: all,
-            fingers: simulated.around.eyes.iter().map(|eye| eye.name.clone()).collect(),
+            fingers,
         })
     }
 }
 
-/// A run as it is written down and told.
-struct Run {
-    folder: RunFolder,
-    overlays: Vec<Overlay>,
-    measures: Measures,
-    terminal: Terminal,
-    last: Option<Cycle>,
-    slips_count: u32,
+/// A folder of this name, or with the next free number.
+pub fn next_free(name: &str) -> PathBuf {
+    let names = std::iter::once(name.to_owned()).chain((2..).map(|n| format!("{name}-{n}")));
+    names.map(PathBuf::from).find(|folder| !folder.exists()).unwrap_or_else(|| name.into())
 }
 
-impl Run {
-    fn create(folder: &Path, info: &RunInfo, simulated: &Simulated) -> Result<Self, Failure> {
-        let overlays =
-            (0..simulated.around.eyes.len()).map(|finger| Overlay::new(&simulated.hand.sensor(finger))).collect();
-        Ok(Run {
-            folder: RunFolder::create(folder, info).map_err(Failure::arguments)?,
-            overlays,
-            measures: Measures::default(),
-            terminal: Terminal::with_status(),
-            last: None,
-            slips_count: 0,
-        })
-    }
-
-    fn turn(&mut self, around: &ClosedLoop, now_ns: u64, turn: &Turn, truth: &HandTruth) -> anyhow::Result<()> {
-        let grip = around.task.grip();
-        self.measures.see(now_ns, turn, grip.alarms_count(), truth);
-        let cycle = Cycle {
-            time_ns: now_ns,
-            hand: turn.hand,
-            gripper: turn.gripper,
-            wrist: turn.wrist,
-            grip_command: turn.step.grip,
-            wrist_command: turn.step.wrist,
-            phase: turn.step.phase,
-            margin: grip.margin(),
-            alarms_count: grip.alarms_count(),
-            truth: Some(results::truth(truth)),
-        };
-        self.folder.cycle(&cycle)?;
-        self.tell(&cycle)?;
-        if self.folder.slips_count() > self.slips_count {
-            self.slips_count = self.folder.slips_count();
-            for (eye, overlay) in around.eyes.iter().zip(&mut self.overlays) {
-                let (Some(monitor), Some(report)) = (eye.monitor(), &eye.report) else { continue };
-                overlay.draw(eye.frame.frame().ok().as_ref(), report, monitor);
-                let rgb = overlay.rgb();
-                let picture = Rgb::new(&rgb, overlay.size())?;
-                self.folder.picture(now_ns, &eye.name, &format!("{:.1} N", turn.step.grip.force_n), picture)?;
-            }
-        }
-        self.last = Some(cycle);
-        Ok(())
-    }
-
-    /// A line where something happened, the status otherwise.
-    fn tell(&mut self, cycle: &Cycle) -> anyhow::Result<()> {
-        let at = format!("{:6.2} s", cycle.time_ns as f64 * 1e-9);
-        let before = self.last.as_ref();
-        let force_n = cycle.gripper.pressed_n().unwrap_or(0.0);
-        let mut lines = Vec::new();
-        if self.folder.slips_count() > self.slips_count {
-            lines.push(format!("{at}  slip {} at {force_n:.0} N", self.folder.slips_count()));
-        }
-        if before.is_some_and(|last| (last.grip_command.force_n - cycle.grip_command.force_n).abs() >= 4.5) {
-            lines.push(format!("{at}  grip to {:.0} N", cycle.grip_command.force_n));
-        }
-        if let Phase::Ended(ending) = cycle.phase
-            && before.is_none_or(|last| last.phase != cycle.phase)
-        {
-            lines.push(format!("{at}  {}", ending.evidence()));
-        }
-        for line in lines {
-            self.terminal.say(&line).map_err(|_| anyhow!("cannot write to the terminal"))?;
-        }
-        let bar = "#".repeat((force_n / 2.0).round().clamp(0.0, 40.0) as usize);
-        let angle_deg = cycle.wrist.angle_rad.to_degrees();
-        self.terminal.status(&format!("{at}  {angle_deg:6.1} deg  {force_n:5.1} N {bar}"));
-        Ok(())
-    }
+/// Turn after turn of the simulated hand, as fast as it goes.
+fn in_lock_step(simulated: &mut Simulated, interrupted: &AtomicBool, chronicle: &mut Chronicle) -> anyhow::Result<()> {
+    simulated.run(|around, told, truth: &HandTruth| {
+        anyhow::ensure!(!interrupted.load(Ordering::Relaxed), "interrupted; the wrist was paused, the grip kept");
+        chronicle.turn(around, told, Some(truth))
+    })
 }
 
-/// `slipbound-demo`, or with the next free number.
-fn next_free() -> PathBuf {
-    let names = std::iter::once(FOLDER.to_owned()).chain((2..).map(|n| format!("{FOLDER}-{n}")));
-    names.map(PathBuf::from).find(|folder| !folder.exists()).unwrap_or_else(|| FOLDER.into())
+/// The name of a controller.
+pub fn name_of(controller: ControllerKind) -> &'static str {
+    match controller {
+        ControllerKind::Constant => "constant",
+        ControllerKind::OnSlip => "on_slip",
+        ControllerKind::Paper => "paper",
+        ControllerKind::Margin => "margin",
+    }
 }
 
 /// The controller of a name.

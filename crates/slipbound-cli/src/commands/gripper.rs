@@ -72,10 +72,7 @@ impl Gripper {
     /// Opens the gripper, has it do it, says what came of it.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let interrupted = interruption::listen()?;
-        let mut device = Device::open(&self.address, self.config.as_deref()).map_err(|error| match error {
-            Error::Address { .. } | Error::Config(_) => Failure::arguments(error),
-            other => Failure::Work(other.into()),
-        })?;
+        let mut device = Device::open(&self.address, self.config.as_deref()).map_err(opening_failed)?;
         let mut session = Session { device: &mut device, terminal: Terminal::plain(), interrupted: &interrupted };
         let grip = |force_n, motion| Order::Grip(GripCommand { force_n, motion });
         match self.action {
@@ -92,6 +89,14 @@ impl Gripper {
             Action::CheckHold { low, high } => session.check_hold(low, high)?,
         }
         Ok(Outcome::Done)
+    }
+}
+
+/// A gripper that could not be opened: a wrong argument, or nobody there.
+pub fn opening_failed(error: Error) -> Failure {
+    match error {
+        Error::Address { .. } | Error::Config(_) => Failure::arguments(error),
+        other => Failure::Work(other.into()),
     }
 }
 

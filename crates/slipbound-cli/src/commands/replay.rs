@@ -11,6 +11,7 @@ use slipbound::port::{GripCommand, Gripper, GripperError, GripperState, Wrist, W
 use slipbound::task::TaskSettings;
 use slipbound_lab::hand::{HandScene, SimHand};
 use slipbound_rig::run::{self, Cycle};
+use std::collections::VecDeque;
 use std::path::PathBuf;
 
 /// The arguments of `slipbound replay`.
@@ -20,9 +21,9 @@ pub struct Replay {
     folder: PathBuf,
 }
 
-/// A gripper and a wrist that say what they said.
+/// A gripper and a wrist that say what they said; None: nothing that could be worked with.
 struct Past<'a> {
-    cycle: &'a Cycle,
+    cycle: Option<&'a Cycle>,
 }
 
 impl Gripper for Past<'_> {
@@ -31,7 +32,7 @@ impl Gripper for Past<'_> {
     }
 
     fn poll(&mut self) -> Result<GripperState, GripperError> {
-        Ok(self.cycle.gripper)
+        Ok(self.cycle.ok_or("it was in trouble")?.gripper)
     }
 }
 
@@ -41,7 +42,7 @@ impl Wrist for Past<'_> {
     }
 
     fn poll(&mut self) -> Result<WristState, WristError> {
-        Ok(self.cycle.wrist)
+        Ok(self.cycle.ok_or("it was in trouble")?.wrist)
     }
 }
 
@@ -49,12 +50,13 @@ impl Replay {
     /// Runs the loop over what was recorded; fails at the first command that differs.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let (info, cycles) = run::read(&self.folder).map_err(Failure::arguments)?;
-        let mut around = self.around(&info).map_err(Failure::Arguments)?;
+        let (mut around, mut waiting) = self.around(&info).map_err(Failure::Arguments)?;
         let mut next = 0;
         while let Some(cycle) = cycles.get(next) {
-            let turned = around.turn(cycle.time_ns, &mut Past { cycle }, &mut Past { cycle }).map_err(Failure::Work)?;
-            match turned {
-                Turned::AtRest => {}
+            let cycle_now = Some(cycle).filter(|_| !waiting.pop_front().unwrap_or_default());
+            let past = || Past { cycle: cycle_now };
+            match around.turn(cycle.time_ns, &mut past(), &mut past()).map_err(Failure::Work)? {
+                Turned::AtRest | Turned::Waiting => {}
                 Turned::Over => return Err(anyhow!("frames.jsonl: ends before cycle {next} of reports.jsonl").into()),
                 Turned::Commanded(turn) => {
                     let same = turn.step.grip == cycle.grip_command
@@ -84,7 +86,7 @@ impl Replay {
         Ok(Outcome::Done)
     }
 
-    fn around(&self, info: &toml::Table) -> anyhow::Result<ClosedLoop> {
+    fn around(&self, info: &toml::Table) -> anyhow::Result<(ClosedLoop, VecDeque<bool>)> {
         let path = self.folder.join("run.toml");
         let text = |key: &str| {
             let value = info.get(key).and_then(toml::Value::as_str);
@@ -98,12 +100,13 @@ impl Replay {
         let monitor: Settings = part("monitor")?.try_into()?;
         let swapped = settings.get("fault").and_then(toml::Value::as_str).is_some_and(|f| f.starts_with("swapped"));
         let hand = SimHand::new(&scene)?;
-        let sources = frames::recorded(&self.folder, scene.fingers_count())?;
-        let eyes = sources.into_iter().enumerate().map(|(finger, source)| {
+        let recording = frames::recorded(&self.folder, scene.fingers_count())?;
+        let eyes = recording.sources.into_iter().enumerate().map(|(finger, source)| {
             let (mounting, name) = mounting(finger, swapped);
             Eye::new(name, mounting, hand.sensor(finger), monitor.clone(), Box::new(source))
         });
         let stiffness_mpa_per_mm = hand.sensor(0).shear_stiffness_mpa_per_mm();
-        ClosedLoop::new(eyes.collect(), task.task(kind(&scene)?, stiffness_mpa_per_mm)?)
+        let around = ClosedLoop::new(eyes.collect(), task.task(kind(&scene)?, stiffness_mpa_per_mm)?)?;
+        Ok((around, recording.waiting))
     }
 }

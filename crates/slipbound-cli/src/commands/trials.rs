@@ -1,5 +1,6 @@
 //! `slipbound trials`: the tasks over friction, seeds, controllers and fingers, as a table.
 
+use crate::closed_loop::Turned;
 use crate::interruption;
 use crate::measures::{Measures, succeeded};
 use crate::outcome::{Failure, Outcome};
@@ -158,8 +159,10 @@ fn run_all(
 fn measure(scene: &HandScene, settings: &TaskSettings) -> anyhow::Result<Measures> {
     let mut simulated = Simulated::new(scene, settings, &Settings::default(), None)?;
     let mut measures = Measures::default();
-    simulated.run(|around, now_ns, turn, truth| {
-        measures.see(now_ns, turn, around.task.grip().alarms_count(), truth);
+    simulated.run(|around, told, truth| {
+        if let Turned::Commanded(turn) = &told.turned {
+            measures.see(told.now_ns, turn, around.task.grip().alarms_count(), Some(truth));
+        }
         Ok(())
     })?;
     Ok(measures)

@@ -253,7 +253,7 @@ impl HandScene {
     }
 
     /// Distance of the two faces that the pads press, in mm.
-    pub(super) fn width_mm(&self) -> f64 {
+    pub fn width_mm(&self) -> f64 {
         match self.object().form {
             Form::Ball { radius_mm } | Form::Cylinder { radius_mm, .. } => 2.0 * radius_mm,
             Form::Flat { .. } => FLAT_THICKNESS_MM,

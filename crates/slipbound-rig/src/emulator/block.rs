@@ -2,11 +2,16 @@
 
 use slipbound::port::Plant;
 
-/// A rigid block that stays where it is, or nothing. Keeps what was done to it.
+/// A rigid block, or nothing. It has a weight: once the fingers carry it, it falls when they press too little. Keeps
+/// what was done to it.
 #[derive(Debug, Clone, Default)]
 pub struct Block {
-    /// Width, mm; None: nothing is there.
+    /// Width, mm; None: nothing is there, or it has fallen.
     pub width_mm: Option<f64>,
+    /// Least force that carries it, N per finger: its weight over twice the friction coefficient.
+    pub least_n: f64,
+    /// Whether the fingers carry it.
+    pub is_carried: bool,
     /// Force it is pressed with, N per finger.
     pub force_n: f64,
     /// Angle of the wrist, rad.
@@ -18,7 +23,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// A block of this width, mm.
+    /// A block of this width, mm, without weight.
     pub fn new(width_mm: f64) -> Self {
         Block { width_mm: Some(width_mm), ..Block::default() }
     }
@@ -31,6 +36,11 @@ impl Plant for Block {
 
     fn press(&mut self, force_n: f64) {
         self.force_n = force_n;
+        let is_carried = self.width_mm.is_some() && force_n > 0.0 && force_n >= self.least_n;
+        if self.is_carried && !is_carried {
+            self.width_mm = self.width_mm.filter(|_| self.least_n == 0.0);
+        }
+        self.is_carried = is_carried;
     }
 
     fn place_wrist(&mut self, angle_rad: f64, lowered_mm: f64) {

@@ -32,43 +32,65 @@ fn serve_a_little(link: &mut dyn Link, emulator: &mut Faulty, inbox: &mut Vec<u8
     read.and(written).map(drop)
 }
 
-/// Serves one connection after the other until `go_on` says no; a new one takes the place of an old. Times of faults
-/// count from the call.
-pub fn serve_tcp(
-    listener: &TcpListener,
-    emulator: &mut Faulty,
-    plant: &mut dyn Plant,
-    mut go_on: impl FnMut() -> bool,
-) -> io::Result<()> {
-    listener.set_nonblocking(true)?;
-    let mut inbox = Vec::with_capacity(8192);
-    let mut link: Option<TcpLink> = None;
-    while go_on() {
-        match listener.accept() {
-            Ok((stream, _)) => {
-                if let Some(mut old) = link.take() {
-                    // What it still had to say, a farewell perhaps, came before the new one.
-                    inbox.clear();
-                    while old.read(&mut inbox).is_ok_and(|count| count > 0) {
-                        emulator.receive(now_ns(), &inbox);
-                        inbox.clear();
-                    }
-                    emulator.disconnected(now_ns());
-                }
-                inbox.clear();
-                link = Some(TcpLink::new(stream)?);
-                emulator.connected(now_ns());
-            }
+/// A port at which an emulator is served, one connection after the other; a new one takes the place of an old.
+pub struct Server {
+    listener: TcpListener,
+    link: Option<TcpLink>,
+    inbox: Vec<u8>,
+}
+
+impl Server {
+    /// Takes over a port.
+    pub fn new(listener: TcpListener) -> io::Result<Self> {
+        listener.set_nonblocking(true)?;
+        Ok(Server { listener, link: None, inbox: Vec::with_capacity(8192) })
+    }
+
+    /// Connections, bytes in, time on, bytes out; does not wait. To be called every ms or so. Time in the plant is for
+    /// its owner to let pass.
+    pub fn serve(&mut self, emulator: &mut Faulty, plant: &mut dyn Plant) -> io::Result<()> {
+        match self.listener.accept() {
+            Ok((stream, _)) => self.welcome(TcpLink::new(stream)?, emulator),
             Err(e) if e.kind() == io::ErrorKind::WouldBlock => {}
             Err(e) if matches!(e.kind(), io::ErrorKind::ConnectionAborted | io::ErrorKind::Interrupted) => {}
             Err(e) => return Err(e),
         }
-        tick(emulator, plant);
-        let served = link.as_mut().map_or(Ok(()), |link| serve_a_little(link, emulator, &mut inbox));
-        if link.is_some() && (emulator.take_hang_up() || served.is_err()) {
-            link = None;
+        emulator.tick(now_ns(), plant);
+        let inbox = &mut self.inbox;
+        let served = self.link.as_mut().map_or(Ok(()), |link| serve_a_little(link, emulator, inbox));
+        if self.link.is_some() && (emulator.take_hang_up() || served.is_err()) {
+            self.link = None;
             emulator.disconnected(now_ns());
         }
+        Ok(())
+    }
+
+    fn welcome(&mut self, link: TcpLink, emulator: &mut Faulty) {
+        if let Some(mut old) = self.link.take() {
+            // What it still had to say, a farewell perhaps, came before the new one.
+            self.inbox.clear();
+            while old.read(&mut self.inbox).is_ok_and(|count| count > 0) {
+                emulator.receive(now_ns(), &self.inbox);
+                self.inbox.clear();
+            }
+            emulator.disconnected(now_ns());
+        }
+        self.link = Some(link);
+        emulator.connected(now_ns());
+    }
+}
+
+/// Serves a port until `go_on` says no. Times of faults count from the call.
+pub fn serve_tcp(
+    listener: TcpListener,
+    emulator: &mut Faulty,
+    plant: &mut dyn Plant,
+    mut go_on: impl FnMut() -> bool,
+) -> io::Result<()> {
+    let mut server = Server::new(listener)?;
+    while go_on() {
+        server.serve(emulator, plant)?;
+        plant.advance_to(now_ns());
         thread::sleep(PAUSE);
     }
     Ok(())
@@ -84,16 +106,11 @@ pub fn serve_link(
     let mut inbox = Vec::with_capacity(8192);
     emulator.connected(now_ns());
     while go_on() && !emulator.take_hang_up() {
-        tick(emulator, plant);
+        emulator.tick(now_ns(), plant);
+        plant.advance_to(now_ns());
         serve_a_little(link, emulator, &mut inbox)?;
         thread::sleep(PAUSE);
     }
     emulator.disconnected(now_ns());
     Ok(())
-}
-
-fn tick(emulator: &mut Faulty, plant: &mut dyn Plant) {
-    let now_ns = now_ns();
-    emulator.tick(now_ns, plant);
-    plant.advance_to(now_ns);
 }

@@ -120,6 +120,10 @@ impl Gripper for Device {
     fn poll(&mut self) -> Result<GripperState, GripperError> {
         Ok(self.state()?)
     }
+
+    fn carry(&mut self) {
+        self.pump();
+    }
 }
 
 /// Leaves with a farewell, so that no fast stop latches. The gripper keeps its force.

@@ -44,8 +44,11 @@ impl Driver for Dry {
             Motion::Release => (None, Jaws::Open),
             Motion::Go | Motion::Pause => (Some(self.ledger.admit(command.force_n)?), Jaws::Holding),
         };
+        let is_new = (self.ledger.state.target_n, self.ledger.state.jaws) != state;
         (self.ledger.state.target_n, self.ledger.state.jaws) = state;
-        self.ledger.note(Note::Dry { command });
+        if is_new {
+            self.ledger.note(Note::Dry { command });
+        }
         Ok(())
     }
 

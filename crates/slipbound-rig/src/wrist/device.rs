@@ -58,6 +58,10 @@ impl Wrist for Device {
         }
         Ok(state?)
     }
+
+    fn carry(&mut self) {
+        self.wire.pump(now_ns(), &mut self.driver);
+    }
 }
 
 /// Leaves the wrist pausing.

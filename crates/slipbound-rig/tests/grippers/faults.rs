@@ -24,12 +24,12 @@ fn assert_held(bench: &Bench, name: &str, what: &str) {
 fn a_cut_link_leaves_the_force_and_a_new_one_changes_nothing() {
     for name in NAMES {
         let mut bench = holding(name, "");
-        bench.cut();
+        bench.cut("cut");
         let message = bench.state().expect_err("lost").to_string();
         assert!(message.contains("the link is lost (cut); the gripper keeps its force"), "{message}");
         assert!(matches!(bench.grip(60.0), Err(Error::Lost { .. })), "{name}");
         bench.run(3000);
-        bench.sent.clear();
+        bench.sent = Some(Vec::new());
         bench.connect();
         bench.run(1000);
         assert_held(&bench, name, "cut and linked anew");
@@ -46,11 +46,11 @@ fn a_cut_link_leaves_the_force_and_a_new_one_changes_nothing() {
 fn a_stalled_link_is_told_and_then_goes_on() {
     for name in NAMES {
         let mut bench = holding(name, "stall=5000@8000");
-        bench.run(8000 - bench.now_ns / MS);
-        let from_ns = bench.now_ns;
+        bench.run(8000 - bench.now_ns() / MS);
+        let from_ns = bench.now_ns();
         let error = bench.until_error(700);
         assert!(matches!(error, Error::Silent { .. }), "{name}: {error}");
-        assert!(bench.now_ns - from_ns <= 540 * MS, "{name}");
+        assert!(bench.now_ns() - from_ns <= 540 * MS, "{name}");
         bench.run(6000);
         assert_held(&bench, name, "stalled for 5 s");
         while bench.state().is_err() {} // what was told late
@@ -76,7 +76,7 @@ fn a_power_cycle_leaves_the_force_and_asks_for_home() {
     for name in NAMES {
         let mut bench = holding(name, "power-cycle@8000");
         bench.run(8000);
-        assert!(!bench.is_connected, "{name}");
+        assert!(!bench.is_connected(), "{name}");
         bench.connect();
         bench.run(500);
         assert_held(&bench, name, "power cycle");
@@ -92,7 +92,7 @@ fn a_power_cycle_leaves_the_force_and_asks_for_home() {
 #[test]
 fn a_link_cut_without_farewell_latches_a_fast_stop_that_is_explained() {
     let mut bench = holding("wsg50", "");
-    bench.cut();
+    bench.cut("cut");
     bench.run(500);
     bench.connect();
     bench.run(200);
@@ -119,7 +119,7 @@ fn a_link_cut_without_farewell_latches_a_fast_stop_that_is_explained() {
 fn our_own_fast_stop_is_acknowledged_if_the_settings_say_so_and_no_other() {
     let config = Config { acknowledge_own_fast_stop: true, lowering: Lowering::Allow, ..config("wsg50") };
     let mut bench = Bench::holding("wsg50", config.clone(), "", 20.0);
-    bench.cut();
+    bench.cut("cut");
     bench.run(500);
     bench.connect();
     bench.run(200);
@@ -142,7 +142,7 @@ fn after_a_farewell_no_fast_stop_latches() {
         let mut bench = holding(name, "");
         bench.order(Order::Leave).expect("taken over");
         bench.run(20);
-        bench.cut();
+        bench.cut("cut");
         bench.run(500);
         bench.connect();
         bench.run(200);

@@ -7,7 +7,7 @@ use slipbound_rig::gripper::{Error, Order};
 
 /// Lines sent that are no questions.
 fn commands(bench: &Bench) -> Vec<String> {
-    let text = String::from_utf8(bench.sent.clone()).expect("ASCII");
+    let text = String::from_utf8(bench.sent().to_vec()).expect("ASCII");
     text.lines().filter(|line| !line.ends_with('?')).map(str::to_owned).collect()
 }
 
@@ -15,7 +15,7 @@ fn commands(bench: &Bench) -> Vec<String> {
 fn a_block_is_gripped_and_released_by_these_lines() {
     for chunk in [1, 3, usize::MAX] {
         let mut bench = Bench::of("gcl", "");
-        bench.chunk = chunk;
+        bench.most_bytes = chunk;
         bench.run(100);
         assert_eq!(bench.state().expect("there").jaws, Jaws::Open);
         bench.grip(20.0).expect("taken over");

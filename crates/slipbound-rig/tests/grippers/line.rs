@@ -11,7 +11,7 @@ use slipbound_rig::wrist::{Error, LineWrist};
 fn a_block_is_gripped_and_released_by_these_lines() {
     for chunk in [1, usize::MAX] {
         let mut bench = Bench::of("line", "");
-        bench.chunk = chunk;
+        bench.most_bytes = chunk;
         bench.run(100);
         bench.grip(20.0).expect("taken over");
         bench.until(3000, |state| state.jaws == Jaws::Holding);
@@ -23,7 +23,7 @@ fn a_block_is_gripped_and_released_by_these_lines() {
         bench.release().expect("taken over");
         bench.until(3000, |state| state.opening_mm.is_some_and(|mm| mm > 99.9));
         bench.order(Order::Leave).expect("taken over");
-        let text = String::from_utf8(bench.sent.clone()).expect("ASCII");
+        let text = String::from_utf8(bench.sent().to_vec()).expect("ASCII");
         let expected = "1 GRASP force_n 20.000000\n2 GRASP force_n 10.000000\n3 RELEASE opening_mm 100.000000\n4 BYE\n";
         assert_eq!(text, expected);
     }
@@ -41,11 +41,12 @@ fn a_refusal_a_wrong_echo_and_a_wrong_version_are_told() {
     bench.run(100);
     bench.is_carrying = false;
     bench.grip(20.0).expect("sent");
-    bench.driver.receive(bench.now_ns, b"ACK 1 GRASP force_n 28.000000\n");
+    let now_ns = bench.now_ns();
+    bench.pair.driver.receive(now_ns, b"ACK 1 GRASP force_n 28.000000\n");
     let message = bench.state().expect_err("another force").to_string();
     assert!(message.contains("28.000000` taken over instead of `GRASP force_n 20.000000`"), "{message}");
     assert_eq!(bench.state().expect("there").target_n, None);
-    bench.driver.receive(bench.now_ns, b"HELLO slipbound-line 2\n");
+    bench.pair.driver.receive(now_ns, b"HELLO slipbound-line 2\n");
     assert!(bench.state().expect_err("a version").to_string().contains("version 2, expected 1"));
 }
 

@@ -16,7 +16,7 @@ fn a_block_is_gripped_by_steps_of_force_and_released() {
     for name in BOTH {
         for chunk in [1, 4, usize::MAX] {
             let mut bench = Bench::new(name, allowing(), "");
-            bench.chunk = chunk;
+            bench.most_bytes = chunk;
             bench.run(200);
             assert_eq!(bench.state().expect("there").jaws, Jaws::Open, "{name}");
             bench.grip(40.0).expect("taken over");
@@ -45,7 +45,7 @@ fn the_bytes_sent_are_these() {
     bench.run(100);
     bench.release().expect("taken over");
     bench.run(100);
-    let text = String::from_utf8(bench.sent.clone()).expect("ASCII");
+    let text = String::from_utf8(bench.sent().to_vec()).expect("ASCII");
     assert!(text.starts_with("GET STA\nGET OBJ\nGET PRE\nGET POS\nGET FLT\nGET FOR\n"), "{text}");
     let sets: Vec<&str> = text.lines().filter(|line| line.starts_with("SET")).collect();
     assert_eq!(sets, ["SET POS 255 SPE 59 FOR 128 GTO 1", "SET POS 3 SPE 59 FOR 0 GTO 1"]);
@@ -54,8 +54,8 @@ fn the_bytes_sent_are_these() {
     bench.run(200);
     bench.grip(235.0).expect("taken over");
     let write = [0x09, 0x10, 0x03, 0xE8, 0, 3, 6, 0x09, 0, 0, 255, 59, 255];
-    assert!(bench.sent.windows(13).any(|bytes| bytes == write), "{:02X?}", &bench.sent[bench.sent.len() - 15..]);
-    assert!(bench.sent.starts_with(&[0x09, 0x04, 0x07, 0xD0, 0, 3, 0xB1, 0xCE]));
+    assert!(bench.sent().windows(13).any(|bytes| bytes == write), "{:02X?}", &bench.sent()[bench.sent().len() - 15..]);
+    assert!(bench.sent().starts_with(&[0x09, 0x04, 0x07, 0xD0, 0, 3, 0xB1, 0xCE]));
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn what_it_was_set_to_is_known_after_a_new_link_only_by_the_socket() {
     for (name, target_n) in [("robotiq", Some(40.0)), ("robotiq-rtu", None)] {
         let mut bench = Bench::holding(name, config(name), "", 40.0);
         let fresh = Bench::new(name, config(name), "");
-        bench.driver = fresh.driver;
+        bench.pair.driver = fresh.pair.driver;
         bench.connect();
         bench.run(400);
         let got = bench.state().expect("there").target_n;

@@ -57,7 +57,7 @@ impl Server {
         let (plant, go_on) = (Shown::new(), Arc::new(AtomicBool::new(true)));
         let (address, mut between, running) = (listener.local_addr().expect("bound"), plant.clone(), go_on.clone());
         let thread = spawn(move || {
-            serve_tcp(&listener, &mut emulator, &mut between, || running.load(Ordering::Relaxed)).expect("serves");
+            serve_tcp(listener, &mut emulator, &mut between, || running.load(Ordering::Relaxed)).expect("serves");
         });
         Server { address, plant, go_on, thread: Some(thread) }
     }

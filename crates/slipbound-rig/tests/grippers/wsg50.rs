@@ -16,7 +16,7 @@ fn sent(bench: &Bench, id: u8) -> Vec<Vec<u8>> {
             found.push(frame.payload().to_vec());
         }
     };
-    Parser::default().feed(&bench.sent, &mut keep);
+    Parser::default().feed(&bench.sent(), &mut keep);
     found
 }
 
@@ -63,7 +63,7 @@ fn the_bytes_of_a_grasp_are_the_known_good_ones() {
     bench.grip(20.0).expect("taken over");
     bench.run(2000);
     let limit_20_n = [0xAA, 0xAA, 0xAA, 0x32, 0x04, 0x00, 0x00, 0x00, 0xA0, 0x41, 0xF5, 0x22];
-    assert!(bench.sent.windows(12).any(|bytes| bytes == limit_20_n));
+    assert!(bench.sent().windows(12).any(|bytes| bytes == limit_20_n));
     assert_eq!(sent(&bench, 0x25), [[50f32.to_le_bytes(), 50f32.to_le_bytes()].concat()]);
     assert_eq!(sent(&bench, 0x40)[0], [1, 20, 0], "system state by itself, every 20 ms");
     for id in [0x20, 0x21, 0x22, 0x23, 0x24, 0x26, 0x07] {
@@ -71,14 +71,14 @@ fn the_bytes_of_a_grasp_are_the_known_good_ones() {
     }
     bench.order(Order::Acknowledge).expect("taken over");
     let ack = [0xAA, 0xAA, 0xAA, 0x24, 0x03, 0x00, 0x61, 0x63, 0x6B, 0xDC, 0xB9];
-    assert!(bench.sent.ends_with(&ack));
+    assert!(bench.sent().ends_with(&ack));
 }
 
 #[test]
 fn split_into_single_bytes_the_run_is_the_same() {
     let run = |chunk| {
         let mut bench = Bench::new("wsg50", allowing(), "");
-        bench.chunk = chunk;
+        bench.most_bytes = chunk;
         bench.run(100);
         bench.grip(25.0).expect("taken over");
         bench.run(2000);
@@ -244,10 +244,10 @@ fn a_release_overtakes_a_grasp_under_way() {
 fn silence_is_told_in_time_and_nothing_piles_up() {
     let mut bench = Bench::holding("wsg50", allowing(), "", 20.0);
     bench.is_carrying = false;
-    let from_ns = bench.now_ns;
+    let from_ns = bench.now_ns();
     bench.grip(30.0).expect("taken over");
     let message = bench.until_error(600).to_string();
-    assert!((500 * MS..525 * MS).contains(&(bench.now_ns - from_ns)));
+    assert!((500 * MS..525 * MS).contains(&(bench.now_ns() - from_ns)));
     assert!(message.starts_with("wsg50://bench: expected a sign of life every 500 ms, got none for 50"), "{message}");
     bench.run(20_000);
     assert!(bench.driver.outgoing().len() < 1200, "{} bytes wait for a dead link", bench.driver.outgoing().len());
@@ -293,7 +293,7 @@ fn two_runs_are_the_same_and_faster_than_real_time() {
             bench.run(100);
             trace.push((bench.plant.force_n, bench.state().ok().and_then(|state| state.force_n)));
         }
-        (trace, bench.sent)
+        (trace, bench.sent().to_vec())
     };
     assert_eq!(run(), run());
     let real_s = from.elapsed().as_secs_f64();

@@ -82,4 +82,7 @@ pub trait Gripper {
 
     /// The newest state.
     fn poll(&mut self) -> Result<GripperState, GripperError>;
+
+    /// Carries bytes between two turns of the loop, where there is a link: to be called every few ms.
+    fn carry(&mut self) {}
 }

@@ -72,4 +72,7 @@ pub trait Wrist {
 
     /// The newest state.
     fn poll(&mut self) -> Result<WristState, WristError>;
+
+    /// Carries bytes between two turns of the loop, where there is a link: to be called every few ms.
+    fn carry(&mut self) {}
 }

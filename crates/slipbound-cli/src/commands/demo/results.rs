@@ -2,26 +2,8 @@
 
 use crate::measures::{Measures, most_ground_n, succeeded};
 use slipbound::task::TaskSettings;
-use slipbound_lab::hand::{HandScene, HandTruth};
-use slipbound_rig::run::{Row, Truth};
-
-/// The truth of a moment, as the run folder keeps it.
-pub fn truth(truth: &HandTruth) -> Truth {
-    let used_fraction = (truth.grip_force_n > 0.0).then(|| truth.required_n / truth.grip_force_n);
-    Truth {
-        cap_angle_rad: truth.cap.as_ref().map(|cap| cap.angle_rad),
-        torque_n_mm: truth.cap.as_ref().map(|cap| cap.torque_n_mm.abs()),
-        torque_limit_n_mm: truth.cap.as_ref().map(|cap| cap.limit_n_mm.abs()),
-        load_n: truth.bottle.as_ref().map(|bottle| bottle.load_n),
-        required_n: Some(truth.required_n),
-        margin: used_fraction.map(|used| (1.0 - used).max(-1.0)),
-        stick_ratio: truth.stick_ratio,
-        slid_mm: Some(truth.slid_mm),
-        gross: truth.gross,
-        ground_force_n: truth.ground.as_ref().map(|ground| ground.force_n),
-        mass_kg: truth.bottle.as_ref().map(|bottle| bottle.mass_kg),
-    }
-}
+use slipbound_lab::hand::HandScene;
+use slipbound_rig::run::Row;
 
 /// The table of results.
 pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &Measures) -> Vec<Row> {

@@ -1,0 +1,194 @@
+//! A driver and its emulator, joined by two byte queues in place of a socket. Time goes on only when both are empty,
+//! so every run is the same, and as fast as the computer.
+
+use super::{Emulator, Faulty};
+use crate::gripper::{self, Driver, Note, Order};
+use crate::link::Talker;
+use crate::wrist::{self, LineWrist};
+use slipbound::port::{
+    GripCommand, Gripper, GripperError, GripperState, Plant, Wrist, WristCommand, WristError, WristState,
+};
+
+/// Time after which a lost link is made anew, ns: as long as a driver at a socket waits.
+const CONNECT_AGAIN_NS: u64 = 250_000_000;
+
+/// Exchanges at one moment after which two that never stop talking are interrupted.
+const MOST_EXCHANGES: u32 = 10_000;
+
+/// A driver joined to an emulator. Whoever owns it tells the time with [`Joined::step`]; as a [`Gripper`] or a
+/// [`Wrist`] it is then used like one at a socket.
+pub struct Joined<D> {
+    /// The driver.
+    pub driver: D,
+    /// The emulator.
+    pub emulator: Faulty,
+    /// Most bytes carried at once; small ones split every message.
+    pub most_bytes: usize,
+    /// Whether bytes are carried at all; they wait otherwise, as on a line that is dead but not cut.
+    pub is_carrying: bool,
+    /// Whether a lost link is made anew by itself.
+    pub reconnects: bool,
+    /// Everything the driver has sent, if that is to be kept.
+    pub sent: Option<Vec<u8>>,
+    now_ns: u64,
+    is_connected: bool,
+    lost_ns: u64,
+}
+
+impl<D: Talker> Joined<D> {
+    /// Joins the two at time 0, linked. The link is made anew when it is lost.
+    pub fn new(driver: D, emulator: Faulty, plant: &mut dyn Plant) -> Self {
+        let mut joined = Joined::unlinked(driver, emulator, plant);
+        joined.connect();
+        joined
+    }
+
+    /// The two at time 0, not yet linked.
+    pub fn unlinked(driver: D, emulator: Faulty, plant: &mut dyn Plant) -> Self {
+        let (most_bytes, is_carrying, reconnects) = (usize::MAX, true, true);
+        let (sent, now_ns, is_connected, lost_ns) = (None, 0, false, 0);
+        let mut joined =
+            Joined { driver, emulator, most_bytes, is_carrying, reconnects, sent, now_ns, is_connected, lost_ns };
+        joined.emulator.tick(0, plant);
+        joined
+    }
+
+    /// Time of both, ns.
+    pub fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    /// Whether they are linked.
+    pub fn is_connected(&self) -> bool {
+        self.is_connected
+    }
+
+    /// Links them.
+    pub fn connect(&mut self) {
+        self.is_connected = true;
+        self.emulator.connected(self.now_ns);
+        self.driver.linked(self.now_ns);
+        self.carry();
+    }
+
+    /// Cuts the link; both sides see it.
+    pub fn cut(&mut self, why: &str) {
+        if self.is_connected {
+            (self.is_connected, self.lost_ns) = (false, self.now_ns);
+            self.emulator.disconnected(self.now_ns);
+            self.driver.unlinked(self.now_ns, why);
+        }
+    }
+
+    /// Carries bytes until both are quiet. False when they never were.
+    pub fn carry(&mut self) -> bool {
+        for _ in 0..MOST_EXCHANGES {
+            if !self.is_connected || !self.is_carrying {
+                return true;
+            }
+            let ours = first(self.driver.outgoing(), self.most_bytes);
+            let theirs = first(self.emulator.outgoing(), self.most_bytes);
+            if ours.is_empty() && theirs.is_empty() {
+                return true;
+            }
+            if let Some(sent) = &mut self.sent {
+                sent.extend(&ours);
+            }
+            self.emulator.receive(self.now_ns, &ours);
+            self.driver.receive(self.now_ns, &theirs);
+        }
+        false
+    }
+
+    /// Lets time pass up to `now_ns` on both sides. Time in the plant is for its owner to let pass: several emulators
+    /// may press and move it.
+    pub fn step(&mut self, now_ns: u64, plant: &mut dyn Plant) {
+        self.carry();
+        self.now_ns = now_ns;
+        self.emulator.tick(now_ns, plant);
+        if self.emulator.take_hang_up() {
+            self.cut("closed by the other side");
+        }
+        if self.reconnects && !self.is_connected && now_ns >= self.lost_ns + CONNECT_AGAIN_NS {
+            self.connect();
+        }
+        self.driver.tick(now_ns);
+        self.carry();
+    }
+}
+
+impl Joined<Box<dyn Driver>> {
+    /// Gives the driver an order. An error means that it was not taken over.
+    pub fn order(&mut self, order: Order) -> Result<(), gripper::Error> {
+        let taken = self.driver.order(self.now_ns, order);
+        self.carry();
+        taken
+    }
+
+    /// The newest state, or what is wrong. A link through which nothing comes is given up, not without a farewell.
+    pub fn state(&mut self) -> Result<GripperState, gripper::Error> {
+        self.carry();
+        let state = self.driver.state(self.now_ns);
+        if matches!(state, Err(gripper::Error::Silent { .. })) && self.reconnects {
+            let _ = self.order(Order::Leave); // the bytes count; an answer is not to be had
+            self.cut("nothing came through it");
+        }
+        state
+    }
+
+    /// The next thing worth writing down.
+    pub fn next_note(&mut self) -> Option<Note> {
+        self.driver.next_note()
+    }
+}
+
+impl Gripper for Joined<Box<dyn Driver>> {
+    fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
+        Ok(self.order(Order::Grip(command))?)
+    }
+
+    fn poll(&mut self) -> Result<GripperState, GripperError> {
+        Ok(self.state()?)
+    }
+}
+
+impl Wrist for Joined<LineWrist> {
+    fn command(&mut self, command: WristCommand) -> Result<(), WristError> {
+        let taken = self.driver.command(self.now_ns, command);
+        self.carry();
+        Ok(taken?)
+    }
+
+    fn poll(&mut self) -> Result<WristState, WristError> {
+        self.carry();
+        let state = self.driver.report(self.now_ns);
+        if matches!(state, Err(wrist::Error::Silent { .. })) && self.reconnects {
+            self.cut("nothing came through it");
+        }
+        Ok(state?)
+    }
+}
+
+/// A plant as an emulator sees it that only moves the wrist: it has nothing between jaws of its own, and does not press.
+pub struct OnlyMoved<'a>(pub &'a mut dyn Plant);
+
+impl Plant for OnlyMoved<'_> {
+    fn width_mm(&self) -> Option<f64> {
+        None
+    }
+
+    fn press(&mut self, _force_n: f64) {}
+
+    fn place_wrist(&mut self, angle_rad: f64, lowered_mm: f64) {
+        self.0.place_wrist(angle_rad, lowered_mm);
+    }
+
+    fn advance_to(&mut self, now_ns: u64) {
+        self.0.advance_to(now_ns);
+    }
+}
+
+fn first(queue: &mut Vec<u8>, most: usize) -> Vec<u8> {
+    let count = queue.len().min(most);
+    queue.drain(..count).collect()
+}
