@@ -1,6 +1,6 @@
 //! A run as it is written down and told.
 
-use crate::closed_loop::{ClosedLoop, Told, Trouble, Turn, Turned};
+use crate::closed_loop::{ClosedLoop, Told, Turn, Turned};
 use crate::measures::{Measures, truth_of};
 use crate::outcome::Failure;
 use crate::terminal::Terminal;
@@ -24,7 +24,8 @@ pub struct Chronicle {
     pub terminal: Terminal,
     last: Option<Cycle>,
     slips_count: u32,
-    trouble: Option<Trouble>,
+    /// Kinds of trouble told since all was well.
+    troubles: Vec<String>,
     is_lowering_told: bool,
 }
 
@@ -38,7 +39,7 @@ impl Chronicle {
             terminal: Terminal::with_status(),
             last: None,
             slips_count: 0,
-            trouble: None,
+            troubles: Vec::new(),
             is_lowering_told: false,
         })
     }
@@ -48,14 +49,19 @@ impl Chronicle {
         for note in told.notes {
             self.note(told.now_ns, &format!("gripper: {note}"))?;
         }
-        if around.trouble != self.trouble {
-            match (&around.trouble, &self.trouble) {
-                (Some(trouble), _) => {
+        match &around.trouble {
+            Some(trouble) => {
+                let kind = trouble.kind();
+                if !self.troubles.contains(&kind) {
+                    self.troubles.push(kind);
                     self.note(told.now_ns, &format!("{}; the wrist pauses, the grip stays", trouble.why))?;
                 }
-                (None, _) => self.note(told.now_ns, "gripper and wrist are back; going on")?,
             }
-            self.trouble.clone_from(&around.trouble);
+            None if !self.troubles.is_empty() => {
+                self.troubles.clear();
+                self.note(told.now_ns, "gripper and wrist are back; going on")?;
+            }
+            None => {}
         }
         if let (Some(why), false) = (&around.refused_lowering, self.is_lowering_told) {
             self.is_lowering_told = true;

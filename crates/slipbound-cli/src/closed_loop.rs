@@ -6,9 +6,10 @@
 //!   gripper, wrist: poll ------'
 //! ```
 //!
-//! While gripper or wrist are in trouble (a lost link, no answer, a latched fast stop) the wrist is paused, the force
-//! stays where it is, and the loop looks on and waits for them, for ten seconds. On any other error it leaves: the wrist
-//! is paused first, and the gripper keeps its force, or goes to the force for blind hands where that is set and more.
+//! While gripper or wrist are in trouble (a lost link, no answer, a refusal, a latched fast stop, a force that does not
+//! follow) the wrist is paused, the force stays where it is, and the loop looks on and waits for them, for ten seconds.
+//! On any other error it leaves: the wrist is paused first, and the gripper keeps its force, or goes to the force for
+//! blind hands where that is set and more.
 
 use crate::frames::FrameRecorder;
 use anyhow::{Context, anyhow};
@@ -28,6 +29,13 @@ pub const REST_FRAMES_COUNT: u32 = 10;
 
 /// Longest wait for a gripper or wrist in trouble, ns: enough for a cable to be put back.
 const PATIENCE_NS: u64 = 10_000_000_000;
+
+/// Time without trouble after which the wrist may go on, ns.
+const CALM_NS: u64 = 500_000_000;
+
+/// Longest time for a measured force to come up to what was commanded, ns, and what may lack then: N, and share.
+const FOLLOW_NS: u64 = 1_500_000_000;
+const LACK: (f64, f64) = (2.0, 0.2);
 
 /// A pause, in whatever the wrist is doing.
 const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);
@@ -155,8 +163,17 @@ pub struct Told<'a> {
 pub struct Trouble {
     /// Since when, ns.
     pub since_ns: u64,
-    /// What was said first.
+    /// When there last was any, ns.
+    pub last_ns: u64,
+    /// What was said last.
     pub why: String,
+}
+
+impl Trouble {
+    /// What kind of trouble it is: what was said, without its numbers.
+    pub fn kind(&self) -> String {
+        self.why.chars().filter(|c| !c.is_ascii_digit()).collect()
+    }
 }
 
 /// The loop's state.
@@ -168,19 +185,30 @@ pub struct ClosedLoop {
     pub task: Box<dyn Task + Send>,
     /// Who keeps the frames, if anyone does.
     pub recorder: Option<FrameRecorder>,
-    /// What gripper or wrist could not do in the last turn; None when all is well.
+    /// What gripper or wrist could not do a short while ago; None when all is well.
     pub trouble: Option<Trouble>,
     /// A lower force that the gripper refused, the first time; the force stays where it is.
     pub refused_lowering: Option<String>,
     last: Option<TaskStep>,
+    grip: Option<GripSample>,
+    lacks_since_ns: Option<u64>,
 }
 
 impl ClosedLoop {
     /// A loop before its first turn.
     pub fn new(eyes: Vec<Eye>, task: Box<dyn Task + Send>) -> anyhow::Result<Self> {
         let mountings: Vec<Mounting> = eyes.iter().map(|eye| eye.mounting).collect();
-        let (recorder, trouble, refused_lowering, last) = (None, None, None, None);
-        Ok(ClosedLoop { hand: Hand::new(&mountings)?, eyes, task, recorder, trouble, refused_lowering, last })
+        Ok(ClosedLoop {
+            hand: Hand::new(&mountings)?,
+            eyes,
+            task,
+            recorder: None,
+            trouble: None,
+            refused_lowering: None,
+            last: None,
+            grip: None,
+            lacks_since_ns: None,
+        })
     }
 
     /// One turn: every finger's frame, the gripper's and the wrist's state, the commands. On an error, that of a
@@ -207,10 +235,13 @@ impl ClosedLoop {
     }
 
     fn try_turn(&mut self, now_ns: u64, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> anyhow::Result<Turned> {
-        let state = gripper.poll().map_err(|e| format!("gripper: {e}"));
+        let state = gripper.poll().map_err(|e| format!("gripper: {e}")).and_then(|state| self.usable(state));
         let wrist_state = wrist.poll().map_err(|e| format!("wrist: {e}"));
         let known = state.and_then(|state| Ok((state, wrist_state?)));
-        let grip = known.as_ref().ok().and_then(|(state, _)| state.pressed_n()).map(|force_n| GripSample { force_n });
+        if let Ok((state, _)) = &known {
+            self.grip = state.pressed_n().map(|force_n| GripSample { force_n });
+        }
+        let grip = self.grip;
         for (i, eye) in self.eyes.iter_mut().enumerate() {
             if !eye.look(grip, self.recorder.as_mut())? {
                 return Ok(Turned::Over);
@@ -236,34 +267,48 @@ impl ClosedLoop {
         let hand = self.hand.report();
         let step = self.task.step(&Moment { now_ns, hand: &hand, gripper: &state, wrist: &wrist_state });
         self.last = Some(step);
-        match self.command(&state, &step, gripper, wrist) {
+        let wanted = self.lacks(now_ns, &state, &step);
+        match self.command(&step, gripper, wrist).or(wanted) {
             Some(why) => self.suffer(now_ns, why, wrist)?,
-            None => self.trouble = None,
+            None => self.trouble = self.trouble.take().filter(|trouble| now_ns < trouble.last_ns + CALM_NS),
         }
         Ok(Turned::Commanded(Turn { hand, gripper: state, wrist: wrist_state, step }))
     }
 
-    /// Commands wrist and gripper; what they could not do.
-    fn command(
-        &mut self,
-        state: &GripperState,
-        step: &TaskStep,
-        gripper: &mut dyn Gripper,
-        wrist: &mut dyn Wrist,
-    ) -> Option<String> {
-        let is_over = matches!(step.phase, Phase::Ended(_));
+    /// A state that can be worked with.
+    fn usable(&self, state: GripperState) -> Result<GripperState, String> {
+        let is_over = self.last.is_some_and(|step| matches!(step.phase, Phase::Ended(_)));
         match state.jaws {
-            Jaws::Stopped => return Some("gripper: it has stopped itself (fast stop); its force stays".into()),
+            Jaws::Stopped => Err("gripper: it has stopped itself (fast stop); its force stays".into()),
             Jaws::Unknown if !is_over => {
-                let known = "gripper: expected jaws that know where they are, got jaws unknown";
-                return Some(format!("{known}: switched off and on, or not homed; take the object out and home it"));
+                let got = "gripper: expected jaws that know where they are, got jaws unknown";
+                Err(format!("{got}: not heard of yet, or switched off and on (then take the object out and home it)"))
             }
-            _ => {}
+            _ => Ok(state),
         }
+    }
+
+    /// Commands wrist and gripper; what they could not do. In trouble the wrist stands.
+    fn command(&mut self, step: &TaskStep, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> Option<String> {
         // A wrist that is to stand stands before the grip changes.
-        let moved = wrist.command(step.wrist).map_err(|e| format!("wrist: {e}"));
+        let motion = if self.trouble.is_some() { PAUSE } else { step.wrist };
+        let moved = wrist.command(motion).map_err(|e| format!("wrist: {e}"));
         let gripped = gripper.command(step.grip).or_else(|e| self.bear(e)).map_err(|e| format!("gripper: {e}"));
         gripped.and(moved).err()
+    }
+
+    /// What lacks when a force that was commanded does not arrive.
+    fn lacks(&mut self, now_ns: u64, state: &GripperState, step: &TaskStep) -> Option<String> {
+        let asked_n = step.grip.force_n;
+        let least_n = asked_n - LACK.0.max(LACK.1 * asked_n);
+        let measured_n = state.force_n.filter(|n| state.jaws == Jaws::Holding && *n < least_n);
+        let Some(measured_n) = measured_n.filter(|_| step.grip.motion != Motion::Release) else {
+            self.lacks_since_ns = None;
+            return None;
+        };
+        let since_ns = *self.lacks_since_ns.get_or_insert(now_ns);
+        let is_late = now_ns.saturating_sub(since_ns) > FOLLOW_NS;
+        is_late.then(|| format!("gripper: expected {asked_n:.1} N per finger, measured {measured_n:.1} N for too long"))
     }
 
     /// A gripper that must not be told a lower force holds on with the one it has: that is no trouble.
@@ -280,9 +325,10 @@ impl ClosedLoop {
     /// In trouble: the wrist is paused; an error when it lasts too long.
     fn suffer(&mut self, now_ns: u64, why: String, wrist: &mut dyn Wrist) -> anyhow::Result<()> {
         let _ = wrist.command(PAUSE); // the wrist may be what is in trouble: it then pauses by itself
-        let trouble = self.trouble.get_or_insert(Trouble { since_ns: now_ns, why });
-        let waited_ns = now_ns.saturating_sub(trouble.since_ns);
-        anyhow::ensure!(waited_ns < PATIENCE_NS, "{}; waited {} s", trouble.why, waited_ns / 1_000_000_000);
+        let since_ns = self.trouble.as_ref().map_or(now_ns, |trouble| trouble.since_ns);
+        let waited_ns = now_ns.saturating_sub(since_ns);
+        anyhow::ensure!(waited_ns < PATIENCE_NS, "{why}; waited {} s", waited_ns / 1_000_000_000);
+        self.trouble = Some(Trouble { since_ns, last_ns: now_ns, why });
         Ok(())
     }
 }

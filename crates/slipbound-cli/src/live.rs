@@ -66,7 +66,7 @@ fn turn_after_turn(
         let turned = turned?;
         see(around, &Told { now_ns, turned, notes: &notes })?;
         match turned {
-            Turned::Over => return Ok(()),
+            Turned::Over => return around.trouble.take().map_or(Ok(()), |trouble| Err(anyhow!(trouble.why))),
             Turned::Commanded(turn) if matches!(turn.step.phase, Phase::Ended(_)) => return Ok(()),
             _ => {}
         }

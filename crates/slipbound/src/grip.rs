@@ -113,6 +113,6 @@ impl Law {
 }
 
 /// Whether a commanded force has arrived at the object: within half a newton or a twentieth.
-fn arrived(target_n: f64, gripper: &GripperState) -> bool {
+pub(crate) fn arrived(target_n: f64, gripper: &GripperState) -> bool {
     gripper.pressed_n().is_some_and(|n| (n - target_n).abs() <= 0.5f64.max(0.05 * target_n))
 }

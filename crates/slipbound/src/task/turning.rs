@@ -4,7 +4,7 @@ use super::grasp::{Grasp, Grasped};
 use super::shear_watch::ShearWatch;
 use super::zero::Zero;
 use super::{Ending, Moment, PAUSE, Phase, TaskStep, turn};
-use crate::grip::{GripController, Guard};
+use crate::grip::{GripController, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
 use crate::monitor::SlipState;
 use crate::port::{GripCommand, Jaws, Motion};
@@ -61,7 +61,7 @@ pub(super) struct Evidence<'a> {
     pub shear: &'a ShearWatch,
     /// How far the wrist has turned, in the sense of the task, rad.
     pub turned_rad: f64,
-    /// Slip was seen at the largest force.
+    /// Slip was seen while the gripper pressed with the largest force.
     pub slip_at_most: bool,
 }
 
@@ -124,7 +124,9 @@ impl Turning {
         if let Some(shear) = seen.shear_mm {
             self.shear.see(turned_rad, sense * shear.around);
         }
-        let slip_at_most = self.last.force_n >= self.grip.limits().most_n && self.grip.wants_more();
+        // A gripper that was told the largest force but does not press with it proves nothing.
+        let at_most = self.last.force_n >= self.grip.limits().most_n && arrived(self.last.force_n, moment.gripper);
+        let slip_at_most = at_most && self.grip.wants_more();
         let ending = if moment.gripper.jaws == Jaws::Lost {
             Some(Ending::Lost)
         } else {

@@ -1,0 +1,371 @@
+//! What happens to the hand and to the wrist when processes and links between them fail: `run` with real sockets,
+//! emulators that are processes of their own, and between them a line that can be cut, stalled or left half open.
+//! `cargo test -p slipbound-cli --test link_faults -- --nocapture` prints the rows of docs/grippers.md.
+
+use serde_json::Value;
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::thread::{sleep, spawn};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use tempfile::TempDir;
+
+/// Longest time for which a wrist may move on after whatever has happened: its time to live and a little for a busy
+/// computer.
+const WRIST_MS: u64 = 450;
+
+fn slipbound() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_slipbound"))
+}
+
+fn unix_ns() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970").as_nanos() as u64
+}
+
+fn signal(child: &Child, name: &str) {
+    let told = Command::new("kill").args([name, &child.id().to_string()]).status().expect("kill runs");
+    assert!(told.success());
+}
+
+/// An emulator in a process of its own; killed when dropped.
+struct Emulator {
+    child: Child,
+    place: String,
+    log: PathBuf,
+}
+
+impl Emulator {
+    fn start(name: &str, log: PathBuf, args: &[&str]) -> Self {
+        let path = log.to_str().expect("UTF-8");
+        let mut child = slipbound()
+            .args(["emulate", name, "--log", path])
+            .args(args)
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("starts");
+        let mut line = String::new();
+        BufReader::new(child.stdout.as_mut().expect("piped")).read_line(&mut line).expect("its address");
+        let place = line.trim().rsplit('/').next().expect("an address").to_owned();
+        Emulator { child, place, log }
+    }
+
+    fn lines(&self) -> Vec<Value> {
+        let text = fs::read_to_string(&self.log).expect("a log");
+        let whole = text.rfind('\n').map_or("", |end| &text[..end]);
+        whole.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+    }
+
+    fn last(&self, key: &str) -> f64 {
+        self.lines().last().and_then(|line| line[key].as_f64()).unwrap_or(0.0)
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+const OPEN: u8 = 0;
+const STALLED: u8 = 1;
+const CUT: u8 = 2;
+/// The far side is told nothing and hears nothing; ours is closed.
+const HALF_OPEN: u8 = 3;
+
+/// A line between driver and emulator.
+struct Line {
+    place: String,
+    state: Arc<AtomicU8>,
+}
+
+impl Line {
+    fn to(far: &str) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let place = listener.local_addr().expect("bound").to_string();
+        let (state, far) = (Arc::new(AtomicU8::new(OPEN)), far.to_owned());
+        let shared = state.clone();
+        spawn(move || {
+            for near in listener.incoming().map_while(Result::ok) {
+                let Ok(far) = TcpStream::connect(&far) else { continue };
+                let again = |stream: &TcpStream| stream.try_clone().expect("a second handle");
+                let (near_2, far_2, ours, theirs) = (again(&near), again(&far), shared.clone(), shared.clone());
+                spawn(move || carry(near, far, &ours, true));
+                spawn(move || carry(far_2, near_2, &theirs, false));
+            }
+        });
+        Line { place, state }
+    }
+
+    fn be(&self, state: u8) {
+        self.state.store(state, Ordering::Relaxed);
+    }
+}
+
+fn carry(mut from: TcpStream, mut to: TcpStream, state: &AtomicU8, is_near: bool) {
+    from.set_read_timeout(Some(Duration::from_millis(2))).expect("a time");
+    let mut bytes = [0; 4096];
+    loop {
+        match state.load(Ordering::Relaxed) {
+            OPEN => {}
+            STALLED => {
+                sleep(Duration::from_millis(2));
+                continue;
+            }
+            HALF_OPEN => {
+                // The near side is closed; the far one is kept and never heard of again.
+                let near = if is_near { &from } else { &to };
+                let _ = near.shutdown(std::net::Shutdown::Both);
+                while state.load(Ordering::Relaxed) == HALF_OPEN {
+                    sleep(Duration::from_millis(20));
+                }
+                sleep(Duration::from_secs(20));
+                return;
+            }
+            _ => {
+                let _ = from.shutdown(std::net::Shutdown::Both);
+                let _ = to.shutdown(std::net::Shutdown::Both);
+                return;
+            }
+        }
+        match from.read(&mut bytes) {
+            Ok(0) => {
+                let _ = to.shutdown(std::net::Shutdown::Both);
+                return;
+            }
+            Ok(count) if to.write_all(&bytes[..count]).is_err() => return,
+            Ok(_) => {}
+            Err(e) if matches!(e.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut) => {}
+            Err(_) => return,
+        }
+    }
+}
+
+/// A hand that lifts slowly, for ten seconds: something has hold of, and the wrist moves.
+struct Lifting {
+    run: Child,
+    gripper: Emulator,
+    wrist: Emulator,
+    gripper_line: Line,
+    wrist_line: Line,
+    folder: PathBuf,
+}
+
+impl Lifting {
+    /// Frames of a simulated finger that takes hold: made once, for every test.
+    fn frames() -> &'static Path {
+        static FRAMES: OnceLock<TempDir> = OnceLock::new();
+        static LEFT: OnceLock<PathBuf> = OnceLock::new();
+        let folder = FRAMES.get_or_init(|| {
+            let folder = tempfile::tempdir().expect("a folder");
+            let args = ["demo", "--task", "lift", "--fingers", "1", "--record", "-o"];
+            let run = folder.path().join("frames");
+            let made = slipbound().args(args).arg(run).stdout(Stdio::null()).status().expect("runs");
+            assert!(made.success());
+            folder
+        });
+        LEFT.get_or_init(|| folder.path().join("frames/left"))
+    }
+
+    fn start(gripper_faults: &str, query: &str) -> (TempDir, Self) {
+        let frames = Lifting::frames();
+        let scratch = tempfile::tempdir().expect("a folder");
+        let folder = scratch.path().to_owned();
+        let fail = ["--width", "66", "--weight", "8", "--mu", "0.6", "--fail", gripper_faults];
+        let gripper = Emulator::start("wsg50", folder.join("gripper.jsonl"), &fail);
+        let wrist = Emulator::start("line", folder.join("wrist.jsonl"), &["--width", "0"]);
+        let (gripper_line, wrist_line) = (Line::to(&gripper.place), Line::to(&wrist.place));
+        let settings = folder.join("settings.toml");
+        fs::write(&settings, "[lift]\nlift_mm = 400.0\nrate_mm_per_s = 20.0\n").expect("written");
+        let gripper_address = format!("wsg50://{}?part_width_mm=66{query}", gripper_line.place);
+        let run = slipbound()
+            .args(["run", "lift"])
+            .arg(frames)
+            .args(["--sensor", "gelslim", "--rate-hz", "15", "--controller", "constant", "--gripper", &gripper_address])
+            .args(["--wrist", &format!("line://{}", wrist_line.place), "--settings"])
+            .arg(&settings)
+            .arg("-o")
+            .arg(folder.join("run"))
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("starts");
+        let lifting = Lifting { run, gripper, wrist, gripper_line, wrist_line, folder };
+        let until = Instant::now() + Duration::from_secs(30);
+        while lifting.wrist.last("lowered_mm") > -4.0 {
+            assert!(Instant::now() < until, "it never lifted: {}", lifting.events());
+            sleep(Duration::from_millis(20));
+        }
+        (scratch, lifting)
+    }
+
+    fn events(&self) -> String {
+        fs::read_to_string(self.folder.join("run").join("events.jsonl")).unwrap_or_default()
+    }
+
+    /// Whether the wrist moves now, as it says itself.
+    fn wrist_moves(&self) -> bool {
+        let before_mm = self.wrist.last("lowered_mm");
+        sleep(Duration::from_millis(400));
+        (self.wrist.last("lowered_mm") - before_mm).abs() > 0.5
+    }
+
+    /// Least force since a moment, N per finger, and whether the block was carried all the time.
+    fn held_since(&self, since_ns: u64) -> (f64, bool) {
+        let lines = self.gripper.lines();
+        let after = lines.iter().filter(|line| line["unix_ns"].as_u64() >= Some(since_ns));
+        let force_n = |line: &Value| line["force_n"].as_f64().expect("a force");
+        let least_n = after.clone().map(force_n).fold(f64::INFINITY, f64::min);
+        (least_n, after.clone().all(|line| line["is_carried"] == true) && after.count() > 0)
+    }
+
+    /// How long after a moment the wrist still moved, ms.
+    fn moved_on_ms(&self, since_ns: u64, until_ns: u64) -> u64 {
+        let lines = self.wrist.lines();
+        let at = |line: &Value| line["unix_ns"].as_u64().expect("a time");
+        let mut last_ns = since_ns;
+        for pair in lines.windows(2) {
+            if pair[0]["lowered_mm"] != pair[1]["lowered_mm"] && (since_ns..until_ns).contains(&at(&pair[1])) {
+                last_ns = at(&pair[1]);
+            }
+        }
+        (last_ns - since_ns) / 1_000_000
+    }
+
+    /// Ends the run if it has not ended; its exit code and what it said.
+    fn end(&mut self) -> (Option<i32>, String) {
+        let until = Instant::now() + Duration::from_secs(20);
+        while self.run.try_wait().expect("known").is_none() {
+            assert!(Instant::now() < until, "it never ended: {}", self.events());
+            sleep(Duration::from_millis(20));
+        }
+        let mut said = String::new();
+        let _ = self.run.stderr.as_mut().expect("piped").read_to_string(&mut said);
+        (self.run.wait().expect("ended").code(), said)
+    }
+}
+
+impl Drop for Lifting {
+    fn drop(&mut self) {
+        let _ = self.run.kill();
+        let _ = self.run.wait();
+    }
+}
+
+/// A row of the table, after checking what must be true in every one of them: nothing fell, and the wrist stood soon.
+/// `noticed_ms`: how long the fault may go unnoticed.
+fn row(what: &str, lifting: &Lifting, since_ns: u64, until_ns: u64, noticed_ms: u64, then: &str) {
+    let (least_n, is_carried) = lifting.held_since(since_ns);
+    assert!(is_carried && least_n > 9.0, "{what}: dropped, {least_n} N; {}", lifting.events());
+    let moved_on_ms = lifting.moved_on_ms(since_ns, until_ns);
+    assert!(moved_on_ms <= noticed_ms + WRIST_MS, "{what}: moved on for {moved_on_ms} ms; {}", lifting.events());
+    println!("| {what} | {least_n:.1} N, held | {moved_on_ms} ms | {then} |");
+}
+
+#[test]
+fn a_program_told_to_end_pauses_the_wrist_and_keeps_the_force() {
+    for name in ["-INT", "-TERM"] {
+        let (_scratch, mut lifting) = Lifting::start("", "");
+        let since_ns = unix_ns();
+        signal(&lifting.run, name);
+        let (got, said) = lifting.end();
+        assert_eq!(got, Some(1), "{said}");
+        assert!(said.contains("interrupted") && lifting.events().contains("interrupted"), "{said}");
+        assert!(lifting.folder.join("run/report.html").exists());
+        sleep(Duration::from_millis(500));
+        row(&format!("our process: kill {name}"), &lifting, since_ns, unix_ns(), 0, "exit code 1, report written");
+    }
+}
+
+#[test]
+fn a_killed_program_leaves_the_force_and_a_wrist_that_pauses() {
+    let (_scratch, mut lifting) = Lifting::start("", "");
+    let since_ns = unix_ns();
+    signal(&lifting.run, "-KILL");
+    assert_eq!(lifting.end().0, None);
+    sleep(Duration::from_millis(700));
+    row("our process: kill -KILL", &lifting, since_ns, unix_ns(), 0, "fast stop latched, force kept");
+    let told = slipbound().args(["gripper", &format!("wsg50://{}", lifting.gripper.place), "status"]).output();
+    let told = String::from_utf8_lossy(&told.expect("runs").stdout).into_owned();
+    assert!(told.contains("stopped"), "{told}");
+}
+
+#[test]
+fn a_killed_gripper_or_wrist_ends_the_task_with_an_error() {
+    let (_scratch, mut lifting) = Lifting::start("", "");
+    signal(&lifting.gripper.child, "-KILL");
+    let since_ns = unix_ns();
+    let (got, said) = lifting.end();
+    assert_eq!(got, Some(1));
+    assert!(said.contains("link is lost") && lifting.events().contains("link is lost"), "{said}");
+    let moved_on_ms = lifting.moved_on_ms(since_ns, unix_ns());
+    assert!(moved_on_ms <= WRIST_MS, "{moved_on_ms}");
+    println!(
+        "| the gripper's emulator: kill -KILL | not known | {moved_on_ms} ms | exit code 1 after 10 s: link lost |"
+    );
+
+    let (_scratch, mut lifting) = Lifting::start("", "");
+    let since_ns = unix_ns();
+    signal(&lifting.wrist.child, "-KILL");
+    let (got, said) = lifting.end();
+    assert_eq!(got, Some(1));
+    assert!(said.contains("wrist"), "{said}");
+    row("the wrist's emulator: kill -KILL", &lifting, since_ns, unix_ns(), 0, "exit code 1 after 10 s: link lost");
+}
+
+/// A line that fails for a time: what is checked meanwhile, and that the lifting goes on afterwards.
+fn fails_for_a_time(what: &str, state: u8, for_ms: u64) {
+    for finger in ["gripper", "wrist"] {
+        let (_scratch, lifting) = Lifting::start("", "&acknowledge_own_fast_stop=true");
+        let line = if finger == "gripper" { &lifting.gripper_line } else { &lifting.wrist_line };
+        let since_ns = unix_ns();
+        line.be(state);
+        sleep(Duration::from_millis(for_ms));
+        let until_ns = unix_ns();
+        line.be(OPEN);
+        let back = Instant::now();
+        while !lifting.wrist_moves() {
+            assert!(back.elapsed() < Duration::from_secs(8), "{what}: never went on: {}", lifting.events());
+        }
+        // That a gripper says nothing is a fault after the longest silence allowed; a wrist runs out by itself.
+        let noticed_ms = if state == STALLED && finger == "gripper" { 500 } else { 0 };
+        row(&format!("{finger}: {what}"), &lifting, since_ns, until_ns, noticed_ms, "went on by itself");
+    }
+}
+
+#[test]
+fn a_cut_line_is_made_anew_and_the_lifting_goes_on() {
+    fails_for_a_time("link cut", CUT, 200);
+    fails_for_a_time("link half open", HALF_OPEN, 200);
+}
+
+#[test]
+fn a_line_that_stalls_for_five_seconds_stops_the_wrist_meanwhile() {
+    fails_for_a_time("link stalled 5 s", STALLED, 5000);
+}
+
+#[test]
+fn a_fast_stop_and_a_power_cycle_are_explained_and_nothing_moves_any_more() {
+    for (what, fault, says) in [
+        ("fast stop", "fast-stop@6000", "fast stop latched"),
+        ("power-cycle", "power-cycle@6000", "jaws that know where they are"),
+    ] {
+        let (_scratch, mut lifting) = Lifting::start(fault, "");
+        let from_ns = lifting.gripper.lines()[0]["unix_ns"].as_u64().expect("a time");
+        let (got, said) = lifting.end();
+        assert_eq!(got, Some(1), "{what}: {said}");
+        assert!(lifting.events().contains(says), "{what}: {}", lifting.events());
+        row(
+            &format!("gripper: {what}"),
+            &lifting,
+            from_ns + 6_000_000_000,
+            unix_ns(),
+            0,
+            "exit code 1 after 10 s, explained",
+        );
+    }
+}

@@ -1,0 +1,130 @@
+//! The tasks through the driver of a WSG-50 and its emulator: the same endings as without, in lock-step and over
+//! sockets; what goes wrong with the gripper; what `run` and `hold` refuse.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn slipbound(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("runs")
+}
+
+fn told(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+fn demo(folder: &Path, args: &[&str]) -> Output {
+    slipbound(&[&["demo", "--fingers", "1", "-o", folder.to_str().expect("UTF-8")], args].concat())
+}
+
+/// The value of a row of the results.
+fn row(told: &str, name: &str) -> String {
+    let line = told.lines().find_map(|line| line.trim().strip_prefix(name));
+    line.unwrap_or_else(|| panic!("no row {name}: {told}")).split_whitespace().next().expect("a value").into()
+}
+
+#[test]
+fn screw_unscrew_and_lift_end_through_a_driver_as_they_do_without() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    for (task, set, measured) in [
+        ("screw", "mu=0.9", "largest torque on the cap"),
+        ("unscrew", "mu=0.9", ""),
+        ("lift", "mu=0.9", "mass at the end"),
+    ] {
+        let run = |name: &str, through: &[&str]| {
+            let folder = scratch.path().join(format!("{task}-{name}"));
+            let output = demo(&folder, &[&["--task", task, "--set", set], through].concat());
+            assert!(output.status.success(), "{task} {name}: {}", told(&output));
+            (folder, told(&output))
+        };
+        let (_, without) = run("without", &[]);
+        let (folder, with) = run("wsg50", &["--through", "wsg50"]);
+        for name in ["ended", "largest grip"] {
+            assert_eq!(row(&without, name), row(&with, name), "{task}: {name}\n{without}\n{with}");
+        }
+        if !measured.is_empty() {
+            let value = |told: &str| row(told, measured).parse::<f64>().expect("a number");
+            let (a, b) = (value(&without), value(&with));
+            assert!((a - b).abs() <= 0.05 * a, "{task}: {measured}: {a} and {b}");
+        }
+        let events = fs::read_to_string(folder.join("events.jsonl")).expect("events");
+        assert!(events.contains("force is changed by setting the force limit alone"), "{task}: {events}");
+    }
+}
+
+#[test]
+fn a_link_cut_in_the_middle_is_waited_for_and_the_recording_replays() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let run = scratch.path().join("run");
+    let through = "wsg50?acknowledge_own_fast_stop=true";
+    let args =
+        ["--task", "unscrew", "--set", "mu=0.9", "--through", through, "--gripper-fault", "close@2500", "--record"];
+    let output = demo(&run, &args);
+    assert!(output.status.success(), "{}", told(&output));
+    assert_eq!(row(&told(&output), "ended"), "Opened");
+    for said in ["the link is lost", "the wrist pauses, the grip stays", "fast stop acknowledged", "going on"] {
+        assert!(told(&output).contains(said), "no `{said}`: {}", told(&output));
+    }
+    let frames = fs::read_to_string(run.join("frames.jsonl")).expect("frames");
+    assert!(frames.lines().filter(|line| line.contains("\"waiting\":true")).count() > 5);
+    let again = slipbound(&["replay", run.to_str().expect("UTF-8")]);
+    assert!(again.status.success() && told(&again).contains("the same"), "{}", told(&again));
+}
+
+/// The two unconfirmed points of a real WSG-50 at their worst: a new limit has no effect while it holds, and a second
+/// grasp is refused. That must not be taken for a tight cap.
+#[test]
+fn a_gripper_that_does_not_press_harder_ends_the_task_and_no_cap_is_called_tight() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    for (fault, said) in [("fixed-limit", "measured 10.0 N for too long"), ("refuse-force@2500", "out of range")] {
+        let run = scratch.path().join(fault);
+        let output = demo(&run, &["--set", "mu=0.9", "--through", "wsg50", "--gripper-fault", fault]);
+        assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+        assert!(told(&output).contains(said) && told(&output).contains("waited 10 s"), "{}", told(&output));
+        assert_eq!(row(&told(&output), "ended"), "not", "{}", told(&output));
+        assert_eq!(row(&told(&output), "slid in the fingers"), "0.00", "{}", told(&output));
+    }
+}
+
+#[test]
+fn a_lower_force_that_is_not_permitted_is_told_once_and_the_task_goes_on() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let run = scratch.path().join("run");
+    let output = demo(&run, &["--task", "lift", "--controller", "margin", "--through", "wsg50"]);
+    assert!(output.status.success(), "{}", told(&output));
+    assert_eq!(row(&told(&output), "ended"), "Held");
+    let refused = told(&output).lines().filter(|line| line.contains("a lower force was asked for")).count();
+    assert_eq!(refused, 1, "{}", told(&output));
+}
+
+#[test]
+fn over_sockets_and_in_real_time_a_cap_is_opened_too() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let output =
+        demo(&scratch.path().join("run"), &["--task", "unscrew", "--set", "mu=0.9", "--through", "wsg50", "--sockets"]);
+    assert!(output.status.success(), "{}", told(&output));
+    assert_eq!(row(&told(&output), "ended"), "Opened");
+}
+
+#[test]
+fn what_run_and_hold_cannot_do_is_said_before_anything_moves() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let folder = |name: &str| scratch.path().join(name).to_str().expect("UTF-8").to_owned();
+    let empty = folder("empty");
+    fs::create_dir(&empty).expect("made");
+    let missing = folder("missing");
+    for (args, code, said) in [
+        (vec!["hold", &missing, "--gripper", "dry"], 2, "--sensor"),
+        (vec!["hold", &missing, "--gripper", "dry", "--sensor", "gelslim"], 2, "missing"),
+        (vec!["hold", &empty, "--gripper", "dry", "--sensor", "gelslim"], 2, "empty"),
+        (vec!["hold", &empty, "--gripper", "dry", "--sensor", "gelslim", "--for-s", "nan"], 2, "--for-s"),
+        (vec!["run", "lift", &empty, "--gripper", "dry", "--sensor", "gelslim"], 2, "--wrist"),
+        (vec!["run", "juggle", &empty, "--gripper", "dry", "--sensor", "gelslim"], 2, "juggle"),
+        (vec!["demo", "--through", "hand"], 2, "wsg50"),
+        (vec!["demo", "--gripper-fault", "close@3"], 2, "--through"),
+    ] {
+        let output = slipbound(&args);
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {}", told(&output));
+        assert!(told(&output).contains(said), "{args:?}: {}", told(&output));
+    }
+}
