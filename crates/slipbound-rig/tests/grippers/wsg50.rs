@@ -16,7 +16,7 @@ fn sent(bench: &Bench, id: u8) -> Vec<Vec<u8>> {
             found.push(frame.payload().to_vec());
         }
     };
-    Parser::default().feed(&bench.sent(), &mut keep);
+    Parser::default().feed(bench.sent(), &mut keep);
     found
 }
 
