@@ -140,10 +140,15 @@ impl Tangential {
             // Of the gel alone: the body's part of a step is exact.
             length = if iterations % 2 == 0 { squares / curve } else { curve / answers };
         }
-        // One last projection puts every sliding cell on its bound, where friction is defined.
+        // One last step of the safe length puts every sliding cell on its bound, where friction is defined. It goes
+        // whole, without a line search; a body's part keeps the small moves of all cells from adding up to a load.
+        match question.resistance {
+            None => self.aim(question, traction, safe).1,
+            Some(resistance) => self.aim_with_body(question, resistance, traction, safe),
+        };
         for &i in cells {
             let i = i as usize;
-            traction[i] = within(bound[i], traction[i] - self.gradient[i] * safe);
+            traction[i] = within(bound[i], traction[i] + self.direction[i]);
         }
         held.load = load_of(question, cells.iter().map(|&i| (i as usize, traction[i as usize])));
         held
