@@ -5,10 +5,10 @@
 //! Spectral projected gradient: step lengths of J. Barzilai and J. M. Borwein (1988), the two of them in turn,
 //! projection on the discs, exact line search (E. G. Birgin, J. M. Martinez and M. Raydan, 2000).
 //!
-//! A body that gives way adds the rank-three term B W B^T to A, up to forty times stiffer than the gel, in which
-//! projected gradients creep. So its part of every step is solved exactly (a step in the metric 1/length + B W B^T;
-//! Birgin, Martinez and Raydan, IMA J. Numer. Anal. 23, 2003), by Newton's method in the three numbers of the rigid
-//! motion, which costs sweeps over the cells but no transform.
+//! A body that gives way adds the rank-three term B W B^T to A, which outweighs the gel's part forty times for 0.1 kg
+//! under a box that covers the pad. Projected gradients creep in it. So its part of every step is solved exactly (a
+//! step in the metric 1/length + B W B^T; Birgin, Martinez and Raydan, IMA J. Numer. Anal. 23, 2003), by Newton's method
+//! in the three numbers of the rigid motion, which costs sweeps over the cells but no transform.
 
 mod rigid;
 

@@ -87,7 +87,7 @@ fn a_body_comes_to_the_equilibrium_of_its_equations() {
     }
 }
 
-/// The tolerance is that of one traction. The errors of all cells must not add up: of force and torque, a tenth is left.
+/// The tolerance is that of one traction. The errors of all cells must not add up: a tenth is left of force and torque.
 #[test]
 fn small_errors_of_the_cells_do_not_add_up_to_a_load() {
     let stop = FingerSettings::fast().tangential_stop;
