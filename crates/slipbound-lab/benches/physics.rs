@@ -24,6 +24,15 @@ fn frame(
     for command in &commands[..middle] {
         finger.step(command).expect("a sound command");
     }
+    let mut ahead = finger.clone();
+    let iterations: Vec<_> = commands[middle..middle + STEPS_A_FRAME]
+        .iter()
+        .map(|command| {
+            let truth = ahead.step(command).expect("a sound command");
+            (truth.tangential_iterations_count, truth.normal_iterations_count)
+        })
+        .collect();
+    println!("{name}: iterations of each step, tangential and normal: {iterations:?}");
     criterion.bench_function(name, |bencher| {
         bencher.iter_batched_ref(
             || finger.clone(),
@@ -54,6 +63,7 @@ fn physics(criterion: &mut Criterion) {
         frame(criterion, &format!("frame/{size}/flat 36x26, guided shear"), guided, wide, Leg::shear(0.6, 0.0, 1.0));
         frame(criterion, &format!("frame/{size}/cap, free, force ramp"), free, cap, pull);
         frame(criterion, &format!("frame/{size}/flat 20x15, free, force ramp"), free, flat, pull);
+        frame(criterion, &format!("frame/{size}/flat 36x26, free, force ramp"), free, wide, pull);
     }
 }
 

@@ -300,8 +300,8 @@ fn times(matrix: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// Inverse of a positive definite matrix.
-fn inverse(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
+/// Inverse of a matrix that has one.
+pub(crate) fn inverse(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let cofactor = |i: usize, j: usize| {
         let (r, s, t, u) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
         m[r][t] * m[s][u] - m[r][u] * m[s][t]

@@ -66,8 +66,9 @@ pub struct Finger {
     cells: Vec<u32>,
     gap: Vec<f64>,
     pub(super) pressure: Vec<f64>,
+    pressure_before: Vec<f64>,
     pub(super) traction: Vec<Complex64>,
-    /// Traction of the step before the last: loads mostly go on as they went.
+    /// Traction, and pressure, of the step before the last: loads mostly go on as they went.
     traction_before: Vec<Complex64>,
     pub(super) bound: Vec<f64>,
     /// Interface compliance; empty when friction has none.
@@ -129,6 +130,7 @@ impl Finger {
             cells: Vec::with_capacity(cells),
             gap: vec![0.0; cells],
             pressure: vec![0.0; cells],
+            pressure_before: vec![0.0; cells],
             traction: vec![ZERO; cells],
             traction_before: vec![ZERO; cells],
             bound: vec![0.0; cells],
@@ -154,6 +156,7 @@ impl Finger {
         command.check()?;
         let before = self.truth.stick_ratio;
         self.find_gap(command);
+        self.foresee_pressure();
         self.press(command.grip);
         self.bound_friction();
         let (motion, held) = self.hold(command);
@@ -183,6 +186,18 @@ impl Finger {
             for (gap, depth) in self.gap.iter_mut().zip(&crept.depth) {
                 *gap += creep.keep * depth;
             }
+        }
+    }
+
+    /// First guess of the pressure: it goes on as it went, in cells that keep some.
+    fn foresee_pressure(&mut self) {
+        for (pressure, before) in self.pressure.iter_mut().zip(&mut self.pressure_before) {
+            let last = *pressure;
+            let next = last * 2.0 - *before;
+            if *before > 0.0 && last > 0.0 && next > 0.0 {
+                *pressure = next;
+            }
+            *before = last;
         }
     }
 

@@ -1,0 +1,105 @@
+use super::*;
+use crate::contact::grid::Grid;
+use crate::contact::transform::Planner;
+use crate::contact::{Body, Drive, FingerSettings, Inertia, Pose, Wrench};
+use crate::layer::Gel;
+use slipbound::plane::Vec2;
+
+const PATCH: Region = Region { column: 12, row: 10, width_cells: 40, height_cells: 28 };
+
+/// How a pull ended.
+struct Pulled {
+    held: Held,
+    /// How far the cell farthest from equilibrium is from it, as a fraction of the largest bound.
+    worst_fraction: f64,
+    /// Force and torque of full slip, in the units of the load: sums of the bounds, alone and times their levers.
+    full_slip: (f64, f64),
+}
+
+/// A patch under a dome of pressure, on which a body of a mass is pulled and turned so far that some cells slide.
+fn pull(mass_kg: f64, stop: Stop) -> Pulled {
+    let (grid, gel) = (Grid::fast(), Gel::default());
+    let (stride, count) = (grid.width_cells, grid.cells_count());
+    let mut response = Response::of_layer(&grid, Planner::Scalar, |k| gel.compliance(k));
+    let cells: Vec<u32> = PATCH.cells(stride).map(|i| i as u32).collect();
+    let lever: Vec<_> = (0..count).map(|i| grid.centre_mm(i)).map(|c| Complex64::new(c.x, c.y)).collect();
+    let mut bound = vec![0.0; count];
+    let mut full_slip = (0.0, 0.0);
+    for &i in &cells {
+        let i = i as usize;
+        let r = lever[i];
+        bound[i] = 0.08 * (1.0 - (r.re / 14.0).powi(2)) * (1.0 - (r.im / 10.0).powi(2));
+        full_slip.0 += bound[i];
+        full_slip.1 += bound[i] * r.norm();
+    }
+    let area = grid.cell_area_mm2();
+    let wrench = Wrench { force_n: Vec2::new(7.0, 2.0), torque_n_mm: 40.0 };
+    let inertia = Inertia { mass_kg, gyration_radius_mm: 20.0, centre_of_mass_mm: Vec2::new(3.0, -2.0) };
+    let body = Body { drive: Drive::Free(inertia), fingers_count: 1 };
+    let (free, resistance) = body.step(Pose::default(), Pose::default(), wrench, Motion::ZERO, 1.0 / 120.0, area);
+    let question = Question {
+        window: PATCH,
+        stride,
+        cells: &cells,
+        bound: &bound,
+        target: &lever.iter().map(|&r| free.at(r)).collect::<Vec<_>>(),
+        lever: &lever,
+        resistance,
+        interface: &[],
+        stiffness_mpa_per_mm: gel.shear_modulus_mpa() / grid.cell_mm,
+        stop,
+    };
+    let mut traction = vec![ZERO; count];
+    let mut solver = Tangential::new(count);
+    let held = solver.solve(&mut response, &question, &mut traction);
+    // Anew from the tractions alone: A q + B W B^T q - w.
+    let mut shift = vec![ZERO; count];
+    response.shift_of_traction(PATCH, stride, &traction, &mut shift);
+    let back = resistance.expect("a body that gives way").retreat(held.load);
+    let (mut worst, mut sliding) = (0.0f64, 0);
+    for &i in &cells {
+        let i = i as usize;
+        let gradient = shift[i] + back.at(lever[i]) - question.target[i];
+        let moved = within(bound[i], traction[i] - gradient * question.stiffness_mpa_per_mm);
+        worst = worst.max((moved - traction[i]).norm());
+        sliding += usize::from(traction[i].norm() > 0.999 * bound[i]);
+    }
+    assert!((100..cells.len() - 100).contains(&sliding), "{sliding} of {} cells slide", cells.len());
+    Pulled { held, worst_fraction: worst / bound.iter().copied().fold(0.0, f64::max), full_slip }
+}
+
+#[test]
+fn a_light_body_takes_no_more_iterations_than_a_heavy_one() {
+    let stop = Stop { most_iterations_count: 1000, ..FingerSettings::fast().tangential_stop };
+    for mass_kg in [1.0, 0.1, 1e-3] {
+        let Pulled { held, .. } = pull(mass_kg, stop);
+        assert!(held.converged && held.iterations <= 25, "{mass_kg} kg: {held:?}");
+    }
+}
+
+#[test]
+fn a_body_comes_to_the_equilibrium_of_its_equations() {
+    let stop = Stop { tolerance_fraction: 1e-9, most_iterations_count: 200 };
+    // A gram is so stiff that rounding keeps its last step from going with the body.
+    for mass_kg in [1.0, 0.1] {
+        let Pulled { held, worst_fraction, .. } = pull(mass_kg, stop);
+        assert!(held.converged && worst_fraction < 1e-8, "{mass_kg} kg: {worst_fraction:e}, {held:?}");
+    }
+}
+
+/// The tolerance is that of one traction. The errors of all cells must not add up: a tenth is left of force and torque.
+#[test]
+fn small_errors_of_the_cells_do_not_add_up_to_a_load() {
+    let stop = FingerSettings::fast().tangential_stop;
+    for mass_kg in [1.0, 0.1, 1e-3] {
+        let Pulled { held, full_slip: (force, torque), .. } = pull(mass_kg, stop);
+        let exact = pull(mass_kg, Stop { tolerance_fraction: 1e-9, most_iterations_count: 1000 }).held;
+        assert!(held.converged && exact.converged);
+        let missed = added(held.load, exact.load, -1.0);
+        let (force, torque) = (missed.shift.norm() / force, missed.turn.abs() / torque);
+        assert!(
+            force.max(torque) < 0.1 * stop.tolerance_fraction,
+            "{mass_kg} kg: {force:e} of force, {torque:e} of torque"
+        );
+    }
+}
