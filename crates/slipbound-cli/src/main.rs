@@ -4,6 +4,7 @@ mod args;
 mod chronicle;
 mod closed_loop;
 mod commands;
+mod fitting;
 mod frames;
 mod interruption;
 mod live;

@@ -51,6 +51,11 @@ impl Through {
         format!("{scheme}{place}?{width}{}", self.query).trim_end_matches(['&', '?']).into()
     }
 
+    /// The driver, not yet linked.
+    pub fn driver(&self, width_mm: f64) -> anyhow::Result<Box<dyn Driver>> {
+        gripper::driver(&self.address("emulator:1", width_mm), None).map_err(|e| anyhow!(e))
+    }
+
     /// The emulator, to which these faults happen.
     pub fn emulator(&self, faults: &Faults) -> anyhow::Result<Faulty> {
         faulty(&self.name, faults)
@@ -89,8 +94,7 @@ impl Emulated {
     /// Takes over the jaws and the wrist of a hand that holds something of this width, mm.
     pub fn new(hand: &SimHand, width_mm: f64, through: &Through, faults: &LinkFaults) -> anyhow::Result<Self> {
         let mut plant = hand.plant();
-        let driver = gripper::driver(&through.address("emulator:1", width_mm), None).map_err(|e| anyhow!(e))?;
-        let gripper = Joined::new(driver, through.emulator(&faults.gripper)?, &mut plant);
+        let gripper = Joined::new(through.driver(width_mm)?, through.emulator(&faults.gripper)?, &mut plant);
         let (driver, emulator) = (LineWrist::new("line://emulator:2"), wrist_emulator(&faults.wrist)?);
         let wrist = Joined::new(driver, emulator, &mut OnlyMoved(&mut plant));
         Ok(Emulated { gripper, wrist, plant })

@@ -97,6 +97,19 @@ fn a_lower_force_that_is_not_permitted_is_told_once_and_the_task_goes_on() {
     assert_eq!(refused, 1, "{}", told(&output));
 }
 
+/// A Robotiq presses with 20 N and more and does not say how hard; the line protocol says everything.
+#[test]
+fn other_grippers_do_the_tasks_too() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    for (name, said) in [("robotiq-rtu", "presses with 20 to 235 N per finger"), ("line", "Opened")] {
+        let run = scratch.path().join(name);
+        let output = demo(&run, &["--task", "unscrew", "--set", "mu=0.6", "--through", name]);
+        assert!(output.status.success(), "{name}: {}", told(&output));
+        assert_eq!(row(&told(&output), "ended"), "Opened", "{name}");
+        assert!(told(&output).contains(said), "{name}: {}", told(&output));
+    }
+}
+
 #[test]
 fn over_sockets_and_in_real_time_a_cap_is_opened_too() {
     let scratch = tempfile::tempdir().expect("a folder");
@@ -120,6 +133,12 @@ fn what_run_and_hold_cannot_do_is_said_before_anything_moves() {
         (vec!["hold", &empty, "--gripper", "dry", "--sensor", "gelslim", "--for-s", "nan"], 2, "--for-s"),
         (vec!["run", "lift", &empty, "--gripper", "dry", "--sensor", "gelslim"], 2, "--wrist"),
         (vec!["run", "juggle", &empty, "--gripper", "dry", "--sensor", "gelslim"], 2, "juggle"),
+        (
+            vec!["run", "place", &empty, "--gripper", "wsg50://h:1", "--wrist", "dry", "--sensor", "gelslim"],
+            2,
+            "lowering",
+        ),
+        (vec!["demo", "--task", "place", "--through", "wsg50"], 2, "lowering"),
         (vec!["demo", "--through", "hand"], 2, "wsg50"),
         (vec!["demo", "--gripper-fault", "close@3"], 2, "--through"),
     ] {

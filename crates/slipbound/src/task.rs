@@ -94,6 +94,8 @@ pub enum Ending {
     NothingHeld,
     /// What was held is gone.
     Lost,
+    /// Place: the gripper did not take the looser grip that laying down needs; the object is held on.
+    GripStays,
     /// The wrist has gone as far as it may, and nothing above was seen.
     Limit,
 }
@@ -115,6 +117,7 @@ impl Ending {
             Ending::Held => "held to the end of the time",
             Ending::NothingHeld => "nothing was found between the fingers",
             Ending::Lost => "the gripper says that what was held is gone",
+            Ending::GripStays => "the gripper did not take the looser grip that laying down needs; it holds on",
             Ending::Limit => "the wrist has gone as far as it may",
         }
     }

@@ -3,11 +3,12 @@
 mod results;
 
 use crate::chronicle::Chronicle;
+use crate::fitting::fit;
 use crate::frames::FrameRecorder;
 use crate::interruption;
 use crate::loopback::Loopback;
 use crate::outcome::{Failure, Outcome};
-use crate::simulated::Simulated;
+use crate::simulated::{Simulated, kind};
 use crate::spoiled::Spoiler;
 use crate::through::{LinkFaults, Through};
 use anyhow::{Context, anyhow};
@@ -78,6 +79,12 @@ impl Demo {
             settings.controller = controller(name)?;
         }
         let scene = HandScene::parse(&self.scene_text()).map_err(Failure::arguments)?;
+        let mut fitted = None;
+        if let Some(through) = &self.through {
+            let driver = through.driver(scene.width_mm()).map_err(Failure::Arguments)?;
+            let kind = kind(&scene).map_err(Failure::arguments)?;
+            (settings, fitted) = fit(&settings, kind, driver.config()).map_err(Failure::Arguments)?;
+        }
         let monitor = Settings::default();
         let folder = self.output.clone().unwrap_or_else(|| next_free(FOLDER));
         let faults = LinkFaults { gripper: self.gripper_fault.clone(), wrist: self.wrist_fault.clone() };
@@ -94,6 +101,9 @@ impl Demo {
         let interrupted = interruption::listen()?;
         let began = Instant::now();
         chronicle.terminal.say(&format!("{scene}"))?;
+        if let Some(fitted) = fitted {
+            chronicle.note(0, &fitted)?;
+        }
         let (ran, now_ns) = match self.through.as_ref().filter(|_| self.sockets) {
             Some(through) => {
                 let loopback = Loopback::start(&scene, &settings, &monitor, self.fault, through, &faults)?;

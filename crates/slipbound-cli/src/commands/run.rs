@@ -2,6 +2,7 @@
 
 use crate::chronicle::Chronicle;
 use crate::closed_loop::{ClosedLoop, Eye};
+use crate::fitting::fit;
 use crate::interruption;
 use crate::live;
 use crate::outcome::{Failure, Outcome};
@@ -124,10 +125,16 @@ impl Hardware {
         }
         let monitor = Settings::default();
         let fingers = self.fingers()?;
-        let mut around = self.around(&fingers, kind, settings, &monitor)?;
+        let driver =
+            gripper::driver(&self.gripper, self.gripper_config.as_deref()).map_err(super::gripper::opening_failed)?;
+        let (settings, fitted) = fit(settings, kind, driver.config()).map_err(Failure::Arguments)?;
+        let mut around = self.around(&fingers, kind, &settings, &monitor)?;
         let folder = self.output.clone().unwrap_or_else(|| super::demo::next_free("slipbound-run"));
         let sensors: Vec<Sensor> = fingers.iter().map(|finger| finger.sensor.clone()).collect();
-        let mut chronicle = Chronicle::create(&folder, &self.info(task, settings, &monitor, &fingers)?, &sensors)?;
+        let mut chronicle = Chronicle::create(&folder, &self.info(task, &settings, &monitor, &fingers)?, &sensors)?;
+        if let Some(fitted) = fitted {
+            chronicle.note(now_ns(), &fitted)?;
+        }
         let interrupted = interruption::listen()?;
         let mut gripper = gripper::Device::open(&self.gripper, self.gripper_config.as_deref())
             .map_err(super::gripper::opening_failed)?;

@@ -1,6 +1,6 @@
 //! What every driver is, and what can be asked of it.
 
-use super::Error;
+use super::{Config, Error};
 use crate::link::Talker;
 use slipbound::port::{GripCommand, GripperState};
 use std::fmt;
@@ -87,6 +87,9 @@ pub trait Driver: Talker {
 
     /// The next thing worth writing down.
     fn next_note(&mut self) -> Option<Note>;
+
+    /// Its settings.
+    fn config(&self) -> &Config;
 
     /// Permits lower forces while something is held, whatever the settings say, or leaves that to them again;
     /// `check-hold` does.

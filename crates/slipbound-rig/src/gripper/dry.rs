@@ -64,6 +64,10 @@ impl Driver for Dry {
         self.ledger.next_note()
     }
 
+    fn config(&self) -> &Config {
+        &self.ledger.config
+    }
+
     fn permit_lowering(&mut self, permitted: bool) {
         self.ledger.permit_lowering(permitted);
     }

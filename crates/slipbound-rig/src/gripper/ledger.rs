@@ -23,6 +23,8 @@ pub(crate) struct Ledger {
     pub state: GripperState,
     unlinked_why: String,
     lowering_permitted: bool,
+    /// The last force asked for that lay outside the range, N per finger: it is noted once.
+    clamped_n: Option<f64>,
     fault: Option<Error>,
     notes: VecDeque<Note>,
 }
@@ -39,6 +41,7 @@ impl Ledger {
             heard_ns: 0,
             state,
             unlinked_why: "not yet made".into(),
+            clamped_n: None,
             fault: None,
             notes: VecDeque::new(),
         }
@@ -124,9 +127,10 @@ impl Ledger {
                 return Err(Error::Lowering { address: self.address.clone(), from_n, to_n: given_n });
             }
         }
-        if given_n != asked_n {
+        if given_n != asked_n && self.clamped_n != Some(asked_n) {
             self.note(Note::Clamped { asked_n, given_n });
         }
+        self.clamped_n = (given_n != asked_n).then_some(asked_n);
         Ok(given_n)
     }
 

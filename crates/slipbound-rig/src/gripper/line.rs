@@ -219,6 +219,10 @@ impl Driver for LineGripper {
         self.ledger.next_note()
     }
 
+    fn config(&self) -> &Config {
+        &self.ledger.config
+    }
+
     fn permit_lowering(&mut self, permitted: bool) {
         self.ledger.permit_lowering(permitted);
     }

@@ -10,7 +10,7 @@
 
 use super::grasp::{Grasp, Grasped};
 use super::{Ending, Moment, PAUSE, Phase, Task, TaskStep, lower};
-use crate::grip::{GripController, Guard};
+use crate::grip::{GripController, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
 use crate::port::{GripCommand, Jaws, Motion};
 use crate::sensor::{SettingError, within};
@@ -70,6 +70,9 @@ impl PlaceSettings {
         within("place.laying_n", self.laying_n, 0.1, 1000.0)
     }
 }
+
+/// Longest time for the looser grip to arrive, ns.
+const LATE_NS: u64 = 3_000_000_000;
 
 /// What is known when the way down begins.
 #[derive(Debug, Clone, Copy)]
@@ -136,6 +139,12 @@ impl Place {
         self.last.force_n = self.settings.laying_n.clamp(self.grip.limits().least_n, self.grip.limits().most_n);
         if moment.now_ns.saturating_sub(touched_ns) < self.settings.loosen_ns {
             self.phase = Phase::Waiting;
+            return;
+        }
+        if !arrived(self.last.force_n, moment.gripper) {
+            // With a firm grip the gels say nothing of the ground: nothing is let go on their word.
+            let late = moment.now_ns.saturating_sub(touched_ns) > self.settings.loosen_ns + LATE_NS;
+            self.phase = if late { Phase::Ended(Ending::GripStays) } else { Phase::Waiting };
             return;
         }
         self.phase = Phase::Working;

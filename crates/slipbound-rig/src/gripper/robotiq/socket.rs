@@ -284,6 +284,10 @@ impl Driver for Socket {
         self.ledger.next_note()
     }
 
+    fn config(&self) -> &Config {
+        &self.ledger.config
+    }
+
     fn permit_lowering(&mut self, permitted: bool) {
         self.ledger.permit_lowering(permitted);
     }
