@@ -28,7 +28,7 @@ use fit::{median, scaled_to_one};
 use grid::Grid;
 use std::fmt;
 
-pub use shear::{HangingFrame, ShearError, calm_end, displacement_sum_px, shear_stiffness};
+pub use shear::{HangingFrame, ShearError, calm_end, calm_held, displacement_sum_px, shear_stiffness};
 
 /// What a picture of dots cannot say about a finger.
 #[derive(Debug, Clone, PartialEq)]

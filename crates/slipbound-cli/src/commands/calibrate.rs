@@ -20,7 +20,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 pub struct Calibrate {
     /// The untouched finger: an image, an image folder, a quoted pattern, a video file, or a scene ('sim:SCENE').
-    /// With --weight-g: a recording that begins untouched and ends with the mass hanging still
+    /// With --weight-g: a recording that begins untouched, then holds the mass while it stands, and ends with the mass
+    /// hanging still
     source: String,
     /// The sensor file to write; a picture with the grid drawn in goes beside it
     #[arg(short, long, value_name = "FILE.toml", value_parser = toml_name)]
@@ -55,6 +56,9 @@ pub struct Calibrate {
     /// With --weight-g: how many fingers share the mass
     #[arg(long, value_name = "COUNT", default_value_t = 1, requires = "weight_g")]
     fingers: u32,
+    /// With --weight-g: the mass is held and still stands in frames A up to but not B [default: the longest calm part]
+    #[arg(long, value_name = "A..B", value_parser = range, requires = "weight_g")]
+    held: Option<Range<u64>>,
     /// With --weight-g: the mass hangs in frames A up to but not B [default: the calm ones at the end]
     #[arg(long, value_name = "A..B", value_parser = range, requires = "weight_g")]
     hanging: Option<Range<u64>>,

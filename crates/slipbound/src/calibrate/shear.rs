@@ -1,7 +1,14 @@
-//! A known mass hanging still -> the shear stiffness of the skin.
+//! A known mass, held and then hanging still -> the shear stiffness of the skin.
 //!
+//! ```text
+//!   sum of    |                    ______ hanging     force = stiffness x (hanging - held)
+//!   displace- |      ____________/
+//!   ments     |_____/  held, the mass still stands
+//!             +---------------------------> time
+//! ```
 //! The skin is a thin layer on a stiff back: each patch answers for itself, so force is stiffness times the sum of
-//! displacement over all markers. A grip pushes markers apart evenly; in the sum that cancels, weight does not.
+//! displacement over all markers. A grip pushes markers apart, and unevenly in what a tilted camera sees; that is in
+//! both sums and falls out of their difference.
 
 use crate::monitor::{Marker, SlipReport, SlipState};
 use crate::plane::Vec2;
@@ -12,10 +19,17 @@ use std::fmt;
 const GRAVITY_M_S2: f64 = 9.80665;
 /// The sum of displacement must be at least this, in pitches: half a dozen markers by a tenth each.
 const LEAST_SUM_PITCH: f64 = 0.6;
-/// Standard deviation of the sum over frames, as a share of its mean, up to which it hangs still.
+/// Standard deviation of the sum over the frames in which it hangs, as a share of the load, up to which it hangs still;
+/// where the markers' noise is larger, [`NOISE_RATIO`] times that of the frames in which it is held.
 const MOST_SCATTER: f64 = 0.1;
-/// Fewest frames in which it hangs.
-const FEWEST_FRAMES: usize = 3;
+const NOISE_RATIO: f64 = 1.5;
+/// Standard error of the difference of both means, as a share of it.
+const MOST_ERROR: f64 = 0.05;
+/// Fewest frames in which it is held, and hangs.
+const FEWEST_FRAMES: usize = 5;
+/// Frames are alike when their sums differ by no more than this share of the load, or by the noise: these many standard
+/// deviations along each axis, beyond which 1 of 450 frames lies.
+const ALIKE: (f64, f64) = (0.05, 3.5);
 /// Most markers that may be out of sight.
 const MOST_LOST: f64 = 0.1;
 
@@ -24,6 +38,11 @@ const MOST_LOST: f64 = 0.1;
 pub enum ShearError {
     /// Too few frames show the mass hanging.
     FewFrames {
+        /// Frames there were.
+        got_count: usize,
+    },
+    /// Too few frames show it held while it still stands.
+    NotHeld {
         /// Frames there were.
         got_count: usize,
     },
@@ -50,8 +69,13 @@ pub enum ShearError {
     },
     /// The mass swings.
     Swings {
-        /// Standard deviation over mean.
+        /// Standard deviation over load.
         scatter_fraction: f64,
+    },
+    /// Too few frames for their noise.
+    Noisy {
+        /// Standard error over load.
+        error_fraction: f64,
     },
 }
 
@@ -61,7 +85,12 @@ impl fmt::Display for ShearError {
             ShearError::FewFrames { got_count } => {
                 write!(f, "expected at least {FEWEST_FRAMES} frames of the hanging mass, got {got_count}")
             }
-            ShearError::NoContact => f.write_str("expected the mass to hang on the finger, got no contact"),
+            ShearError::NotHeld { got_count } => write!(
+                f,
+                "expected at least {FEWEST_FRAMES} calm frames in which the mass is held and still stands, got {got_count} \
+                 (grip it, wait, then lift; or say when it is held: --held A..B)"
+            ),
+            ShearError::NoContact => f.write_str("expected the mass to be held by the finger, got no contact"),
             ShearError::Slips { seq } => {
                 write!(f, "expected the mass to hang still, got slip in frame {seq} (grip harder)")
             }
@@ -78,6 +107,12 @@ impl fmt::Display for ShearError {
                 "expected the mass to hang still, to {:.0} %, got {:.0} % (wait until it does, or say when: --hanging A..B)",
                 100.0 * MOST_SCATTER,
                 100.0 * scatter_fraction
+            ),
+            ShearError::Noisy { error_fraction } => write!(
+                f,
+                "expected a load known to {:.0} %, got {:.0} % (take a heavier mass, or record longer)",
+                100.0 * MOST_ERROR,
+                100.0 * error_fraction
             ),
         }
     }
@@ -118,29 +153,68 @@ impl HangingFrame {
     }
 }
 
-/// The calm frames at the end: those whose sum is within a twentieth of the last ones' median.
+/// What one frame differs from the next by noise: the standard deviation of a sum along each axis, px.
+fn noise_px(frames: &[HangingFrame]) -> f64 {
+    let steps: Vec<f64> = frames.windows(2).map(|pair| (pair[1].sum_px - pair[0].sum_px).length()).collect();
+    super::fit::robust_sigma(&steps) / std::f64::consts::SQRT_2
+}
+
+/// Median of each coordinate of the sums.
+fn middle(frames: &[HangingFrame]) -> Vec2 {
+    let of = |part: &dyn Fn(&HangingFrame) -> f64| super::median(&frames.iter().map(part).collect::<Vec<_>>());
+    Vec2::new(of(&|f| f.sum_px.x), of(&|f| f.sum_px.y))
+}
+
+/// The calm frames at the end: those whose sum is like the last ones'.
 pub fn calm_end(frames: &[HangingFrame]) -> &[HangingFrame] {
-    let last = &frames[frames.len().saturating_sub(FEWEST_FRAMES)..];
-    let middle = |part: &dyn Fn(&HangingFrame) -> f64| super::median(&last.iter().map(part).collect::<Vec<_>>());
-    let end = Vec2::new(middle(&|f| f.sum_px.x), middle(&|f| f.sum_px.y));
-    let calm = |f: &&HangingFrame| (f.sum_px - end).length() <= 0.05 * end.length();
-    let count = frames.iter().rev().take_while(calm).count();
+    let end = middle(&frames[frames.len().saturating_sub(FEWEST_FRAMES)..]);
+    let alike_px = (ALIKE.0 * end.length()).max(ALIKE.1 * noise_px(frames));
+    let count = frames.iter().rev().take_while(|f| (f.sum_px - end).length() <= alike_px).count();
     &frames[frames.len() - count..]
 }
 
-/// The stiffness from frames in which a mass of `weight_g` grams, shared by `fingers_count` fingers, hangs still.
-/// `what`: the recording, for the provenance.
+/// The longest calm run of frames with contact before the mass hangs: it is held and still stands. Of equally long ones
+/// the first; empty when none is long enough. `before`: all frames before those in which it hangs, `hanging` those.
+pub fn calm_held<'a>(before: &'a [HangingFrame], hanging: &[HangingFrame]) -> &'a [HangingFrame] {
+    let noise_px = noise_px(before);
+    let end = middle(hanging);
+    let touches = |f: &&HangingFrame| !matches!(f.state, SlipState::NoContact | SlipState::Unjudged);
+    let run_from = |from: usize| {
+        let start = &before[from..before.len().min(from + FEWEST_FRAMES)];
+        let level = middle(start);
+        let alike_px = (ALIKE.0 * (end - level).length()).max(ALIKE.1 * noise_px);
+        let alike = |f: &&HangingFrame| touches(f) && (f.sum_px - level).length() <= alike_px;
+        &before[from..from + before[from..].iter().take_while(alike).count()]
+    };
+    let longest = (0..before.len()).map(run_from).reduce(|a, b| if b.len() > a.len() { b } else { a });
+    longest.filter(|run| run.len() >= FEWEST_FRAMES).unwrap_or_default()
+}
+
+/// Mean of the sums and their standard deviation (of the length of the difference).
+fn mean_and_scatter(frames: &[HangingFrame]) -> (Vec2, f64) {
+    let n = frames.len() as f64;
+    let mean = frames.iter().fold(Vec2::ZERO, |sum, f| sum + f.sum_px) / n;
+    let variance = frames.iter().map(|f| (f.sum_px - mean).length_squared()).sum::<f64>() / n;
+    (mean, variance.sqrt())
+}
+
+/// The stiffness from frames in which a mass of `weight_g` grams is held and still stands, and frames in which it hangs
+/// still, shared by `fingers_count` fingers. `what`: the recording, for the provenance.
 pub fn shear_stiffness(
     sensor: &Sensor,
-    frames: &[HangingFrame],
+    held: &[HangingFrame],
+    hanging: &[HangingFrame],
     weight_g: f64,
     fingers_count: u32,
     what: &str,
 ) -> Result<Shear, ShearError> {
-    if frames.len() < FEWEST_FRAMES {
-        return Err(ShearError::FewFrames { got_count: frames.len() });
+    if hanging.len() < FEWEST_FRAMES {
+        return Err(ShearError::FewFrames { got_count: hanging.len() });
     }
-    for f in frames {
+    if held.len() < FEWEST_FRAMES {
+        return Err(ShearError::NotHeld { got_count: held.len() });
+    }
+    for f in held.iter().chain(hanging) {
         match f.state {
             SlipState::NoContact => return Err(ShearError::NoContact),
             SlipState::Incipient => return Err(ShearError::Slips { seq: f.seq }),
@@ -151,26 +225,31 @@ pub fn shear_stiffness(
             return Err(ShearError::MarkersLost { seq: f.seq, lost_count, markers_count });
         }
     }
-    let n = frames.len() as f64;
-    let mean = frames.iter().fold(Vec2::ZERO, |sum, f| sum + f.sum_px) / n;
-    let variance = frames.iter().map(|f| (f.sum_px - mean).length_squared()).sum::<f64>() / n;
-    let sum_pitch = mean.length() / sensor.pitch_px;
+    let ((before, noise_px), (after, scatter_px)) = (mean_and_scatter(held), mean_and_scatter(hanging));
+    let load_px = (after - before).length();
+    let sum_pitch = load_px / sensor.pitch_px;
     if sum_pitch.is_nan() || sum_pitch < LEAST_SUM_PITCH {
         return Err(ShearError::Faint { sum_pitch });
     }
-    let scatter_fraction = variance.sqrt() / mean.length();
-    if scatter_fraction > MOST_SCATTER {
-        return Err(ShearError::Swings { scatter_fraction });
+    if scatter_px > (MOST_SCATTER * load_px).max(NOISE_RATIO * noise_px) {
+        return Err(ShearError::Swings { scatter_fraction: scatter_px / load_px });
+    }
+    let (n, m) = (held.len() as f64, hanging.len() as f64);
+    let error_fraction = (noise_px * noise_px / n + scatter_px * scatter_px / m).sqrt() / load_px;
+    if error_fraction > MOST_ERROR {
+        return Err(ShearError::Noisy { error_fraction });
     }
     let force_n = weight_g / 1000.0 * GRAVITY_M_S2 / f64::from(fingers_count.max(1));
-    let (first, last) = (frames[0].seq, frames[frames.len() - 1].seq);
+    let span = |frames: &[HangingFrame]| format!("{} to {}", frames[0].seq, frames[frames.len() - 1].seq);
     let shared = if fingers_count > 1 { format!(" shared by {fingers_count} fingers") } else { String::new() };
     Ok(Shear {
         stiffness_n_per_pitch: force_n / sum_pitch,
         provenance: format!(
-            "{weight_g} g{shared} hanging in frames {first} to {last} of {what}: {force_n:.3} N moved the markers by \
-             {sum_pitch:.2} pitch in sum, scatter {:.1} %",
-            100.0 * scatter_fraction
+            "{weight_g} g{shared}, held in frames {} and hanging in frames {} of {what}: {force_n:.3} N moved the markers \
+             by {sum_pitch:.2} pitch in sum, noise {:.1} %",
+            span(held),
+            span(hanging),
+            100.0 * error_fraction
         ),
     })
 }
@@ -180,23 +259,29 @@ mod tests {
     use super::*;
     use crate::sensor::tests::smooth;
 
-    fn hanging(count: u64, sum_px: impl Fn(u64) -> f64) -> Vec<HangingFrame> {
+    /// Frames of a finger that is held at 7 px along x, and then carries `sum_px` along y.
+    fn frames(first: u64, count: u64, sum_px: impl Fn(u64) -> f64) -> Vec<HangingFrame> {
         let frame = |seq| HangingFrame {
             seq,
-            sum_px: Vec2::new(0.0, sum_px(seq)),
+            sum_px: Vec2::new(7.0, sum_px(seq)),
             state: SlipState::Stick,
             lost_count: 0,
             markers_count: 70,
         };
-        (0..count).map(frame).collect()
+        (first..first + count).map(frame).collect()
+    }
+
+    fn held() -> Vec<HangingFrame> {
+        frames(0, 9, |_| -20.0)
     }
 
     #[test]
-    fn the_force_comes_back_out_of_the_stiffness() {
+    fn the_force_comes_back_out_of_the_stiffness_and_what_the_grip_does_does_not_count() {
         let sensor = smooth();
-        let frames = hanging(9, |_| 60.0);
-        let shear = shear_stiffness(&sensor, &frames, 204.0, 2, "clip.avi").expect("measured");
-        assert!(shear.provenance.contains("204 g shared by 2 fingers hanging in frames 0 to 8 of clip.avi"));
+        let hanging = frames(20, 9, |_| 40.0);
+        let shear = shear_stiffness(&sensor, &held(), &hanging, 204.0, 2, "clip.avi").expect("measured");
+        let told = "204 g shared by 2 fingers, held in frames 0 to 8 and hanging in frames 20 to 28 of clip.avi";
+        assert!(shear.provenance.contains(told), "{}", shear.provenance);
         assert_eq!(sensor.shear_force_n(Vec2::new(0.0, 60.0)), None, "nobody measured it");
         let sensor = Sensor { shear: Some(shear), ..sensor };
         sensor.check().expect("possible");
@@ -208,25 +293,44 @@ mod tests {
     }
 
     #[test]
-    fn the_end_is_where_it_no_longer_moves() {
-        let frames = hanging(30, |i| if i < 12 { 5.0 * i as f64 } else { 60.0 + (i % 2) as f64 });
-        let calm = calm_end(&frames);
-        assert_eq!((calm[0].seq, calm.len()), (12, 18));
+    fn the_calm_parts_are_found() {
+        // Untouched, gripped, held with a little noise, lifted, hanging.
+        let sum_px = |i: u64| match i {
+            0..5 => 0.0,
+            5..10 => -4.0 * (i - 4) as f64,
+            10..25 => -20.0 + (i % 2) as f64,
+            25..32 => -20.0 + 10.0 * (i - 25) as f64,
+            _ => 50.0 + (i % 2) as f64,
+        };
+        let mut all = frames(0, 60, sum_px);
+        all[..5].iter_mut().for_each(|f| f.state = SlipState::NoContact);
+        let hanging = calm_end(&all);
+        assert_eq!((hanging[0].seq, hanging.len()), (32, 28));
+        let held = calm_held(&all[..32], hanging);
+        assert_eq!((held[0].seq, held[held.len() - 1].seq), (9, 25));
+        all[..32].iter_mut().for_each(|f| f.state = SlipState::NoContact);
+        assert_eq!(calm_held(&all[..32], &all[32..]), [], "nothing is held there");
     }
 
     #[test]
     fn what_cannot_be_measured_is_refused() {
         let sensor = smooth();
-        let refused = |frames: &[HangingFrame]| shear_stiffness(&sensor, frames, 100.0, 1, "x").expect_err("refused");
-        assert_eq!(refused(&hanging(2, |_| 60.0)), ShearError::FewFrames { got_count: 2 });
-        assert!(matches!(refused(&hanging(9, |_| 6.0)), ShearError::Faint { .. }));
-        assert!(matches!(refused(&hanging(9, |i| 40.0 + 10.0 * (i % 3) as f64)), ShearError::Swings { .. }));
-        let mut frames = hanging(9, |_| 60.0);
-        frames[4].state = SlipState::Incipient;
-        assert_eq!(refused(&frames), ShearError::Slips { seq: 4 });
-        frames[4].state = SlipState::NoContact;
-        assert_eq!(refused(&frames), ShearError::NoContact);
-        frames[4] = HangingFrame { lost_count: 20, state: SlipState::Stick, ..frames[4] };
-        assert_eq!(refused(&frames), ShearError::MarkersLost { seq: 4, lost_count: 20, markers_count: 70 });
+        let refused = |held: &[HangingFrame], hanging: &[HangingFrame]| {
+            shear_stiffness(&sensor, held, hanging, 100.0, 1, "x").expect_err("refused")
+        };
+        let of = |hanging: &[HangingFrame]| refused(&held(), hanging);
+        assert_eq!(of(&frames(20, 4, |_| 40.0)), ShearError::FewFrames { got_count: 4 });
+        assert_eq!(refused(&held()[..4], &frames(20, 9, |_| 40.0)), ShearError::NotHeld { got_count: 4 });
+        assert!(matches!(of(&frames(20, 9, |_| -14.0)), ShearError::Faint { .. }));
+        assert!(matches!(of(&frames(20, 9, |i| 20.0 + 10.0 * (i % 3) as f64)), ShearError::Swings { .. }));
+        let noisy = |first, level: f64| frames(first, 9, |i| level + 15.0 * (i % 2) as f64);
+        assert!(matches!(refused(&noisy(0, -20.0), &noisy(20, 40.0)), ShearError::Noisy { .. }));
+        let mut hanging = frames(20, 9, |_| 40.0);
+        hanging[4].state = SlipState::Incipient;
+        assert_eq!(of(&hanging), ShearError::Slips { seq: 24 });
+        hanging[4].state = SlipState::NoContact;
+        assert_eq!(of(&hanging), ShearError::NoContact);
+        hanging[4] = HangingFrame { lost_count: 20, state: SlipState::Stick, ..hanging[4] };
+        assert_eq!(of(&hanging), ShearError::MarkersLost { seq: 24, lost_count: 20, markers_count: 70 });
     }
 }
