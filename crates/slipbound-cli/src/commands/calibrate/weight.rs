@@ -5,7 +5,7 @@ use crate::commands::watch::recording::{Arrived, Recording};
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
-use slipbound::calibrate::{HangingFrame, calm_end, calm_held, shear_stiffness};
+use slipbound::calibrate::{HangingFrame, calm_end, calm_held, outermost, shear_stiffness};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::sensor::Sensor;
 use slipbound_rig::{calibration, sensors};
@@ -30,6 +30,7 @@ pub fn run(args: &Calibrate, weight_g: f64) -> Result<Outcome, Failure> {
     let sensor = sensors::load(name).map_err(Failure::arguments)?;
     let mut recording = args.open()?;
     let mut monitor = monitor(args, &mut recording, &sensor)?;
+    let outermost = outermost(monitor.sensor(), monitor.markers());
     let mut frames = Vec::new();
     let mut torn_count = 0;
     loop {
@@ -39,7 +40,7 @@ pub fn run(args: &Calibrate, weight_g: f64) -> Result<Outcome, Failure> {
             Arrived::Whole => {
                 let frame = recording.frame().frame().map_err(|e| Failure::work(&args.source, e))?;
                 let report = monitor.step(&frame, None);
-                frames.push(HangingFrame::new(&report, monitor.markers()));
+                frames.push(HangingFrame::new(&report, monitor.markers(), &outermost));
             }
         }
     }
