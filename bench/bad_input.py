@@ -44,6 +44,9 @@ TAIL = """
 - A JPEG damaged inside its picture data can be valid JPEG all the same: there is no checksum. It is judged as it
   decodes, and its false edges can raise a false slip, also in other frames when it is averaged into rest.
 - A finger of another kind whose markers happen to stand as far apart as the sensor file says.
+- Calibrating, a polarity given wrongly: between dark dots there is a grid of bright gaps. Leave `--polarity` out, and the
+  stronger one is found.
+- Calibrating, a single photo in which something touches: a recording's calm frames are chosen, a photo is believed.
 - A frame that was left out or delivered twice in an image folder: pictures carry no number or time of their own.
 """
 
@@ -195,7 +198,8 @@ def cases():
         ("The finger", None, None),
         ("no --sensor, 320x240", lambda c: c.only(png(320, 240, 128)), "run --json report.jsonl"),
         ("no --sensor, a size nobody has", lambda c: c.only(png(100, 100, 128)), "run --json report.jsonl"),
-        ("no --sensor, one finger has the size", None, "run --json report.jsonl"),
+        ("no --sensor, 427x320", None, "run --json report.jsonl"),
+        ("no --sensor, one finger has the size", lambda c: c.only(png(640, 480, 128)), "run --json report.jsonl"),
         ("a finger of another size", None, "run --sensor gelsight --json report.jsonl"),
         ("a finger of the right size, but wrong", lambda c: c.sensor("pitch_px = 44.0\nmarker_diameter_px = 20.0\n"),
          "run --sensor mine.toml --json report.jsonl"),

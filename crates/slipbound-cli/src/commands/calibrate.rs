@@ -209,11 +209,17 @@ impl Calibrate {
     /// The whole frames to calibrate from, and how many were torn.
     fn frames(&self, recording: &mut Recording) -> Result<(Vec<FrameBuffer>, usize), Failure> {
         let (mut whole, mut torn_count, mut last) = (Vec::new(), 0, None);
+        let mut first_torn = String::new();
         let until = self.frames.as_ref().map(|f| f.end);
         while until.map_or(whole.len() < FRAMES_MOST, |until| last.is_none_or(|seq| seq + 1 < until)) {
             match recording.next()? {
                 Arrived::Over => break,
-                Arrived::Torn(_) => torn_count += 1,
+                Arrived::Torn(reason) => {
+                    if torn_count == 0 {
+                        first_torn = format!(": {reason}");
+                    }
+                    torn_count += 1;
+                }
                 Arrived::Whole if self.frames.as_ref().is_none_or(|f| f.contains(&recording.frame().seq)) => {
                     whole.push(recording.frame().clone());
                 }
@@ -230,7 +236,7 @@ impl Calibrate {
                 self.source
             ))),
             (None, true) => Err(Failure::Arguments(anyhow!(
-                "{}: expected pictures of a finger, got no whole frame ({torn_count} torn)",
+                "{}: expected pictures of a finger, got no whole frame ({torn_count} torn{first_torn})",
                 self.source
             ))),
         }
