@@ -309,7 +309,6 @@ fn dots_on_no_grid_are_refused_with_the_reason() {
         "no grid of markers",
         "grid with holes",
         "markers off the grid",
-        "dots off the grid",
         "too few markers for their scatter",
         "ambiguous pitch",
         "grid too narrow",

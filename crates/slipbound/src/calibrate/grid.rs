@@ -82,12 +82,6 @@ impl Grid {
         plane_of(node, self.first, self.pitch_px)
     }
 
-    /// A point of the plane counted in columns and rows: nodes are at whole numbers.
-    pub fn counted(&self, p: Vec2) -> Vec2 {
-        let margin_px = (MARGIN_PITCH * self.pitch_px).round();
-        (p - Vec2::new(margin_px, margin_px)) / self.pitch_px + vec_of(self.first)
-    }
-
     /// Size of the plane with all nodes and the margin around them.
     pub fn size(&self) -> SizePx {
         let (_, last) = node_bounds(&self.dots);
