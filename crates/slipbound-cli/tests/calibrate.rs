@@ -78,7 +78,8 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
     simulate(&format!("{held}&object=toy_duck"), "duck");
     // The pads bear it: half of 0.3 kg.
     let truth = std::fs::read_to_string(folder.path().join("duck/truth.jsonl")).expect("truth");
-    let last: serde_json::Value = truth.lines().filter_map(|l| serde_json::from_str(l).ok()).last().expect("a line");
+    let last: serde_json::Value =
+        truth.lines().filter_map(|l| serde_json::from_str(l).ok()).next_back().expect("a line");
     let force_n = last["wrench"]["force_n"][0].as_f64().expect("a force");
     assert!((force_n / (0.3 * 9.80665 / 2.0) - 1.0).abs() < 0.01, "{force_n} N");
 
