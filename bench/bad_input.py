@@ -1,4 +1,4 @@
-"""Does to `slipbound watch` what goes wrong in a laboratory and tells what it says: docs/bad-input.md.
+"""Does to `slipbound watch` and `calibrate` what goes wrong in a laboratory and tells what they say: docs/bad-input.md.
 
 Run from anywhere:  python3 bench/bad_input.py            # prints the table
                     python3 bench/bad_input.py --write    # and puts it into docs/bad-input.md
@@ -10,6 +10,7 @@ every command that wrote a report, each of its lines is parsed again.
 import argparse
 import json
 import os
+import random
 import re
 import shutil
 import struct
@@ -32,6 +33,7 @@ whole; where nothing could be judged there is none.
 Made by `python3 bench/bad_input.py --write`, which prepares each case from `testdata/` in a temporary folder, runs
 the command and parses its report line by line (a header, then a line a frame; the whole recording has 48). In the
 second column `slipbound watch` is left out and `...` is `{ME}`.
+Under "Calibrating" the last column says whether a sensor file was left.
 Messages go to standard error; what is in italics is from the closing summary on standard output, which tells the
 first torn frame again.
 """
@@ -42,6 +44,9 @@ TAIL = """
 - A JPEG damaged inside its picture data can be valid JPEG all the same: there is no checksum. It is judged as it
   decodes, and its false edges can raise a false slip, also in other frames when it is averaged into rest.
 - A finger of another kind whose markers happen to stand as far apart as the sensor file says.
+- Calibrating, a polarity given wrongly: between dark dots there is a grid of bright gaps. Leave `--polarity` out, and the
+  stronger one is found.
+- Calibrating, a single photo in which something touches: a recording's calm frames are chosen, a photo is believed.
 - A frame that was left out or delivered twice in an image folder: pictures carry no number or time of their own.
 """
 
@@ -59,14 +64,41 @@ def jpegs():
     return found
 
 
-def png(width, height, level, colour=True):
-    """An even PNG."""
+def png_of(width, height, rows, colour):
+    """A PNG of rows of bytes."""
     def chunk(kind, body):
         return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-    row = b"\0" + bytes([level]) * (width * (3 if colour else 1))
     header = struct.pack(">IIBBBBB", width, height, 8, 2 if colour else 0, 0, 0, 0)
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(row * height))
-            + chunk(b"IEND", b""))
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header)
+            + chunk(b"IDAT", zlib.compress(b"".join(b"\0" + row for row in rows))) + chunk(b"IEND", b""))
+
+
+def png(width, height, level, colour=True):
+    """An even PNG."""
+    return png_of(width, height, [bytes([level]) * (width * (3 if colour else 1))] * height, colour)
+
+
+def dots(places, radius=4):
+    """A grey PNG with a dark dot at each place."""
+    width, height = SIZE
+    rows = [bytearray([150]) * width for _ in range(height)]
+    for x, y in places:
+        for row in range(max(0, y - radius), min(height, y + radius + 1)):
+            half = int((radius ** 2 - (row - y) ** 2) ** 0.5)
+            left, right = max(0, x - half), min(width, x + half + 1)
+            rows[row][left:right] = bytes([70]) * (right - left)
+    return png_of(width, height, rows, False)
+
+
+def grid(columns, rows, pitch):
+    """Places of dots on a grid."""
+    return [(30 + pitch * i, 30 + pitch * j) for i in range(columns) for j in range(rows)]
+
+
+def cloud(count):
+    """A picture of dots on no grid."""
+    chance = random.Random(5)
+    return dots([(chance.randrange(SIZE[0]), chance.randrange(SIZE[1])) for _ in range(count)])
 
 
 class Case:
@@ -114,7 +146,7 @@ class Case:
 def cases():
     """Title, preparation, arguments of `slipbound` (a shell line)."""
     black, white = png(*SIZE, 0), png(*SIZE, 255)
-    me = ME
+    me, out = ME, "-o finger.toml"
     return [
         ("Recordings", None, None),
         ("nothing there", None, f"nowhere.avi {me}"),
@@ -166,7 +198,8 @@ def cases():
         ("The finger", None, None),
         ("no --sensor, 320x240", lambda c: c.only(png(320, 240, 128)), "run --json report.jsonl"),
         ("no --sensor, a size nobody has", lambda c: c.only(png(100, 100, 128)), "run --json report.jsonl"),
-        ("no --sensor, one finger has the size", None, "run --json report.jsonl"),
+        ("no --sensor, 427x320", None, "run --json report.jsonl"),
+        ("no --sensor, one finger has the size", lambda c: c.only(png(640, 480, 128)), "run --json report.jsonl"),
         ("a finger of another size", None, "run --sensor gelsight --json report.jsonl"),
         ("a finger of the right size, but wrong", lambda c: c.sensor("pitch_px = 44.0\nmarker_diameter_px = 20.0\n"),
          "run --sensor mine.toml --json report.jsonl"),
@@ -230,6 +263,36 @@ def cases():
         ("Ctrl-C in the middle", lambda c: c.repeat(2000), f"run {me} # INT"),
         ("an option nobody knows", None, "run --color red"),
         ("nothing to watch", None, ""),
+        ("Calibrating", None, None),
+        ("an empty folder", lambda c: c.only(), f"calibrate run {out}"),
+        ("a photo without dots", lambda c: c.put("even.png", png(*SIZE, 128)), f"calibrate even.png {out}"),
+        ("a black photo", lambda c: c.put("black.png", black), f"calibrate black.png {out}"),
+        ("60 dots on no grid", lambda c: c.put("cloud.png", cloud(60)), f"calibrate cloud.png {out}"),
+        ("300 dots on no grid", lambda c: c.put("cloud.png", cloud(300)), f"calibrate cloud.png {out}"),
+        ("3 by 4 markers", lambda c: c.put("few.png", dots(grid(3, 4, 80))),
+         f"calibrate few.png {out}"),
+        ("12 by 2 markers", lambda c: c.put("strip.png", dots(grid(12, 2, 30))),
+         f"calibrate strip.png {out}"),
+        ("half a JPEG", lambda c: c.cut("run/00.jpg", 0.5), f"calibrate run/00.jpg {out}"),
+        ("a text file named .jpg", lambda c: c.put("notes.jpg", "day one\n"), f"calibrate notes.jpg {out}"),
+        ("frames that are not there", None, f"calibrate run {out} --frames 90..99"),
+        ("a pitch of 0", None, f"calibrate run/00.jpg {out} --pitch-mm 0"),
+        ("a pitch below zero", None, f"calibrate run/00.jpg {out} --pitch-mm=-1.5"),
+        ("a pitch that is no number", None, f"calibrate run/00.jpg {out} --pitch-mm nan"),
+        ("a word nobody knows", None, f"calibrate run/00.jpg {out} --skin silk"),
+        ("bright markers asked for, dark ones there", None, f"calibrate run/00.jpg {out} --polarity bright"),
+        ("no --output", None, "calibrate run/00.jpg"),
+        ("--output of another kind", None, "calibrate run/00.jpg -o finger.json"),
+        ("--output into no folder", None, "calibrate run/00.jpg -o no/finger.toml"),
+        ("--output is a folder", lambda c: (c.folder / "finger.toml").mkdir(), f"calibrate run/00.jpg {out}"),
+        ("--output's picture onto the source", lambda c: c.put("finger.png", cloud(60)), f"calibrate finger.png {out}"),
+        ("--weight-g without --sensor", None, f"calibrate run {out} --weight-g 200"),
+        ("--weight-g on a photo", None, f"calibrate run/00.jpg {out} --sensor painted.toml --weight-g 200"),
+        ("--weight-g of no recording", None, f"calibrate none.avi {out} --sensor painted.toml --weight-g 200"),
+        ("--weight-g on a recording without a mass", None, f"calibrate run {out} --sensor painted.toml --weight-g 200"),
+        ("--weight-g of 0", None, f"calibrate run {out} --sensor painted.toml --weight-g 0"),
+        ("--weight-g that is no number", None, f"calibrate run {out} --sensor painted.toml --weight-g nan"),
+        ("--weight-g and no finger", None, f"calibrate run {out} --sensor painted.toml --weight-g 200 --fingers 0"),
     ]
 
 
@@ -242,7 +305,8 @@ def run(binary, folder, line):
     if how == "PATH=":
         environment["PATH"] = "/nonexistent"
     interrupted = "timeout --preserve-status -s INT 1 " if how == "INT" else ""
-    shell = f"set -o pipefail; {interrupted}{binary} watch {line}"
+    command = line if line.startswith("calibrate ") else f"watch {line}"
+    shell = f"set -o pipefail; {interrupted}{binary} {command}"
     ended = subprocess.run(["/bin/bash", "-c", shell], cwd=folder, env=environment, capture_output=True, text=True,
                            check=False, timeout=120)
     report = folder / "report.jsonl"
@@ -251,6 +315,8 @@ def run(binary, folder, line):
         text = report.read_text()
         assert text.endswith("\n"), "the last line is not whole"
         kept = [json.loads(part) for part in text.splitlines()]
+    if line.startswith("calibrate ") and (folder / "finger.toml").is_file():
+        kept = "written"
     return ended.returncode, ended.stderr.strip(), ended.stdout.strip(), kept
 
 
@@ -270,7 +336,7 @@ def row(title, line, code, err, out, kept):
         said = re.sub(r"\d+ frames", "N frames", said)
         lines = "N + 1 lines"
     else:
-        lines = "none" if kept is None else f"{len(kept)} lines"
+        lines = "none" if kept is None else kept if isinstance(kept, str) else f"{len(kept)} lines"
     cells = [title, f"`{line}`{notes}" if line else "(nothing)", said or "none", str(code), lines]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 
@@ -286,7 +352,8 @@ def main():
     rows = []
     for title, prepare, line in cases():
         if line is None:
-            rows.append(f"\n## {title}\n\n| case | command | message | exit code | report |\n|---|---|---|---|---|\n")
+            last = "file" if title == "Calibrating" else "report"
+            rows.append(f"\n## {title}\n\n| case | command | message | exit code | {last} |\n|---|---|---|---|---|\n")
             continue
         with tempfile.TemporaryDirectory() as temporary:
             case = Case(Path(temporary))

@@ -2,12 +2,15 @@
 
 `python3 bench/opencv_baseline.py` times a fixed list of OpenCV calls (one thread, 640x480 colour frame with a contact and
 some 400 markers of 5 px; median of 300 after 20, calls only), one memcpy of the frame, and our own step bench
-(`cargo bench -p slipbound --bench step`), and prints one table. Needs numpy and opencv-python-headless.
+(`cargo bench -p slipbound --bench step`), and prints two tables; with `--write` they go into bench/README.md. Further
+arguments are criterion's (`--quick`). Needs numpy and opencv-python-headless, and a machine that does nothing else.
 """
 
+import os
 import re
 import statistics
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -45,38 +48,41 @@ def timed(call):
 
 
 def opencv_steps(frame):
-    """The fixed list of calls, each with its share of the method."""
+    """The fixed list of calls, each with its step of the method."""
     cv2.setNumThreads(1)
     steps = []
 
-    def step(name, call):
+    def step(of, name, call):
         milliseconds, result = timed(call)
-        steps.append((name, milliseconds))
+        steps.append((of, name, milliseconds))
         return result
 
     turn = np.array([[1, 0.02, -5], [-0.02, 1, 6], [0, 0, 1]], np.float64)
-    warped = step("warpPerspective", lambda: cv2.warpPerspective(frame, turn, (WIDTH_PX, HEIGHT_PX)))[:, 75:-75]
-    warped = np.ascontiguousarray(warped)
+    warped = step("imprint", "warpPerspective", lambda: cv2.warpPerspective(frame, turn, (WIDTH_PX, HEIGHT_PX)))
+    warped = np.ascontiguousarray(warped[:, 75:-75])
     weights = np.array([[0.5, 0.5, 0]], np.float32)
-    grey = step("grey (transform)", lambda: cv2.transform(warped, weights))
-    as_float = step("to f32", lambda: grey.astype(np.float32))
-    blurred = step("GaussianBlur f32 31x31", lambda: cv2.GaussianBlur(as_float, (31, 31), 31))
+    grey = step("imprint", "grey (transform)", lambda: cv2.transform(warped, weights))
+    as_float = step("imprint", "to f32", lambda: grey.astype(np.float32))
+    blurred = step("imprint", "GaussianBlur f32 31x31", lambda: cv2.GaussianBlur(as_float, (31, 31), 31))
     flat = step(
-        "flatten", lambda: cv2.convertScaleAbs(cv2.max(cv2.subtract(as_float, blurred), -60), alpha=2, beta=120)
+        "imprint",
+        "flatten",
+        lambda: cv2.convertScaleAbs(cv2.max(cv2.subtract(as_float, blurred), -60), alpha=2, beta=120),
     )
     cut = flat.shape[0] * 2 // 3
-    upper = step("Canny 90/120, upper two thirds", lambda: cv2.Canny(flat[:cut], 90, 120))
-    lower = step("Canny 50/70, lower third", lambda: cv2.Canny(flat[cut:], 50, 70))
+    upper = step("contact", "Canny 90/120, upper two thirds", lambda: cv2.Canny(flat[:cut], 90, 120))
+    lower = step("contact", "Canny 50/70, lower third", lambda: cv2.Canny(flat[cut:], 50, 70))
     edges = np.vstack([upper, lower])
     square = lambda side: cv2.getStructuringElement(cv2.MORPH_RECT, (side, side))
     ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (25, 25))
-    closed = step("close square 6", lambda: cv2.morphologyEx(edges, cv2.MORPH_CLOSE, square(6)))
-    eroded = step("erode square 11", lambda: cv2.erode(closed, square(11)))
-    contact = step("dilate ellipse 25", lambda: cv2.dilate(eroded, ellipse))
-    step("erode ellipse 25 (inner region)", lambda: cv2.erode(contact, ellipse))
+    closed = step("contact", "close square 6", lambda: cv2.morphologyEx(edges, cv2.MORPH_CLOSE, square(6)))
+    eroded = step("contact", "erode square 11", lambda: cv2.erode(closed, square(11)))
+    contact = step("contact", "dilate ellipse 25", lambda: cv2.dilate(eroded, ellipse))
+    step("motion", "erode ellipse 25 (inner region)", lambda: cv2.erode(contact, ellipse))
     levels = np.full_like(flat, 90)
-    mask = step("threshold", lambda: cv2.compare(flat, levels, cv2.CMP_LT))
+    mask = step("markers", "threshold", lambda: cv2.compare(flat, levels, cv2.CMP_LT))
     mask = step(
+        "markers",
         "marker mask: dilate 2, erode 2, dilate 5",
         lambda: cv2.dilate(cv2.erode(cv2.dilate(mask, square(2)), square(2)), square(5)),
     )
@@ -87,19 +93,19 @@ def opencv_steps(frame):
     settings.filterByColor = settings.filterByCircularity = settings.filterByConvexity = False
     settings.filterByInertia = False
     detector = cv2.SimpleBlobDetector_create(settings)
-    step("SimpleBlobDetector", lambda: detector.detect(mask))
+    step("markers", "SimpleBlobDetector", lambda: detector.detect(mask))
     rng = np.random.default_rng(1)
     before = rng.uniform(100, 400, (60, 2)).astype(np.float32)
     after = before + rng.normal(0, 0.1, (60, 2)).astype(np.float32) + np.float32([2, 1])
-    step("estimateAffinePartial2D, 60 matches", lambda: cv2.estimateAffinePartial2D(before, after))
+    step("motion", "estimateAffinePartial2D, 60 matches", lambda: cv2.estimateAffinePartial2D(before, after))
     return steps
 
 
 def our_steps(root):
     """Medians of our own bench, by finger and step, in milliseconds."""
-    run = subprocess.run(
-        ["cargo", "bench", "-p", "slipbound", "--bench", "step"], cwd=root, capture_output=True, text=True, check=True
-    )
+    further = [argument for argument in sys.argv[1:] if argument != "--write"]
+    command = ["cargo", "bench", "-p", "slipbound", "--bench", "step", "--", *further]
+    run = subprocess.run(command, cwd=root, stdout=subprocess.PIPE, text=True, check=True)
     unit = {"ns": 1e-6, "µs": 1e-3, "ms": 1.0}
     found, name = {}, None
     for line in run.stdout.splitlines():
@@ -111,21 +117,54 @@ def our_steps(root):
     return found
 
 
+TITLE = "## Beside OpenCV"
+STEPS = ["imprint", "contact", "markers", "motion", "slip", "whole"]
+
+
+def tables(memcpy, calls, ours):
+    """The calls one by one, then our steps against the calls that do the same."""
+    of_cv2 = {step: sum(ms for of, _, ms in calls if of == step) for step in STEPS}
+    of_cv2["whole"] = sum(ms for _, _, ms in calls)
+    lines = [
+        "",
+        f"`python3 bench/opencv_baseline.py --write`: cv2 {cv2.__version__}, one thread, 640x480, some 400 markers of 5 px;",
+        "median of 300 after 20, calls only. In the same run our step bench, medians. One memcpy of the frame (0.9 MB) took "
+        f"{memcpy:.3f} ms; load of the machine {os.getloadavg()[0]:.1f}.",
+        "OpenCV's list leaves matching and the slip field out; ours has them.",
+        "",
+        "| step | call of cv2 | ms | memcpys |",
+        "|---|---|---|---|",
+    ]
+    lines += [f"| {of} | {name} | {ms:.3f} | {ms / memcpy:.1f} |" for of, name, ms in calls]
+    lines += [f"| whole | all of them | {of_cv2['whole']:.2f} | {of_cv2['whole'] / memcpy:.0f} |", ""]
+    lines += ["| finger | step | cv2 | ours | cv2 / ours | ours, memcpys |", "|---|---|---|---|---|---|"]
+    for (finger, step), ms in ours.items():
+        theirs = of_cv2.get(step, 0)
+        ratio = f"{theirs / ms:.1f}" if theirs else "-"
+        theirs = f"{theirs:.2f} ms" if theirs else "-"
+        lines.append(f"| {finger} | {step} | {theirs} | {ms:.3f} ms | {ratio} | {ms / memcpy:.1f} |")
+    return "\n".join(lines) + "\n"
+
+
+def write(root, text):
+    """Puts the tables into bench/README.md, before its next heading."""
+    readme = root / "bench" / "README.md"
+    before, rest = readme.read_text().split(TITLE + "\n", 1)
+    after = rest[rest.index("\n## ") :]
+    readme.write_text(before + TITLE + "\n" + text + after)
+
+
 def main():
     root = Path(__file__).resolve().parent.parent
+    # Ours first: it may have to be built.
+    ours = our_steps(root)
     frame = painted_frame()
     target = np.empty_like(frame)
     memcpy, _ = timed(lambda: np.copyto(target, frame))
-    steps = opencv_steps(frame)
-    whole = sum(milliseconds for _, milliseconds in steps)
-    print(f"one memcpy of the frame                     {memcpy:8.3f} ms")
-    for name, milliseconds in steps:
-        print(f"cv2 {cv2.__version__}  {name:42} {milliseconds:8.3f} ms")
-    print(f"cv2, all of the list                        {whole:8.3f} ms  {whole / memcpy:7.0f} memcpy")
-    ours = our_steps(root)
-    for (finger, step), milliseconds in ours.items():
-        ratio = f"{whole / milliseconds:6.1f} times faster than the list" if step == "whole" else ""
-        print(f"ours, {finger:24} {step:12} {milliseconds:8.3f} ms  {milliseconds / memcpy:7.0f} memcpy  {ratio}")
+    text = tables(memcpy, opencv_steps(frame), ours)
+    print(text)
+    if "--write" in sys.argv[1:]:
+        write(root, text)
 
 
 if __name__ == "__main__":

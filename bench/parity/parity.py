@@ -1,6 +1,7 @@
 """Compares every pixel kernel of slipbound with OpenCV, on real and on drawn frames.
 
-Run from anywhere:  python bench/parity/parity.py
+Run from anywhere:  python bench/parity/parity.py            # the checks, and a table of the default's markers
+                    python bench/parity/parity.py --write    # and puts that table into README.md
 Real frames come from the folder SLIPBOUND_DATA, or ../shared/data beside the project; without them only the drawn
 frames are judged, and a line says so. The environment variable SLIPBOUND_PARITY names a built example to use instead
 of `cargo run`. Exit code 1 when a kernel fails.
@@ -21,6 +22,15 @@ GELSLIM = np.array([
     [0.03669927, 0.84359564, -24.59355941],
     [-0.00010275817, -0.00143881538, 1.0],
 ])
+
+REAL_COUNT = 12
+# Pitch and diameter of the markers as these pictures show them, px: what the sensor files say.
+FINGERS = {
+    "gelsight-lift": (60, 15),
+    "gelslim3-press": (22, 7.9),
+    "gelsight-mini-press": (30.8, 11),
+    "gelsight-mini-wriggle": (44, 20),
+}
 
 
 class Kernels:
@@ -43,6 +53,12 @@ class Kernels:
         if len(data) != size:
             sys.exit("the example ended early: see its message above")
         return np.frombuffer(data, dtype)
+
+    def markers(self, paper, finger, grey):
+        """Every marker at rest (x, y) and in the frame judged (x, y)."""
+        self.request("markers", [paper, *finger], grey)
+        count = int(self.read(1, "<f8")[0])
+        return self.read(4 * count, "<f8").reshape(count, 4)
 
     def picture(self, kernel, numbers, *pictures, dtype=np.uint8, shape=None):
         self.request(kernel, numbers, *pictures)
@@ -85,7 +101,7 @@ class Results:
 
 
 def real_frames():
-    """Up to 12 frames as (name, BGR), spread over the folders of the data."""
+    """12 frames as (name, BGR, None), spread over the folders of the data."""
     named = os.environ.get("SLIPBOUND_DATA")
     folder = Path(named) if named else PROJECT.parent / "shared" / "data"
     if not folder.is_dir():
@@ -95,7 +111,7 @@ def real_frames():
     for kind, count in [("gelsight-lift", 5), ("gelslim3-press", 3)]:
         files = sorted((folder / kind).rglob("*.jpg"))
         for file in files[:: max(1, len(files) // count)][:count]:
-            frames.append((file.name, cv2.imread(str(file))))
+            frames.append((kind, cv2.imread(str(file))))
     for kind, count in [("gelsight-mini-press", 2), ("gelsight-mini-wriggle", 2)]:
         files = sorted((folder / kind).rglob("*.avi"))
         for i in range(count if files else 0):
@@ -103,22 +119,25 @@ def real_frames():
             for _ in range(60 + 40 * i):
                 frame = video.read()[1]
             frames.append((kind, frame))
-    frames = [(name, frame) for name, frame in frames if frame is not None]
+    frames = [(name, frame, None) for name, frame in frames if frame is not None]
     print(f"real frames: {len(frames)}")
+    if len(frames) != REAL_COUNT:
+        sys.exit(f"{folder}: expected {REAL_COUNT} frames, got {len(frames)}")
     return frames
 
 
 def drawn_frames():
-    """Five frames of dots on uneven light, with noise, texture and odd sizes."""
+    """Five frames as (name, BGR, centres of the dots): dots on uneven light, with noise, texture and odd sizes."""
     random = np.random.default_rng(20190501)
     frames = []
     for width, height, pitch in [(640, 480, 30), (327, 320, 15), (427, 320, 19), (101, 67, 11), (64, 129, 13)]:
         y, x = np.mgrid[:height, :width].astype(np.float64)
         light = 120 + 60 * np.sin(x / width * 2.1) - 40 * (y / height) ** 2
-        dots = np.zeros((height, width))
+        dots, centres = np.zeros((height, width)), []
         for cy in np.arange(pitch / 2, height, pitch):
             for cx in np.arange(pitch / 2, width, pitch):
                 dx, dy = random.normal(0, 1.0, 2)
+                centres.append((cx + dx, cy + dy))
                 dots += 35 * (1 - np.tanh(np.hypot(x - cx - dx, y - cy - dy) - pitch / 5))
         inside = np.hypot((x - width / 2) / width, (y - height / 2) / height) < 0.3
         weave = np.where(inside, 25 * np.sign(np.sin(x * 1.1) * np.sin(y * 0.9)), 0)
@@ -126,7 +145,9 @@ def drawn_frames():
         frame = np.clip(np.stack(planes, axis=2), 0, 255).astype(np.uint8)
         if width == 101:
             frame[10:30, 20:60] = random.integers(0, 256, (20, 40, 3), dtype=np.uint8)
-        frames.append((f"drawn {width}x{height}", frame))
+        name = f"drawn {width}x{height}"
+        FINGERS[name] = (pitch, 0.4 * pitch)
+        frames.append((name, frame, np.array(centres)))
     return frames
 
 
@@ -262,6 +283,84 @@ def judge_components(kernels, results, mask):
     results.pixels("components, holes filled", kernels.picture("fill_holes", [], mask), filled)
 
 
+def paper_mask(kernels, grey, pitch_px):
+    """The marker mask of the paper's settings in cv2, from our flat picture: local thresholds, close, dilate."""
+    # Lengths of the released code are px at a pitch of 15.2 px.
+    of_pitch = lambda px: max(1, int(px / 15.2 * pitch_px + 0.5))
+    side = int(31 / 15.2 * pitch_px / 2 + 0.5) * 2 + 1
+    flat = kernels.picture("flatten_gaussian", [side, side, 31 / 15.2 * pitch_px, 50, 2, 20], grey)
+    around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (of_pitch(45), of_pitch(45)))
+    levels = np.full_like(flat, 90)
+    for below, level in [(70, 80), (40, 50), (10, 20)]:
+        dark = np.where(flat < below, 255, 0).astype(np.uint8)
+        levels[cv2.morphologyEx(dark, cv2.MORPH_CLOSE, around) > 0] = level
+    mask = np.where(flat < levels, 255, 0).astype(np.uint8)
+    rect = lambda px: np.ones((of_pitch(px), of_pitch(px)), np.uint8)
+    return cv2.dilate(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, rect(2)), rect(5)), round(9 * (pitch_px / 15.2) ** 2)
+
+
+def judge_markers(kernels, results, name, grey):
+    """The paper's markers against the blobs of the same mask in cv2; returns how far the default's are from those."""
+    pitch, diameter = FINGERS[name]
+    mask, least_area = paper_mask(kernels, grey, pitch)
+    _, _, stats, centroids = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    blobs = centroids[1:][stats[1:, cv2.CC_STAT_AREA] >= least_area]
+    height, width = grey.shape
+    margin = diameter / 2 + 0.5
+    whole = blobs[((blobs >= margin) & (blobs <= [width - 1 - margin, height - 1 - margin])).all(axis=1)]
+    apart = lambda a, b: np.linalg.norm(a[:, None] - b[None], axis=2)
+    paper = kernels.markers(1, (pitch, diameter), grey)
+    unknown = apart(paper[:, :2], whole)
+    results.add("paper's markers at rest", 0.1, "px", unknown.min(axis=1).max())
+    results.add("blobs without a marker", 0, "blobs", np.count_nonzero(unknown.min(axis=0) > 0.1))
+    results.add("paper's markers in a frame", 0.1, "px", apart(paper[:, 2:], blobs).min(axis=1).max())
+    default = kernels.markers(0, (pitch, diameter), grey)[:, :2]
+    nearest = apart(default, whole)
+    # A blob within a third of a pitch is the same dot.
+    same = nearest.min(axis=1) < pitch / 3
+    return len(blobs), default[same], whole[nearest.argmin(axis=1)][same], int(np.count_nonzero(~same))
+
+
+def spread(apart):
+    """Median, 95 % and most of the lengths, px."""
+    lengths = np.linalg.norm(apart, axis=1)
+    return f"{np.median(lengths):.2f} / {np.percentile(lengths, 95):.2f} / {lengths.max():.2f}"
+
+
+def table_row(name, truth, blobs_count, default, blobs, alone_count):
+    """How far the markers of the default settings are from the paper's blobs; on a drawn frame, from the truth too."""
+    apart = default - blobs
+    shift = np.median(apart, axis=0)
+    row = [name, blobs_count, len(default), alone_count, "{:+.1f}, {:+.1f}".format(*shift + 0.0)]
+    row += [spread(apart), spread(apart - shift)]
+    if truth is None:
+        return row + ["-", "-"]
+    centred = truth[np.linalg.norm(default[:, None] - truth[None], axis=2).argmin(axis=1)]
+    off = blobs - centred
+    return row + [spread(default - centred), spread(off - np.median(off, axis=0))]
+
+
+TABLE_TITLE = "## Markers of the default settings against the paper's blobs"
+TABLE_HEAD = """
+Default minus blob, px; `median / 95 % / most`. Same dot: within a third of a pitch of each other; alone: a marker of
+the default without such a blob. Written by `python bench/parity/parity.py --write`.
+
+| frame | blobs | same dot | alone | shift x, y | apart | less the shift | default from truth | blob from truth, less the shift |
+|---|---|---|---|---|---|---|---|---|
+"""
+
+
+def table(rows):
+    return TABLE_HEAD + "".join("| " + " | ".join(str(cell) for cell in row) + " |\n" for row in rows)
+
+
+def write_table(rows):
+    """Puts the table at the end of the README beside this file."""
+    readme = Path(__file__).with_name("README.md")
+    text = readme.read_text()
+    readme.write_text(text[: text.index(TABLE_TITLE)] + TABLE_TITLE + "\n" + table(rows))
+
+
 def least_squares(before, after):
     """Rigid motion by singular values (Kabsch), in float64: mean displacement and angle."""
     a, b = before - before.mean(0), after - after.mean(0)
@@ -307,15 +406,19 @@ def judge_rigid(kernels, results):
 def main():
     cv2.setNumThreads(1)
     frames = real_frames() + drawn_frames()
-    kernels, results = Kernels(), Results()
-    for _, bgr in frames:
+    kernels, results, rows = Kernels(), Results(), []
+    for name, bgr, truth in frames:
         grey = cv2.transform(bgr, np.array([[0.5, 0.5, 0]], np.float32)).reshape(bgr.shape[:2])
         judge_grey(kernels, results, bgr)
         judge_warp(kernels, results, grey)
         judge_smooth(kernels, results, grey)
         edges, flat = judge_edges(kernels, results, grey)
         judge_masks(kernels, results, edges, flat)
+        rows.append(table_row(name, truth, *judge_markers(kernels, results, name, grey)))
     judge_rigid(kernels, results)
+    print(table(rows))
+    if "--write" in sys.argv[1:]:
+        write_table(rows)
     print(f"cv2 {cv2.__version__} on {len(frames)} frames; for comparison, cv2.warpPerspective against float64 sampling: "
           f"worst {judge_warp.cv2_worst:.3g}, mean {judge_warp.cv2_mean:.3g} levels")
     sys.exit(1 if results.report() else 0)

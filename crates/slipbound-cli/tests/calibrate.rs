@@ -1,4 +1,4 @@
-//! The command on the paper's finger as simulated, on what cannot be calibrated, and on its own outputs.
+//! The command on the paper's finger as simulated, with a known mass hanging on it too, on what cannot be calibrated, and on its own outputs.
 
 use slipbound::plane::Vec2;
 use std::path::Path;
@@ -60,4 +60,44 @@ fn what_cannot_be_done_is_refused_with_the_reason_and_leaves_no_file() {
         assert!(message.contains(said), "{words:?}: `{message}` lacks `{said}`");
         assert!(!folder.path().join("a.toml").exists());
     }
+}
+
+/// Two simulated fingers hold 300 g that first stand and then hang. What comes out is the stiffness that the simulated
+/// gel has, shear modulus over thickness, to 15 %: markers under a pressed weave are not all found.
+#[test]
+fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let held = "fill?force_n=15&mu=0.8&settle_s=0.6&fill_kg_per_s=0.5&hold_s=1&most_kg=0.3";
+    let simulate = |scene: &str, name: &str| {
+        let done = slipbound(folder.path(), &["simulate", scene, "-o", name]);
+        assert!(done.status.success(), "{done:?}");
+    };
+    let words = |name: &'static str, sensor: &'static str| {
+        ["calibrate", name, "-o", "stiff.toml", "--sensor", sensor, "--weight-g", "300", "--fingers", "2"]
+    };
+    simulate(&format!("{held}&object=toy_duck"), "duck");
+    // The pads bear it: half of 0.3 kg.
+    let truth = std::fs::read_to_string(folder.path().join("duck/truth.jsonl")).expect("truth");
+    let last: serde_json::Value =
+        truth.lines().filter_map(|l| serde_json::from_str(l).ok()).next_back().expect("a line");
+    let force_n = last["wrench"]["force_n"][0].as_f64().expect("a force");
+    assert!((force_n / (0.3 * 9.80665 / 2.0) - 1.0).abs() < 0.01, "{force_n} N");
+
+    let done = slipbound(folder.path(), &words("duck", "duck/sensor.toml"));
+    assert!(done.status.success(), "{done:?}");
+    let path = folder.path().join("stiff.toml");
+    let shear = slipbound_rig::sensors::load(path.to_str().expect("UTF-8")).expect("valid").shear.expect("measured");
+    assert!(shear.provenance.contains("300 g shared by 2 fingers"), "{}", shear.provenance);
+    let scene = slipbound_lab::hand::HandScene::parse("lift").expect("a scene");
+    let gel = slipbound_lab::hand::SimHand::new(&scene).expect("a hand").sensor(0).shear.expect("known");
+    let ratio = shear.stiffness_n_per_pitch / gel.stiffness_n_per_pitch;
+    assert!((ratio - 1.0).abs() < 0.15, "{ratio} of the gel's; {}", shear.provenance);
+
+    std::fs::remove_file(&path).expect("written");
+    simulate(&format!("{held}&object=water_bottle&camera=gelsight_mini"), "bottle");
+    let done = slipbound(folder.path(), &words("bottle", "bottle/sensor.toml"));
+    let message = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(2), "{message}");
+    assert!(message.contains("expected the sheared skin in full view"), "{message}");
+    assert!(!path.exists());
 }

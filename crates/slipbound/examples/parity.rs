@@ -3,10 +3,11 @@
 //! A request is a line `kernel width height numbers...` followed by the raw bytes of its picture (three bytes a pixel
 //! for `grey`, two pictures for `below_levels` and `flatten`, one else; a mask is a picture of 0 and 255). The answer
 //! is raw bytes: one picture of bytes or of little-endian f32; for `components` a count, then rows of seven numbers,
-//! all little-endian f64; for `rigid_fit`, whose points are its numbers, three f64.
+//! all little-endian f64; for `rigid_fit`, whose points are its numbers, three f64; for `markers` a count, then for
+//! each marker that a monitor sees its place at rest and in the frame judged, four f64.
 
-use slipbound::image::{Mask, Rgb, SizePx};
-use slipbound::monitor::{fit_most, fit_rigid, fit_similarity};
+use slipbound::image::{Frame, Gray, Mask, Pixels, Rgb, SizePx};
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, fit_most, fit_rigid, fit_similarity};
 use slipbound::pixels::background::Background;
 use slipbound::pixels::canny::Canny;
 use slipbound::pixels::components::Components;
@@ -17,7 +18,7 @@ use slipbound::pixels::morphology::{Element, Morphology};
 use slipbound::pixels::threshold::{below_level, below_levels};
 use slipbound::pixels::warp::WarpTable;
 use slipbound::plane::{Homography, Vec2};
-use slipbound::sensor::Flip;
+use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
 use std::error::Error;
 use std::io::{BufRead, Read, Write};
 
@@ -122,6 +123,10 @@ fn answer(kernel: &str, size: SizePx, numbers: &[f64], picture: &[u8]) -> Result
             let numbers = [m.translation.x, m.translation.y, m.rotation_rad];
             return Ok(numbers.into_iter().flat_map(f64::to_le_bytes).collect());
         }
+        ("markers", &[paper, pitch_px, diameter_px]) => {
+            let settings = if paper != 0.0 { Settings::paper() } else { Settings::default() };
+            return markers(&settings, &straight(size, pitch_px, diameter_px), Gray::new(picture, size)?);
+        }
         ("fill_holes", &[]) => {
             mask = mask_of(picture, size);
             Components::new(size).fill_holes(&mut mask);
@@ -144,6 +149,40 @@ fn answer(kernel: &str, size: SizePx, numbers: &[f64], picture: &[u8]) -> Result
         _ => return Err(format!("no kernel {kernel} with {} numbers", numbers.len()).into()),
     }
     Ok(out)
+}
+
+/// Facts of a finger whose camera looks straight at a smooth gel with dark dots.
+fn straight(image_px: SizePx, pitch_px: f64, marker_diameter_px: f64) -> Sensor {
+    Sensor {
+        name: "straight".into(),
+        description: String::new(),
+        serial: None,
+        image_px,
+        flip: Flip::None,
+        grey_weights_rgb: [0.5, 0.5, 0.0],
+        polarity: Polarity::Dark,
+        pitch_px,
+        pitch_mm: None,
+        marker_diameter_px,
+        skin: Skin::Smooth,
+        bare_sharpness: None,
+        edge_bands: Vec::new(),
+        rectification: None,
+        defects_px: Vec::new(),
+        shear: None,
+    }
+}
+
+/// The markers of a picture taken for rest and judged as a frame.
+fn markers(settings: &Settings, sensor: &Sensor, grey: Gray<'_>) -> Result<Vec<u8>, Box<dyn Error>> {
+    let frame = Frame { pixels: Pixels::Gray(grey), seq: 0, time_ns: None };
+    let mut builder = RestBuilder::new(sensor, settings, grey.size())?;
+    builder.add(&frame)?;
+    let mut monitor = SlipMonitor::new(sensor, settings, builder.build(RestKind::Unloaded)?)?;
+    monitor.step(&frame, None);
+    let seen = monitor.markers();
+    let rows = seen.iter().flat_map(|m| [m.rest.x, m.rest.y, m.now.x, m.now.y]);
+    Ok([seen.len() as f64].into_iter().chain(rows).flat_map(f64::to_le_bytes).collect())
 }
 
 fn mask_of(picture: &[u8], size: SizePx) -> Mask {

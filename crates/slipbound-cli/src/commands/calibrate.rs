@@ -20,7 +20,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 pub struct Calibrate {
     /// The untouched finger: an image, an image folder, a quoted pattern, a video file, or a scene ('sim:SCENE').
-    /// With --weight-g: a recording that begins untouched and ends with the mass hanging still
+    /// With --weight-g: a recording that begins untouched, then holds the mass while it stands, and ends with the mass
+    /// hanging still
     source: String,
     /// The sensor file to write; a picture with the grid drawn in goes beside it
     #[arg(short, long, value_name = "FILE.toml", value_parser = toml_name)]
@@ -55,6 +56,9 @@ pub struct Calibrate {
     /// With --weight-g: how many fingers share the mass
     #[arg(long, value_name = "COUNT", default_value_t = 1, requires = "weight_g")]
     fingers: u32,
+    /// With --weight-g: the mass is held and still stands in frames A up to but not B [default: the longest calm part]
+    #[arg(long, value_name = "A..B", value_parser = range, requires = "weight_g")]
+    held: Option<Range<u64>>,
     /// With --weight-g: the mass hangs in frames A up to but not B [default: the calm ones at the end]
     #[arg(long, value_name = "A..B", value_parser = range, requires = "weight_g")]
     hanging: Option<Range<u64>>,
@@ -205,11 +209,17 @@ impl Calibrate {
     /// The whole frames to calibrate from, and how many were torn.
     fn frames(&self, recording: &mut Recording) -> Result<(Vec<FrameBuffer>, usize), Failure> {
         let (mut whole, mut torn_count, mut last) = (Vec::new(), 0, None);
+        let mut first_torn = String::new();
         let until = self.frames.as_ref().map(|f| f.end);
         while until.map_or(whole.len() < FRAMES_MOST, |until| last.is_none_or(|seq| seq + 1 < until)) {
             match recording.next()? {
                 Arrived::Over => break,
-                Arrived::Torn(_) => torn_count += 1,
+                Arrived::Torn(reason) => {
+                    if torn_count == 0 {
+                        first_torn = format!(": {reason}");
+                    }
+                    torn_count += 1;
+                }
                 Arrived::Whole if self.frames.as_ref().is_none_or(|f| f.contains(&recording.frame().seq)) => {
                     whole.push(recording.frame().clone());
                 }
@@ -226,7 +236,7 @@ impl Calibrate {
                 self.source
             ))),
             (None, true) => Err(Failure::Arguments(anyhow!(
-                "{}: expected pictures of a finger, got no whole frame ({torn_count} torn)",
+                "{}: expected pictures of a finger, got no whole frame ({torn_count} torn{first_torn})",
                 self.source
             ))),
         }

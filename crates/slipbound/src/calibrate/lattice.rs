@@ -238,6 +238,9 @@ mod tests {
         assert!(nodes.values().all(|&i| i < dots_count));
     }
 
+    /// Growing takes what is near: of dots without order up to half. It is the judge of `calibrate`, by residual and
+    /// number, that tells these from a grid (`dots_on_no_grid_are_refused_with_the_reason`); here only that a heap is
+    /// not taken for one whole.
     #[test]
     fn less_than_half_of_a_heap_of_spots_stands_on_a_grid() {
         let mut state = 12345u32;

@@ -1,15 +1,16 @@
-//! `slipbound calibrate --weight-g`: a recording of a hanging mass -> the shear stiffness, put into the sensor file.
+//! `slipbound calibrate --weight-g`: a recording of a mass held and then hanging -> the shear stiffness, put into the sensor file.
 
 use super::{Calibrate, write};
 use crate::commands::watch::recording::{Arrived, Recording};
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
-use slipbound::calibrate::{HangingFrame, calm_end, shear_stiffness};
+use slipbound::calibrate::{HangingFrame, calm_end, calm_held, outermost, shear_stiffness};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::sensor::Sensor;
 use slipbound_rig::{calibration, sensors};
 use std::fs;
+use std::ops::Range;
 use std::path::Path;
 
 /// Heaviest mass that makes sense on a fingertip, in grams.
@@ -29,6 +30,7 @@ pub fn run(args: &Calibrate, weight_g: f64) -> Result<Outcome, Failure> {
     let sensor = sensors::load(name).map_err(Failure::arguments)?;
     let mut recording = args.open()?;
     let mut monitor = monitor(args, &mut recording, &sensor)?;
+    let outermost = outermost(monitor.sensor(), monitor.markers());
     let mut frames = Vec::new();
     let mut torn_count = 0;
     loop {
@@ -38,16 +40,17 @@ pub fn run(args: &Calibrate, weight_g: f64) -> Result<Outcome, Failure> {
             Arrived::Whole => {
                 let frame = recording.frame().frame().map_err(|e| Failure::work(&args.source, e))?;
                 let report = monitor.step(&frame, None);
-                frames.push(HangingFrame::new(&report, monitor.markers()));
+                frames.push(HangingFrame::new(&report, monitor.markers(), &outermost));
             }
         }
     }
-    let chosen: Vec<HangingFrame> = match &args.hanging {
-        Some(range) => frames.iter().filter(|f| range.contains(&f.seq)).copied().collect(),
-        None => calm_end(&frames).to_vec(),
-    };
+    let within = |range: &Range<u64>| frames.iter().filter(|f| range.contains(&f.seq)).copied().collect::<Vec<_>>();
+    let hanging = args.hanging.as_ref().map_or_else(|| calm_end(&frames).to_vec(), within);
+    let first = hanging.first().map_or(u64::MAX, |f| f.seq);
+    let before: Vec<HangingFrame> = frames.iter().take_while(|f| f.seq < first).copied().collect();
+    let held = args.held.as_ref().map_or_else(|| calm_held(&before, &hanging).to_vec(), within);
     let what = Path::new(&args.source).file_name().map_or(args.source.clone(), |n| n.to_string_lossy().into_owned());
-    let shear = shear_stiffness(monitor.sensor(), &chosen, weight_g, args.fingers, &what)
+    let shear = shear_stiffness(monitor.sensor(), &held, &hanging, weight_g, args.fingers, &what)
         .map_err(|e| Failure::Arguments(anyhow!("{}: {e}", args.source)))?;
 
     let text = with_shear(name, &args.output, &calibration::shear_table(&shear))?;
