@@ -1,7 +1,7 @@
 //! The loop: frames in, commands out. The same for simulation, replay and hardware.
 //!
 //! ```text
-//!   eye 0: source -> monitor --.
+//!   eye 0: source -> monitor --.          all but the last judged on threads of their own
 //!   eye 1: source -> monitor --+--> Hand --> Task --> gripper, wrist
 //!   gripper, wrist: poll ------'
 //! ```
@@ -12,6 +12,7 @@
 //! blind hands where that is set and more.
 
 use crate::frames::FrameRecorder;
+use crate::judge::Judge;
 use anyhow::{Context, anyhow};
 use slipbound::hand::{Hand, HandReport, Mounting};
 use slipbound::image::Frame;
@@ -50,7 +51,10 @@ pub struct Eye {
     sensor: Sensor,
     settings: Settings,
     rest: Option<RestBuilder>,
-    monitor: Option<SlipMonitor>,
+    monitor: Option<Box<SlipMonitor>>,
+    /// Who judges it beside the others, and whether that one has frame and monitor at the moment.
+    judge: Option<Judge>,
+    is_lent: bool,
     /// The newest frame.
     pub frame: FrameBuffer,
     /// What was said of it; None when none came.
@@ -67,15 +71,28 @@ impl Eye {
         source: Box<dyn FrameSource>,
     ) -> Self {
         let frame = FrameBuffer::default();
-        Eye { name: name.into(), mounting, source, sensor, settings, rest: None, monitor: None, frame, report: None }
+        Eye {
+            name: name.into(),
+            mounting,
+            source,
+            sensor,
+            settings,
+            rest: None,
+            monitor: None,
+            judge: None,
+            is_lent: false,
+            frame,
+            report: None,
+        }
     }
 
     /// The judge, once the rest is known.
     pub fn monitor(&self) -> Option<&SlipMonitor> {
-        self.monitor.as_ref()
+        self.monitor.as_deref()
     }
 
-    /// The next frame, as part of the rest or to be judged. False when the source has ended.
+    /// The next frame: part of the rest, or given to be judged, which ends in [`Eye::end_judging`]. False when the
+    /// source has ended.
     fn look(&mut self, grip: Option<GripSample>, recorder: Option<&mut FrameRecorder>) -> anyhow::Result<bool> {
         self.report = None;
         let next = self.source.next(&mut self.frame).map_err(|e| anyhow!("{}: {e}", self.name))?;
@@ -85,16 +102,38 @@ impl Eye {
         match (next, &mut self.monitor) {
             (Next::End, _) => return Ok(false),
             (Next::Frame, None) => self.add_to_rest()?,
-            (Next::Frame, Some(monitor)) => {
-                let frame = self.frame.frame().with_context(|| self.name.clone())?;
-                self.report = Some(monitor.step(&frame, grip));
-            }
+            (Next::Frame, Some(_)) => self.begin_judging(grip)?,
             (Next::Torn { .. }, Some(monitor)) => {
                 self.report = Some(monitor.torn(self.frame.seq, self.frame.time_ns));
             }
             (Next::Torn { .. } | Next::Silent, _) => {}
         }
         Ok(true)
+    }
+
+    fn begin_judging(&mut self, grip: Option<GripSample>) -> anyhow::Result<()> {
+        match (&self.judge, self.monitor.take()) {
+            (Some(judge), Some(monitor)) => {
+                judge.lend(monitor, std::mem::take(&mut self.frame), grip).with_context(|| self.name.clone())?;
+                self.is_lent = true;
+            }
+            (None, Some(mut monitor)) => {
+                let frame = self.frame.frame().with_context(|| self.name.clone())?;
+                self.report = Some(monitor.step(&frame, grip));
+                self.monitor = Some(monitor);
+            }
+            (_, None) => {}
+        }
+        Ok(())
+    }
+
+    /// Waits for the report of a frame that is being judged beside the others.
+    fn end_judging(&mut self) -> anyhow::Result<()> {
+        if let Some(judge) = self.judge.as_ref().filter(|_| std::mem::take(&mut self.is_lent)) {
+            let (monitor, frame, report) = judge.give_back().with_context(|| self.name.clone())?;
+            (self.monitor, self.frame, self.report) = (Some(monitor), frame, Some(report));
+        }
+        Ok(())
     }
 
     fn add_to_rest(&mut self) -> anyhow::Result<()> {
@@ -114,7 +153,7 @@ impl Eye {
         {
             let rest: Rest = rest.build(RestKind::Unloaded).with_context(|| format!("{}: no rest", self.name))?;
             let monitor = SlipMonitor::new(&self.sensor, &self.settings, rest);
-            self.monitor = Some(monitor.with_context(|| self.name.clone())?);
+            self.monitor = Some(Box::new(monitor.with_context(|| self.name.clone())?));
         }
         Ok(())
     }
@@ -196,7 +235,10 @@ pub struct ClosedLoop {
 
 impl ClosedLoop {
     /// A loop before its first turn.
-    pub fn new(eyes: Vec<Eye>, task: Box<dyn Task + Send>) -> anyhow::Result<Self> {
+    pub fn new(mut eyes: Vec<Eye>, task: Box<dyn Task + Send>) -> anyhow::Result<Self> {
+        if let Some((_last, others)) = eyes.split_last_mut() {
+            others.iter_mut().for_each(|eye| eye.judge = Some(Judge::new()));
+        }
         let mountings: Vec<Mounting> = eyes.iter().map(|eye| eye.mounting).collect();
         Ok(ClosedLoop {
             hand: Hand::new(&mountings)?,
@@ -242,14 +284,21 @@ impl ClosedLoop {
             self.grip = state.pressed_n().map(|force_n| GripSample { force_n });
         }
         let grip = self.grip;
-        for (i, eye) in self.eyes.iter_mut().enumerate() {
-            if !eye.look(grip, self.recorder.as_mut())? {
-                return Ok(Turned::Over);
+        let mut goes_on = Ok(true);
+        for eye in &mut self.eyes {
+            if matches!(goes_on, Ok(true)) {
+                goes_on = eye.look(grip, self.recorder.as_mut());
             }
+        }
+        for (i, eye) in self.eyes.iter_mut().enumerate() {
+            eye.end_judging()?;
             match &eye.report {
                 Some(report) => self.hand.see(i, report),
                 None => self.hand.missed(i),
             }
+        }
+        if !goes_on? {
+            return Ok(Turned::Over);
         }
         if let Some(recorder) = &mut self.recorder {
             recorder.turn(known.is_err())?;

@@ -7,6 +7,7 @@ mod commands;
 mod fitting;
 mod frames;
 mod interruption;
+mod judge;
 mod live;
 mod loopback;
 mod measures;

@@ -7,15 +7,15 @@ use crate::terminal::Terminal;
 use anyhow::{Context, anyhow};
 use slipbound::grip::Guard;
 use slipbound::monitor::Settings;
-use slipbound::port::{FrameBuffer, FrameSource, Gripper, Next, SourceError};
+use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Motion, Next, SourceError};
+use slipbound::sensor::Sensor;
 use slipbound::task::{Moment, Phase, Task, TaskKind, TaskSettings, TaskStep};
 use slipbound_lab::hand::HandScene;
 use slipbound_rig::emulator::{Block, Faults, Faulty, by_name, serve_tcp};
-use slipbound_rig::gripper::Device;
+use slipbound_rig::gripper::{Device, Order};
 use slipbound_rig::link::now_ns;
 use slipbound_rig::source::decode_image;
 use slipbound_rig::wrist;
-use std::cell::Cell;
 use std::net::{Ipv4Addr, TcpListener};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -35,6 +35,9 @@ const WIDTH_MM: f64 = 28.0;
 /// Time between two looks at the link while no frame is due.
 const PAUSE: Duration = Duration::from_micros(500);
 
+/// So that the second measurement begins with a grasp like the first.
+const RELEASE: Order = Order::Grip(GripCommand { force_n: 0.0, motion: Motion::Release });
+
 /// Longest wait for the emulator to hold, frames.
 const GRASP_FRAMES_COUNT: u32 = 3000;
 
@@ -52,23 +55,27 @@ pub struct Latency {
     fingers: u8,
 }
 
-/// Simulated frames of a finger over and over, decoded from JPEG when asked for.
+/// Simulated frames of a finger over and over, as JPEG or as pixels.
 struct Reel {
-    frames: Vec<FrameBuffer>,
+    frames: Rc<Vec<FrameBuffer>>,
     next: usize,
     /// From here it starts again; what goes before is the open hand.
     again_from: usize,
-    decoded_ns: Rc<Cell<u64>>,
+    is_jpeg: bool,
 }
 
 impl FrameSource for Reel {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
-        let from_ns = now_ns();
-        into.encoded.clone_from(&self.frames[self.next].encoded);
-        decode_image(into)?;
-        (into.seq, into.time_ns) = (into.seq + 1, Some(from_ns));
+        let frame = &self.frames[self.next];
+        if self.is_jpeg {
+            into.encoded.clone_from(&frame.encoded);
+            decode_image(into)?;
+        } else {
+            (into.format, into.size) = (frame.format, frame.size);
+            into.pixels.clone_from(&frame.pixels);
+        }
+        (into.seq, into.time_ns) = (into.seq + 1, Some(now_ns()));
         self.next = if self.next + 1 < self.frames.len() { self.next + 1 } else { self.again_from };
-        self.decoded_ns.set(self.decoded_ns.get() + now_ns() - from_ns);
         Ok(Next::Frame)
     }
 }
@@ -94,22 +101,27 @@ impl Task for Nudged {
     }
 }
 
-/// What was measured of each frame, ns.
+/// What was measured.
 #[derive(Default)]
 struct Measured {
-    from_jpeg: Vec<u64>,
-    from_pixels: Vec<u64>,
-    decoding: Vec<u64>,
+    /// From a frame to its command, ns.
+    took_ns: Vec<u64>,
     /// Commands the gripper had confirmed when the next frame was due.
     confirmed_count: usize,
+}
+
+/// Frames of every finger, and from which one on something is held.
+struct Recorded {
+    fingers: Vec<Rc<Vec<FrameBuffer>>>,
+    again_from: usize,
+    sensors: Vec<Sensor>,
 }
 
 impl Latency {
     /// Simulates the frames, then measures.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let scene = HandScene::parse(&format!("{SCENE}&fingers={}", self.fingers)).map_err(Failure::arguments)?;
-        let decoded_ns = Rc::default();
-        let mut around = around(&scene, &decoded_ns)?;
+        let recorded = record(&scene)?;
         let failed = |e| Failure::work("cannot listen on this computer", e);
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(failed)?;
         let address =
@@ -121,24 +133,38 @@ impl Latency {
             let mut emulator = Faulty::new(inner, Faults::default());
             serve_tcp(listener, &mut emulator, &mut Block::new(WIDTH_MM), || goes_on.load(Ordering::Relaxed))
         });
-        let measured = Device::open(&address, None)
-            .map_err(anyhow::Error::from)
-            .and_then(|mut device| self.measure(&mut around, &mut device, &decoded_ns));
+        let told = self.measure_both(&recorded, &address);
         go_on.store(false, Ordering::Relaxed);
         let _ = other_side.join(); // what it could not do shows in what was measured
-        self.tell(measured?)
+        told
     }
 
-    fn measure(
-        &self,
-        around: &mut ClosedLoop,
-        device: &mut Device,
-        decoded_ns: &Cell<u64>,
-    ) -> anyhow::Result<Measured> {
+    fn measure_both(&self, recorded: &Recorded, address: &str) -> Result<Outcome, Failure> {
+        let mut terminal = Terminal::plain();
+        let (frames, rate_hz, fingers) = (self.frames, self.rate_hz, self.fingers);
+        terminal.say(&format!("{frames} frames of each of {fingers} fingers at {rate_hz} Hz, a command after each"))?;
+        terminal.say("| from | to | p50 ms | p99 ms | p99.9 ms | worst ms | confirmed before the next frame |")?;
+        terminal.say("|---|---|---|---|---|---|---|")?;
+        for (from, is_jpeg) in [("pixels in memory", false), ("JPEG in memory", true)] {
+            let mut device = Device::open(address, None).map_err(|e| Failure::Work(e.into()))?;
+            let Measured { mut took_ns, confirmed_count } =
+                self.measure(&mut recorded.around(is_jpeg)?, &mut device)?;
+            let confirmed = 100.0 * confirmed_count as f64 / took_ns.len() as f64;
+            took_ns.sort_unstable();
+            let at = |share: f64| took_ns[((took_ns.len() - 1) as f64 * share).round() as usize] as f64 * 1e-6;
+            let [p50, p99, p999, worst] = [0.5, 0.99, 0.999, 1.0].map(at);
+            let times = format!("{p50:.2} | {p99:.2} | {p999:.2} | {worst:.2}");
+            terminal.say(&format!("| {from} | command bytes in the socket | {times} | {confirmed:.0} % |"))?;
+            device.order(RELEASE).map_err(|e| Failure::Work(e.into()))?;
+        }
+        Ok(Outcome::Done)
+    }
+
+    fn measure(&self, around: &mut ClosedLoop, device: &mut Device) -> anyhow::Result<Measured> {
         let mut wrist = wrist::open("dry")?;
         let mut measured = Measured::default();
         let (mut due_ns, mut asked_n, mut waited_count) = (now_ns(), None, 0);
-        while measured.from_jpeg.len() < self.frames as usize {
+        while measured.took_ns.len() < self.frames as usize {
             due_ns += 1_000_000_000 / u64::from(self.rate_hz);
             while now_ns() < due_ns {
                 device.carry();
@@ -146,17 +172,14 @@ impl Latency {
             }
             let took_over_n = device.state()?.target_n;
             let is_confirmed = took_over_n.zip(asked_n).is_some_and(|(a, b): (f64, f64)| (a - b).abs() < 1e-3);
-            measured.confirmed_count += usize::from(is_confirmed && !measured.from_jpeg.is_empty());
-            decoded_ns.set(0);
+            measured.confirmed_count += usize::from(is_confirmed && !measured.took_ns.is_empty());
             let from_ns = now_ns();
             let turned = around.turn(from_ns, device, wrist.as_mut())?;
-            let total_ns = now_ns() - from_ns;
+            let took_ns = now_ns() - from_ns;
             match turned {
                 Turned::Commanded(turn) if turn.step.phase != Phase::Grasping => {
                     asked_n = Some(turn.step.grip.force_n);
-                    measured.from_jpeg.push(total_ns);
-                    measured.from_pixels.push(total_ns - decoded_ns.get());
-                    measured.decoding.push(decoded_ns.get());
+                    measured.took_ns.push(took_ns);
                 }
                 _ => waited_count += 1,
             }
@@ -164,55 +187,41 @@ impl Latency {
         }
         Ok(measured)
     }
-
-    fn tell(&self, mut measured: Measured) -> Result<Outcome, Failure> {
-        let mut terminal = Terminal::plain();
-        let (frames, rate_hz, fingers) = (self.frames, self.rate_hz, self.fingers);
-        let confirmed_count = measured.confirmed_count;
-        terminal.say(&format!(
-            "{frames} frames of each of {fingers} fingers at {rate_hz} Hz, a command after each; \
-             {confirmed_count} confirmed by the gripper before the next frame"
-        ))?;
-        terminal.say("| from | to | p50 ms | p99 ms | p99.9 ms | worst ms |\n|---|---|---|---|---|---|")?;
-        for (from, to, values) in [
-            ("JPEG in memory", "command bytes in the socket", &mut measured.from_jpeg),
-            ("pixels in memory", "command bytes in the socket", &mut measured.from_pixels),
-            ("JPEG in memory", "pixels", &mut measured.decoding),
-        ] {
-            values.sort_unstable();
-            let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize] as f64 * 1e-6;
-            let [p50, p99, p999, worst] = [0.5, 0.99, 0.999, 1.0].map(at);
-            terminal.say(&format!("| {from} | {to} | {p50:.2} | {p99:.2} | {p999:.2} | {worst:.2} |"))?;
-        }
-        Ok(Outcome::Done)
-    }
 }
 
-/// A loop around the frames of a scene, which holds and nudges.
-fn around(scene: &HandScene, decoded_ns: &Rc<Cell<u64>>) -> Result<ClosedLoop, Failure> {
-    let (mut settings, monitor) = (TaskSettings::default(), Settings::default());
-    let mut simulated = Simulated::new(scene, &settings, &monitor, None)?;
-    let mut reels: Vec<Vec<FrameBuffer>> = vec![Vec::new(); scene.fingers_count()];
+/// Runs the scene once and keeps its frames.
+fn record(scene: &HandScene) -> Result<Recorded, Failure> {
+    let mut simulated = Simulated::new(scene, &TaskSettings::default(), &Settings::default(), None)?;
+    let mut fingers: Vec<Vec<FrameBuffer>> = vec![Vec::new(); scene.fingers_count()];
     let mut again_from = 0;
     simulated.run(|around, told, _| {
-        for (reel, eye) in reels.iter_mut().zip(&around.eyes) {
-            reel.push(eye.frame.clone());
+        for (frames, eye) in fingers.iter_mut().zip(&around.eyes) {
+            frames.push(eye.frame.clone());
         }
         if matches!(told.turned, Turned::Commanded(turn) if turn.step.phase == Phase::Grasping) {
-            again_from = reels[0].len();
+            again_from = fingers[0].len();
         }
         Ok(())
     })?;
-    if again_from >= reels[0].len() {
+    if again_from >= fingers[0].len() {
         return Err(anyhow!("{scene}: nothing was grasped").into());
     }
-    (settings.lift.lift_mm, settings.lift.hold_ns) = (0.0, 1_000_000_000_000_000);
-    let stiffness = simulated.hand.sensor(0).shear_stiffness_mpa_per_mm();
-    let inner = settings.task(TaskKind::Lift, stiffness).map_err(Failure::arguments)?;
-    let eyes = reels.into_iter().enumerate().map(|(finger, frames)| {
-        let (mounting, name) = mounting(finger, false);
-        let reel = Reel { frames, next: 0, again_from, decoded_ns: decoded_ns.clone() };
-        Eye::new(name, mounting, simulated.hand.sensor(finger), monitor.clone(), Box::new(reel))
-    });
-    ClosedLoop::new(eyes.collect(), Box::new(Nudged { inner, is_up: false })).map_err(Failure::Work)
+    let sensors = (0..fingers.len()).map(|finger| simulated.hand.sensor(finger)).collect();
+    Ok(Recorded { fingers: fingers.into_iter().map(Rc::new).collect(), again_from, sensors })
+}
+
+impl Recorded {
+    /// A loop around the frames, which holds and nudges.
+    fn around(&self, is_jpeg: bool) -> Result<ClosedLoop, Failure> {
+        let mut settings = TaskSettings::default();
+        (settings.lift.lift_mm, settings.lift.hold_ns) = (0.0, 1_000_000_000_000_000);
+        let stiffness = self.sensors[0].shear_stiffness_mpa_per_mm();
+        let inner = settings.task(TaskKind::Lift, stiffness).map_err(Failure::arguments)?;
+        let eyes = self.fingers.iter().zip(&self.sensors).enumerate().map(|(finger, (frames, sensor))| {
+            let (mounting, name) = mounting(finger, false);
+            let reel = Reel { frames: frames.clone(), next: 0, again_from: self.again_from, is_jpeg };
+            Eye::new(name, mounting, sensor.clone(), Settings::default(), Box::new(reel))
+        });
+        ClosedLoop::new(eyes.collect(), Box::new(Nudged { inner, is_up: false })).map_err(Failure::Work)
+    }
 }
