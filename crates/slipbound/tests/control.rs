@@ -289,3 +289,39 @@ fn an_empty_gripper_ends_the_task() {
     assert_eq!(step.phase, Phase::Ended(Ending::NothingHeld));
     assert_eq!(step.wrist.motion, WristMotion::Pause);
 }
+
+/// A tool is lowered, touches and turns; its grip is to be loosened. `follows`: whether the gripper does that.
+fn laid_down(follows: bool) -> (Option<Ending>, bool) {
+    let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
+    let (mut force_n, mut lowered_mm, mut released) = (10.0, 0.0, false);
+    for cycle in 0..600u64 {
+        let now_ns = cycle * FRAME_NS;
+        let mut report = hand(SlipState::Stick);
+        // From 5 mm on it touches the ground, turns, and is pushed against the gels.
+        let touches = lowered_mm > 5.0;
+        report.pivot_rad = Some(if touches { 0.2 } else { 0.0 });
+        let along = if lowered_mm > 5.0 { 0.1 * (5.0 - lowered_mm) } else { 0.0 };
+        report.shear_mm = Some(HandVector { along, ..HandVector::default() });
+        let jaws = if released { Jaws::Open } else { Jaws::Holding };
+        let state = GripperState { jaws, ..gripper(force_n) };
+        let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm, moving: true };
+        let step = task.step(&Moment { now_ns, hand: &report, gripper: &state, wrist: &wrist });
+        released = step.grip.motion == Motion::Release;
+        if follows || step.grip.force_n > force_n {
+            force_n = step.grip.force_n;
+        }
+        if let WristMotion::Lower { rate_mm_per_s, .. } = step.wrist.motion {
+            lowered_mm += rate_mm_per_s * FRAME_NS as f64 * 1e-9;
+        }
+        if let Phase::Ended(ending) = step.phase {
+            return (Some(ending), released);
+        }
+    }
+    (None, released)
+}
+
+#[test]
+fn a_gripper_that_does_not_loosen_its_grip_lets_nothing_go() {
+    assert_eq!(laid_down(true), (Some(Ending::Placed), true));
+    assert_eq!(laid_down(false), (Some(Ending::GripStays), false));
+}
