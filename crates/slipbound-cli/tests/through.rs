@@ -95,6 +95,7 @@ fn a_lower_force_that_is_not_permitted_is_told_once_and_the_task_goes_on() {
     assert_eq!(row(&told(&output), "ended"), "Held");
     let refused = told(&output).lines().filter(|line| line.contains("a lower force was asked for")).count();
     assert_eq!(refused, 1, "{}", told(&output));
+    assert!(!told(&output).contains("the wrist pauses"), "that is no trouble: {}", told(&output));
 }
 
 /// A Robotiq presses with 20 N and more and does not say how hard; the line protocol says everything.

@@ -203,12 +203,14 @@ struct Bench {
     force_n: f64,
     angle_rad: f64,
     slip: bool,
+    /// Whether the gripper presses with what it is told, or goes on with 10 N.
+    follows: bool,
 }
 
 impl Bench {
     fn new(kind: TaskKind) -> Self {
         let task = TaskSettings::default().task(kind, Some(0.05)).expect("valid");
-        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip: false }
+        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip: false, follows: true }
     }
 
     fn step(&mut self, shear_mm: f64) -> Phase {
@@ -217,7 +219,9 @@ impl Bench {
         let wrist = WristState { time_ns: self.now_ns, angle_rad: self.angle_rad, lowered_mm: 0.0, moving: true };
         let moment = Moment { now_ns: self.now_ns, hand: &report, gripper: &gripper(self.force_n), wrist: &wrist };
         let step = self.task.step(&moment);
-        self.force_n = step.grip.force_n;
+        if self.follows {
+            self.force_n = step.grip.force_n;
+        }
         if let WristMotion::Turn { rate_rad_per_s, most_rad } = step.wrist.motion {
             assert!(step.wrist.time_to_live_ns <= 200_000_000 && most_rad <= 0.2 * rate_rad_per_s.abs() + 1e-12);
             self.angle_rad += rate_rad_per_s * FRAME_NS as f64 * 1e-9;
@@ -247,6 +251,13 @@ fn a_cap_is_tight_when_the_shear_stays_flat_at_the_largest_force_and_not_at_the_
     assert_eq!(bench.force_n, 60.0);
     let flat_from_deg = 1.2f64.to_degrees();
     assert!((flat_from_deg + 6.0..flat_from_deg + 12.0).contains(&angle_deg), "{angle_deg}");
+}
+
+#[test]
+fn a_cap_is_not_tight_while_the_gripper_does_not_press_with_what_it_was_told() {
+    let mut bench = Bench { follows: false, ..Bench::new(TaskKind::Screw) };
+    let (ending, _) = bench.run(|rad| 2.0 * rad.min(1.2), |rad| rad > 0.5);
+    assert_ne!(ending, Some(Ending::Tight));
 }
 
 #[test]
