@@ -11,22 +11,19 @@
 //! On any other error it leaves: the wrist is paused first, and the gripper keeps its force, or goes to the force for
 //! blind hands where that is set and more.
 
+mod eye;
+mod judge;
+
+pub use eye::Eye;
+
 use crate::frames::FrameRecorder;
-use crate::judge::Judge;
-use anyhow::{Context, anyhow};
 use slipbound::hand::{Hand, HandReport, Mounting};
-use slipbound::image::Frame;
-use slipbound::monitor::{Rest, RestBuilder, RestKind, Settings, SlipMonitor, SlipReport};
 use slipbound::port::{
-    FrameBuffer, FrameSource, GripCommand, GripSample, Gripper, GripperError, GripperState, Jaws, Motion, Next, Wrist,
-    WristCommand, WristMotion, WristState,
+    GripCommand, GripSample, Gripper, GripperError, GripperState, Jaws, Motion, Wrist, WristCommand, WristMotion,
+    WristState,
 };
-use slipbound::sensor::Sensor;
 use slipbound::task::{Moment, Phase, Task, TaskStep};
 use slipbound_rig::gripper;
-
-/// Frames of the open hand from which each finger's rest is averaged.
-pub const REST_FRAMES_COUNT: u32 = 10;
 
 /// Longest wait for a gripper or wrist in trouble, ns: enough for a cable to be put back.
 const PATIENCE_NS: u64 = 10_000_000_000;
@@ -40,124 +37,6 @@ const LACK: (f64, f64) = (2.0, 0.2);
 
 /// A pause, in whatever the wrist is doing.
 const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);
-
-/// A finger: where its frames come from, and who judges them.
-pub struct Eye {
-    /// What it is called.
-    pub name: String,
-    /// How it sits in the hand.
-    pub mounting: Mounting,
-    source: Box<dyn FrameSource>,
-    sensor: Sensor,
-    settings: Settings,
-    rest: Option<RestBuilder>,
-    monitor: Option<Box<SlipMonitor>>,
-    /// Who judges it beside the others, and whether that one has frame and monitor at the moment.
-    judge: Option<Judge>,
-    is_lent: bool,
-    /// The newest frame.
-    pub frame: FrameBuffer,
-    /// What was said of it; None when none came.
-    pub report: Option<SlipReport>,
-}
-
-impl Eye {
-    /// A finger before its first frame.
-    pub fn new(
-        name: &str,
-        mounting: Mounting,
-        sensor: Sensor,
-        settings: Settings,
-        source: Box<dyn FrameSource>,
-    ) -> Self {
-        let frame = FrameBuffer::default();
-        Eye {
-            name: name.into(),
-            mounting,
-            source,
-            sensor,
-            settings,
-            rest: None,
-            monitor: None,
-            judge: None,
-            is_lent: false,
-            frame,
-            report: None,
-        }
-    }
-
-    /// The judge, once the rest is known.
-    pub fn monitor(&self) -> Option<&SlipMonitor> {
-        self.monitor.as_deref()
-    }
-
-    /// The next frame: part of the rest, or given to be judged, which ends in [`Eye::end_judging`]. False when the
-    /// source has ended.
-    fn look(&mut self, grip: Option<GripSample>, recorder: Option<&mut FrameRecorder>) -> anyhow::Result<bool> {
-        self.report = None;
-        let next = self.source.next(&mut self.frame).map_err(|e| anyhow!("{}: {e}", self.name))?;
-        if let Some(recorder) = recorder {
-            recorder.keep(&self.name, &next, &self.frame)?;
-        }
-        match (next, &mut self.monitor) {
-            (Next::End, _) => return Ok(false),
-            (Next::Frame, None) => self.add_to_rest()?,
-            (Next::Frame, Some(_)) => self.begin_judging(grip)?,
-            (Next::Torn { .. }, Some(monitor)) => {
-                self.report = Some(monitor.torn(self.frame.seq, self.frame.time_ns));
-            }
-            (Next::Torn { .. } | Next::Silent, _) => {}
-        }
-        Ok(true)
-    }
-
-    fn begin_judging(&mut self, grip: Option<GripSample>) -> anyhow::Result<()> {
-        match (&self.judge, self.monitor.take()) {
-            (Some(judge), Some(monitor)) => {
-                judge.lend(monitor, std::mem::take(&mut self.frame), grip).with_context(|| self.name.clone())?;
-                self.is_lent = true;
-            }
-            (None, Some(mut monitor)) => {
-                let frame = self.frame.frame().with_context(|| self.name.clone())?;
-                self.report = Some(monitor.step(&frame, grip));
-                self.monitor = Some(monitor);
-            }
-            (_, None) => {}
-        }
-        Ok(())
-    }
-
-    /// Waits for the report of a frame that is being judged beside the others.
-    fn end_judging(&mut self) -> anyhow::Result<()> {
-        if let Some(judge) = self.judge.as_ref().filter(|_| std::mem::take(&mut self.is_lent)) {
-            let (monitor, frame, report) = judge.give_back().with_context(|| self.name.clone())?;
-            (self.monitor, self.frame, self.report) = (Some(monitor), frame, Some(report));
-        }
-        Ok(())
-    }
-
-    fn add_to_rest(&mut self) -> anyhow::Result<()> {
-        let frame: Frame<'_> = self.frame.frame().with_context(|| self.name.clone())?;
-        let rest = match &mut self.rest {
-            Some(rest) => rest,
-            None => {
-                let rest = RestBuilder::new(&self.sensor, &self.settings, self.frame.size);
-                self.rest.insert(rest.with_context(|| self.name.clone())?)
-            }
-        };
-        // A dark frame is passed over; the loop waits for the next.
-        let _ = rest.add(&frame);
-        let count = self.rest.as_ref().map_or(0, RestBuilder::frames_count);
-        if count >= REST_FRAMES_COUNT
-            && let Some(rest) = self.rest.take()
-        {
-            let rest: Rest = rest.build(RestKind::Unloaded).with_context(|| format!("{}: no rest", self.name))?;
-            let monitor = SlipMonitor::new(&self.sensor, &self.settings, rest);
-            self.monitor = Some(Box::new(monitor.with_context(|| self.name.clone())?));
-        }
-        Ok(())
-    }
-}
 
 /// What one turn of the loop saw and did.
 #[derive(Debug, Clone, Copy)]
@@ -237,7 +116,7 @@ impl ClosedLoop {
     /// A loop before its first turn.
     pub fn new(mut eyes: Vec<Eye>, task: Box<dyn Task + Send>) -> anyhow::Result<Self> {
         if let Some((_last, others)) = eyes.split_last_mut() {
-            others.iter_mut().for_each(|eye| eye.judge = Some(Judge::new()));
+            others.iter_mut().for_each(Eye::judge_beside);
         }
         let mountings: Vec<Mounting> = eyes.iter().map(|eye| eye.mounting).collect();
         Ok(ClosedLoop {
@@ -310,7 +189,7 @@ impl ClosedLoop {
                 return Ok(Turned::Waiting);
             }
         };
-        if self.eyes.iter().any(|eye| eye.monitor.is_none()) {
+        if self.eyes.iter().any(|eye| eye.monitor().is_none()) {
             self.calm(now_ns);
             return Ok(Turned::AtRest);
         }
@@ -389,119 +268,4 @@ impl ClosedLoop {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use slipbound::hand::Side;
-    use slipbound::port::{SourceError, WristError};
-    use slipbound::task::{TaskKind, TaskSettings};
-    use std::cell::RefCell;
-    use std::rc::Rc;
-
-    const S: u64 = 1_000_000_000;
-
-    /// A camera that is silent.
-    struct Silent;
-
-    impl FrameSource for Silent {
-        fn next(&mut self, _into: &mut FrameBuffer) -> Result<Next, SourceError> {
-            Ok(Next::Silent)
-        }
-    }
-
-    /// A gripper and a wrist that write down what they are told.
-    #[derive(Clone, Default)]
-    struct Scribe {
-        told: Rc<RefCell<Vec<String>>>,
-        is_lost: bool,
-    }
-
-    impl Gripper for Scribe {
-        fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
-            self.told.borrow_mut().push(format!("grip {}", command.force_n));
-            Ok(())
-        }
-
-        fn poll(&mut self) -> Result<GripperState, GripperError> {
-            if self.is_lost {
-                return Err("gone 3 ms ago".into());
-            }
-            let (force_n, target_n, opening_mm) = (Some(20.0), Some(20.0), None);
-            Ok(GripperState { time_ns: 0, force_n, target_n, opening_mm, jaws: Jaws::Holding })
-        }
-    }
-
-    impl Wrist for Scribe {
-        fn command(&mut self, command: WristCommand) -> Result<(), WristError> {
-            self.told.borrow_mut().push(format!("{:?}", command.motion));
-            Ok(())
-        }
-
-        fn poll(&mut self) -> Result<WristState, WristError> {
-            Ok(WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false })
-        }
-    }
-
-    fn around(blind_force_n: Option<f64>) -> ClosedLoop {
-        let mut settings = TaskSettings::default();
-        settings.grip.blind_force_n = blind_force_n;
-        let task = settings.task(TaskKind::Lift, None).expect("valid");
-        let sensor = slipbound_rig::sensors::load("gelslim").expect("built in");
-        let eye = Eye::new("left", Mounting::on(Side::Left), sensor, Settings::default(), Box::new(Silent));
-        ClosedLoop::new(vec![eye], task).expect("valid")
-    }
-
-    fn step(phase: Phase, motion: Motion) -> TaskStep {
-        TaskStep { grip: GripCommand { force_n: 20.0, motion }, wrist: PAUSE, phase }
-    }
-
-    #[test]
-    fn who_leaves_pauses_the_wrist_first_and_only_ever_presses_harder() {
-        let releases = step(Phase::Releasing, Motion::Release);
-        for (blind_force_n, last, expected) in [
-            (None, step(Phase::Working, Motion::Go), vec!["Pause"]),
-            (Some(35.0), step(Phase::Working, Motion::Go), vec!["Pause", "grip 35"]),
-            (Some(12.0), step(Phase::Working, Motion::Go), vec!["Pause"]),
-            (Some(35.0), releases, vec!["Pause"]),
-        ] {
-            let (scribe, mut around) = (Scribe::default(), around(blind_force_n));
-            around.last = Some(last);
-            around.leave(&mut scribe.clone(), &mut scribe.clone());
-            assert_eq!(*scribe.told.borrow(), expected);
-        }
-    }
-
-    #[test]
-    fn a_lost_gripper_is_waited_for_with_the_wrist_paused_for_ten_seconds() {
-        let (scribe, mut around) = (Scribe::default(), around(None));
-        let mut lost = Scribe { is_lost: true, ..scribe.clone() };
-        for now_ns in [S, 5 * S, 10 * S] {
-            assert!(matches!(around.turn(now_ns, &mut lost, &mut scribe.clone()), Ok(Turned::Waiting)));
-        }
-        assert_eq!(around.trouble.as_ref().map(Trouble::kind).as_deref(), Some("gripper: gone  ms ago"));
-        assert!(matches!(around.turn(10 * S + 1, &mut scribe.clone(), &mut scribe.clone()), Ok(Turned::AtRest)));
-        let error = around.turn(11 * S, &mut lost, &mut scribe.clone()).expect_err("patience ends").to_string();
-        assert_eq!(error, "gripper: gone 3 ms ago; waited 10 s");
-        assert!(scribe.told.borrow().iter().all(|told| told == "Pause"), "{:?}", scribe.told.borrow());
-        assert!(scribe.told.borrow().len() >= 4);
-    }
-
-    #[test]
-    fn a_force_that_does_not_follow_is_trouble_and_one_on_its_way_is_not() {
-        let mut around = around(None);
-        let state = |force_n| GripperState { force_n: Some(force_n), ..Scribe::default().poll_state() };
-        let asked = step(Phase::Waiting, Motion::Pause);
-        assert_eq!(around.lacks(0, &state(10.0), &asked), None);
-        assert_eq!(around.lacks(S, &state(12.0), &asked), None);
-        assert_eq!(around.lacks(S + S / 4, &state(17.0), &asked), None, "it has come up");
-        assert_eq!(around.lacks(2 * S, &state(10.0), &asked), None, "counted anew");
-        let why = around.lacks(4 * S, &state(10.0), &asked).expect("too long");
-        assert!(why.contains("expected 20.0 N per finger, measured 10.0 N"), "{why}");
-        assert_eq!(around.lacks(5 * S, &state(0.0), &step(Phase::Releasing, Motion::Release)), None);
-    }
-
-    impl Scribe {
-        fn poll_state(mut self) -> GripperState {
-            Gripper::poll(&mut self).expect("there")
-        }
-    }
-}
+mod tests;

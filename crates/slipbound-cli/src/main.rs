@@ -7,7 +7,6 @@ mod commands;
 mod fitting;
 mod frames;
 mod interruption;
-mod judge;
 mod live;
 mod loopback;
 mod measures;
