@@ -96,6 +96,7 @@ impl Chronicle {
             margin: grip.margin(),
             alarms_count: grip.alarms_count(),
             truth: truth.map(truth_of),
+            trouble: around.trouble.is_some(),
         };
         self.folder.cycle(&cycle)?;
         self.tell(&cycle)?;

@@ -109,6 +109,7 @@ pub struct ClosedLoop {
     pub refused_lowering: Option<String>,
     last: Option<TaskStep>,
     grip: Option<GripSample>,
+    wrist: Option<WristState>,
     lacks_since_ns: Option<u64>,
 }
 
@@ -128,6 +129,7 @@ impl ClosedLoop {
             refused_lowering: None,
             last: None,
             grip: None,
+            wrist: None,
             lacks_since_ns: None,
         })
     }
@@ -157,8 +159,12 @@ impl ClosedLoop {
 
     fn try_turn(&mut self, now_ns: u64, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> anyhow::Result<Turned> {
         let state = gripper.poll().map_err(|e| format!("gripper: {e}")).and_then(|state| self.usable(state));
-        let wrist_state = wrist.poll().map_err(|e| format!("wrist: {e}"));
-        let known = state.and_then(|state| Ok((state, wrist_state?)));
+        // A wrist that cannot be asked stands where it was last; the grip goes on answering slip meanwhile.
+        let polled = wrist.poll().map_err(|e| format!("wrist: {e}"));
+        let wrist_lost = polled.as_ref().err().cloned();
+        let stands = self.wrist.map(|wrist| WristState { moving: false, ..wrist });
+        self.wrist = polled.as_ref().ok().copied().or(stands);
+        let known = state.and_then(|state| Ok((state, self.wrist.map_or(polled, Ok)?)));
         if let Ok((state, _)) = &known {
             self.grip = state.pressed_n().map(|force_n| GripSample { force_n });
         }
@@ -197,7 +203,7 @@ impl ClosedLoop {
         let step = self.task.step(&Moment { now_ns, hand: &hand, gripper: &state, wrist: &wrist_state });
         self.last = Some(step);
         let wanted = self.lacks(now_ns, &state, &step);
-        match self.command(&step, gripper, wrist).or(wanted) {
+        match self.command(&step, gripper, wrist).or(wanted).or(wrist_lost) {
             Some(why) => self.suffer(now_ns, why, wrist)?,
             None => self.calm(now_ns),
         }

@@ -61,7 +61,7 @@ pub struct Cycle {
     pub wrist: WristState,
     /// What the gripper was told.
     pub grip_command: GripCommand,
-    /// What the wrist was told.
+    /// What the task wanted of the wrist; while there is `trouble` it was paused instead.
     pub wrist_command: WristCommand,
     /// What the task was doing.
     pub phase: Phase,
@@ -71,6 +71,9 @@ pub struct Cycle {
     pub alarms_count: u32,
     /// What was true, where that is known.
     pub truth: Option<Truth>,
+    /// Whether gripper or wrist were in trouble: a lost link, a refusal, a force that does not follow.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub trouble: bool,
 }
 
 impl Cycle {
@@ -87,6 +90,7 @@ impl Cycle {
             margin: task.grip().margin(),
             alarms_count: task.grip().alarms_count(),
             truth: None,
+            trouble: false,
         }
     }
 }

@@ -24,6 +24,7 @@ impl FrameSource for Silent {
 struct Scribe {
     told: Rc<RefCell<Vec<String>>>,
     is_lost: bool,
+    is_wrist_lost: bool,
 }
 
 impl Gripper for Scribe {
@@ -48,6 +49,9 @@ impl Wrist for Scribe {
     }
 
     fn poll(&mut self) -> Result<WristState, WristError> {
+        if self.is_wrist_lost {
+            return Err("gone".into());
+        }
         Ok(WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false })
     }
 }
@@ -114,4 +118,15 @@ impl Scribe {
     fn poll_state(mut self) -> GripperState {
         Gripper::poll(&mut self).expect("there")
     }
+}
+
+/// With the wrist gone the loop does not wait: whoever fills the bottle does not wait either.
+#[test]
+fn a_lost_wrist_is_trouble_but_the_loop_goes_on() {
+    let (scribe, mut around) = (Scribe::default(), around(None));
+    let mut lost = Scribe { is_wrist_lost: true, ..scribe.clone() };
+    assert!(matches!(around.turn(S, &mut scribe.clone(), &mut lost), Ok(Turned::Waiting)), "never heard of");
+    assert!(matches!(around.turn(2 * S, &mut scribe.clone(), &mut scribe.clone()), Ok(Turned::AtRest)));
+    assert!(matches!(around.turn(3 * S, &mut scribe.clone(), &mut lost), Ok(Turned::AtRest)), "it stands");
+    assert_eq!(around.wrist.map(|wrist| wrist.moving), Some(false));
 }

@@ -26,6 +26,9 @@ const REPEATS_COUNT: u32 = 2;
 /// Time after which an update that does not come by itself is asked for again, ms.
 const ASK_AGAIN_MS: u64 = 300;
 
+/// Least change of force of which it is seen whether the gripper follows, N per finger: several of its steps.
+const FOLLOWS_FROM_N: f64 = 2.0;
+
 /// Bytes waiting to be sent beyond which nothing more is asked for.
 const MOST_UNSENT_BYTES: usize = 1024;
 
@@ -350,6 +353,8 @@ impl Wsg50 {
         let follow_ms = match self.ledger.config.force_change {
             ForceChange::Limit => return,
             ForceChange::Regrasp => 0,
+            // In small steps nobody sees it; they add up until somebody does.
+            ForceChange::Auto if (to_n - from_n).abs() < FOLLOWS_FROM_N => return,
             ForceChange::Auto => self.ledger.config.follow_ms,
         };
         self.following = Some(Following { from_n, to_n, until_ns: now_ns + ns(follow_ms) });

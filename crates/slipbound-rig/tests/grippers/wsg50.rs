@@ -153,6 +153,15 @@ fn where_the_limit_has_no_effect_the_grasp_is_given_again() {
     assert!(bench.notes.contains(&Note::ForcePath { path: "setting the force limit and giving the grasp again" }));
     assert!(bench.least_n > 19.9, "{}", bench.least_n);
 
+    // A change that the gripper hardly resolves proves nothing; such changes add up to one that does.
+    let mut bench = Bench::holding("wsg50", allowing(), "fixed-limit,allow-regrasp", 20.0);
+    bench.grip(21.0).expect("taken over");
+    bench.run(1000);
+    assert!((bench.plant.force_n - 20.0).abs() < 0.1, "{}", bench.plant.force_n);
+    bench.grip(22.5).expect("taken over");
+    bench.run(1500);
+    assert!((bench.plant.force_n - 22.5).abs() < 0.1, "{}", bench.plant.force_n);
+
     // Where neither way works that is told, and the force stays.
     let mut bench = Bench::holding("wsg50", allowing(), "fixed-limit", 20.0);
     bench.grip(40.0).expect("taken over");

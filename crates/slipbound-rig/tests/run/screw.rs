@@ -132,6 +132,7 @@ pub fn cycles() -> Vec<Cycle> {
                     gross: fraction > 1.0,
                     ..Truth::default()
                 }),
+                trouble: false,
             }
         })
         .collect()
