@@ -333,7 +333,9 @@ impl Wsg50 {
                 (self.is_grasp_given, self.is_release_given, self.is_link_lost) = (false, false, false);
             }
             (id::DISCONNECT, _) => {}
-            (id, status::PENDING) => self.running = Some(Running { id, since_ns: now_ns }),
+            (id @ (id::HOME | id::MOVE | id::GRASP | id::RELEASE), status::PENDING) => {
+                self.running = Some(Running { id, since_ns: now_ns });
+            }
             (id::HOME | id::MOVE | id::GRASP | id::RELEASE, status::OK | status::ABORTED) => {}
             (id, code) => {
                 self.want = Want::Nothing;
