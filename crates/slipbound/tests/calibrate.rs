@@ -316,34 +316,54 @@ fn dots_on_no_grid_are_refused_with_the_reason() {
     assert!(reasons.keys().all(|r| of_clouds.contains(&r.as_str())), "{reasons:?}");
 }
 
+/// How a finger came out; errors in pitches, RMS.
+enum Tally {
+    Refused,
+    Right(f64),
+    Wrong(f64),
+}
+
+fn tally(seed: u64) -> Tally {
+    let finger = finger(seed);
+    match calibrate(&[frame(&finger.grey, finger.size)], &given()) {
+        Err(e) => {
+            println!("{}: refused: {e}", finger.what);
+            Tally::Refused
+        }
+        Ok(found) => {
+            let (rms, worst) = reprojection_pitch(&found.sensor, &finger.truth, &finger.nodes, finger.size);
+            if rms <= 0.03 && found.sensor.polarity == finger.polarity {
+                return Tally::Right(rms);
+            }
+            let (count, residual, polarity) = (found.markers.len(), found.residual_pitch, found.sensor.polarity);
+            println!(
+                "{}: WRONG: reprojection {rms:.4} RMS, {worst:.4} worst pitch; {count} markers, residual {residual:.4}, {polarity:?}",
+                finger.what
+            );
+            Tally::Wrong(rms)
+        }
+    }
+}
+
 /// 99 of 100 fingers come out to within 0.03 pitch, and the others are refused.
 #[test]
 fn a_drawn_finger_is_calibrated_to_three_hundredths_of_a_pitch_or_refused() {
     let (from, count) = (number("SLIPBOUND_CALIBRATE_FROM", 0), number("SLIPBOUND_CALIBRATE_COUNT", 100));
-    let (mut refused, mut wrong, mut errors) = (0, 0, Vec::new());
-    for seed in from..from + count {
-        let finger = finger(seed);
-        match calibrate(&[frame(&finger.grey, finger.size)], &given()) {
-            Err(e) => {
-                refused += 1;
-                println!("{}: refused: {e}", finger.what);
-            }
-            Ok(found) => {
-                let (rms, worst) = reprojection_pitch(&found.sensor, &finger.truth, &finger.nodes, finger.size);
-                errors.push(rms);
-                if rms.is_nan() || rms > 0.03 || found.sensor.polarity != finger.polarity {
-                    wrong += 1;
-                    println!(
-                        "{}: WRONG: reprojection {rms:.4} RMS, {worst:.4} worst pitch; {} markers, residual {:.4}, {:?}",
-                        finger.what,
-                        found.markers.len(),
-                        found.residual_pitch,
-                        found.sensor.polarity
-                    );
-                }
-            }
-        }
-    }
+    // Every seed stands for itself: all cores help.
+    let cores_count = std::thread::available_parallelism().map_or(1, usize::from) as u64;
+    let parts: Vec<Tally> = std::thread::scope(|scope| {
+        let part =
+            |core| scope.spawn(move || (from + core..from + count).step_by(cores_count as usize).map(tally).collect());
+        let parts: Vec<_> = (0..cores_count).map(part).collect();
+        parts.into_iter().flat_map(|part| -> Vec<Tally> { part.join().expect("no panic") }).collect()
+    });
+    let refused = parts.iter().filter(|part| matches!(part, Tally::Refused)).count() as u64;
+    let wrong = parts.iter().filter(|part| matches!(part, Tally::Wrong(_))).count();
+    let error = |part: &Tally| match part {
+        Tally::Refused => None,
+        Tally::Right(rms) | Tally::Wrong(rms) => Some(*rms),
+    };
+    let mut errors: Vec<f64> = parts.iter().filter_map(error).collect();
     errors.sort_by(f64::total_cmp);
     let at = |share: f64| errors.get((share * (errors.len().max(1) - 1) as f64) as usize).copied().unwrap_or(f64::NAN);
     println!(
