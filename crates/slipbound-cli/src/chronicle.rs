@@ -114,6 +114,11 @@ impl Chronicle {
         Ok(())
     }
 
+    /// What the task was doing last; None before the first command.
+    pub fn phase(&self) -> Option<Phase> {
+        self.last.as_ref().map(|cycle| cycle.phase)
+    }
+
     /// Something that no cycle shows.
     pub fn note(&mut self, now_ns: u64, text: &str) -> anyhow::Result<()> {
         self.folder.note(now_ns, text);

@@ -10,7 +10,7 @@ use anyhow::{Context, anyhow};
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::Settings;
 use slipbound::sensor::Sensor;
-use slipbound::task::{TaskKind, TaskSettings};
+use slipbound::task::{Ending, Phase, TaskKind, TaskSettings};
 use slipbound_rig::link::now_ns;
 use slipbound_rig::run::{Row, RunInfo};
 use slipbound_rig::{config, gripper, hand_file, sensors, source, wrist};
@@ -158,16 +158,25 @@ impl Hardware {
         });
         let held = gripper.state().ok().and_then(|state| state.pressed_n());
         drop(gripper);
-        self.end(ran, held, chronicle)
+        self.end(task == "hold", ran, held, chronicle)
     }
 
     /// Says how it went.
-    fn end(&self, ran: anyhow::Result<()>, held_n: Option<f64>, mut chronicle: Chronicle) -> Result<Outcome, Failure> {
+    fn end(
+        &self,
+        is_hold: bool,
+        ran: anyhow::Result<()>,
+        held_n: Option<f64>,
+        mut chronicle: Chronicle,
+    ) -> Result<Outcome, Failure> {
         if let Err(e) = &ran {
             chronicle.note(now_ns(), &format!("{e:#}"))?;
         }
-        let measures = &chronicle.measures;
-        let is_begun = measures.time_s > 0.0;
+        let phase = chronicle.phase();
+        let measures = &mut chronicle.measures;
+        if ran.is_ok() && is_hold && matches!(phase, Some(Phase::Working | Phase::Waiting)) {
+            measures.ending = Some(Ending::Held); // to the end of the source
+        }
         let ending = measures.ending;
         let row = |name: &str, value: String| Row { name: name.into(), value, ..Row::default() };
         let rows = [
@@ -180,7 +189,7 @@ impl Hardware {
         terminal.say(&format!("report: {}", page.display()))?;
         ran?;
         match ending {
-            None if !is_begun => {
+            None if phase.is_none() => {
                 let expected = "expected ten bright frames of the open hand to begin with, got none in";
                 Err(anyhow!("{expected} {}", self.sources.join(" and ")).into())
             }
