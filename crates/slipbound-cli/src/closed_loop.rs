@@ -202,8 +202,8 @@ impl ClosedLoop {
         let hand = self.hand.report();
         let step = self.task.step(&Moment { now_ns, hand: &hand, gripper: &state, wrist: &wrist_state });
         self.last = Some(step);
-        let wanted = self.lacks(now_ns, &state, &step);
-        match self.command(&step, gripper, wrist).or(wanted).or(wrist_lost) {
+        let lacks = self.lacks(now_ns, &state, &step);
+        match self.command(&step, gripper, wrist).or(lacks).or(wrist_lost) {
             Some(why) => self.suffer(now_ns, why, wrist)?,
             None => self.calm(now_ns),
         }
