@@ -19,10 +19,10 @@ pub use eye::Eye;
 use crate::frames::FrameRecorder;
 use slipbound::hand::{Hand, HandReport, Mounting};
 use slipbound::port::{
-    GripCommand, GripSample, Gripper, GripperError, GripperState, Jaws, Motion, Wrist, WristCommand, WristMotion,
+    GripCommand, GripSample, Gripper, GripperError, GripperState, Jaws, Wrist, WristCommand, WristMotion,
     WristState,
 };
-use slipbound::task::{Moment, Phase, Task, TaskStep};
+use slipbound::task::{Observation, Phase, Task, TaskStep};
 use slipbound_rig::gripper;
 
 /// Longest wait for a gripper or wrist in trouble, ns: enough for a cable to be put back.
@@ -153,7 +153,7 @@ impl ClosedLoop {
         let holds = grip.motion != Motion::Release && !matches!(phase, Phase::Releasing | Phase::Ended(_));
         if let Some(force_n) = self.task.grip().limits().blind_force_n.filter(|n| holds && *n > grip.force_n) {
             // A gripper that does not take this keeps what it has.
-            let _ = gripper.command(GripCommand { force_n, motion: Motion::Pause });
+            let _ = gripper.command(GripCommand::Hold { force_n });
         }
     }
 
@@ -200,7 +200,7 @@ impl ClosedLoop {
             return Ok(Turned::AtRest);
         }
         let hand = self.hand.report();
-        let step = self.task.step(&Moment { now_ns, hand: &hand, gripper: &state, wrist: &wrist_state });
+        let step = self.task.step(&Observation { now_ns, hand: &hand, gripper: &state, wrist: &wrist_state });
         self.last = Some(step);
         let lacks = self.lacks(now_ns, &state, &step);
         match self.command(&step, gripper, wrist).or(lacks).or(wrist_lost) {

@@ -14,7 +14,7 @@ use crate::spoiled::{Spoiled, Spoiler};
 use crate::through::{LinkFaults, Through, wrist_emulator};
 use anyhow::{Context, anyhow};
 use slipbound::monitor::Settings;
-use slipbound::port::{FrameBuffer, FrameSource, Next, Plant, SourceError};
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound::task::TaskSettings;
 use slipbound_lab::hand::{HandScene, HandTruth, SimHand};
 use slipbound_rig::emulator::{Faulty, OnlyMoved, Server};

@@ -5,7 +5,7 @@ use crate::spoiled::{Spoiled, Spoiler};
 use crate::through::{Emulated, LinkFaults, Through};
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::Settings;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 use slipbound::task::{Phase, TaskKind, TaskSettings};
 use slipbound_lab::hand::{HandScene, HandTruth, SimGripper, SimHand, SimWrist};
 

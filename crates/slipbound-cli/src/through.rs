@@ -2,7 +2,7 @@
 //! emulators that press and move the simulated world. In lock-step here; over sockets in [`crate::loopback`].
 
 use anyhow::{Context, anyhow};
-use slipbound::port::Plant;
+use slipbound::plant::Plant;
 use slipbound_lab::hand::{SimHand, SimPlant};
 use slipbound_rig::emulator::{self, Faults, Faulty, Joined, OnlyMoved};
 use slipbound_rig::gripper::{self, Driver};

@@ -2,13 +2,13 @@
 //! `cargo bench -p slipbound-lab --bench hand`; results with machine and settings in bench/lab-physics.md.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Motion, Next, Wrist, WristCommand, WristMotion};
+use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Next, Wrist, WristCommand, WristMotion};
 use slipbound_lab::hand::{HandScene, SimHand};
 
 /// A grip of 20 N for a second, then the motion goes on for as long as it is timed.
 fn frame(criterion: &mut Criterion, name: &str, scene: &str, motion: WristMotion, cameras_count: usize) {
     let hand = SimHand::new(&HandScene::parse(scene).expect("a sound scene")).expect("a sound hand");
-    hand.gripper().command(GripCommand { force_n: 20.0, motion: Motion::Go }).expect("taken over");
+    hand.gripper().command(GripCommand::Hold { force_n: 20.0 }).expect("taken over");
     for _ in 0..30 {
         hand.advance_frame();
     }

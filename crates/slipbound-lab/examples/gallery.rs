@@ -11,7 +11,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = Path::new("out/gallery");
     std::fs::create_dir_all(folder)?;
     let flat = || FlatBox { length_mm: 24.0, width_mm: 18.0, edge_radius_mm: 1.0 };
-    type Make = Box<dyn Fn(FingerSettings) -> Result<Finger, slipbound::sensor::SettingError>>;
+    type Make = Box<dyn Fn(FingerSettings) -> Result<Finger, slipbound::setting::SettingError>>;
     fn of(shape: impl Shape + Clone + 'static) -> Option<Make> {
         Some(Box::new(move |settings| Finger::new(settings, shape.clone())))
     }

@@ -15,7 +15,7 @@ use paint::{blur_rows, hide_spots, multiply};
 use serde::Serialize;
 use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// How often what goes wrong. `Faults::default()` is nothing at all.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]

@@ -12,13 +12,13 @@
 //! y = -Y on the left finger and y = Y on the right one. The wrist turns about X, positive from Y to Z.
 //!
 //! ```
-//! use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Motion, Next};
+//! use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Next};
 //! use slipbound_lab::hand::{HandScene, SimHand};
 //!
 //! let hand = SimHand::new(&HandScene::parse("screw?mu=0.6&seed=3").unwrap()).unwrap();
 //! let (mut camera, mut gripper) = (hand.camera(0), hand.gripper());
 //! let mut frame = FrameBuffer::default();
-//! gripper.command(GripCommand { force_n: 10.0, motion: Motion::Go }).unwrap();
+//! gripper.command(GripCommand::Hold { force_n: 10.0 }).unwrap();
 //! for n in 0..10 {
 //!     assert_eq!(camera.next(&mut frame).unwrap(), Next::Frame);
 //!     assert_eq!(frame.seq, n);
@@ -40,10 +40,11 @@ pub use world::HandWorld;
 
 use crate::world::SUBSTEPS_COUNT;
 use cameras::Cameras;
-use slipbound::drive::{JawCommand, JawDrive, JawSettings, WristDrive};
+use slipbound::plant::{JawCommand, JawDrive, JawSettings, Plant, WristDrive};
 use slipbound::plane::Vec2;
-use slipbound::port::{FrameBuffer, FrameSource, Next, Plant, SourceError};
-use slipbound::sensor::{Sensor, SettingError};
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use slipbound::sensor::Sensor;
+use slipbound::setting::SettingError;
 use std::cell::RefCell;
 use std::rc::Rc;
 

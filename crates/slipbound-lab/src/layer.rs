@@ -13,7 +13,7 @@
 //! incompressible gel pushes it outward (C > 0), which is why the coupling is never dropped here.
 
 use serde::{Deserialize, Serialize};
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// Poisson's ratio taken for the skin of [`Gel::membrane_n_per_mm`]: woven fabric, between 0.2 and 0.4. Assumed.
 pub const MEMBRANE_POISSON: f64 = 0.3;

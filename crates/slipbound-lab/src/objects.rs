@@ -20,7 +20,7 @@ use crate::contact::shape::Shape;
 use crate::layer::{SoftObject, above_zero};
 use serde::Serialize;
 use slipbound::plane::Vec2;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// An object to be held.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

@@ -13,7 +13,7 @@ use crate::scenes::Trial;
 use crate::world::{FrameTruth, Gross, TRUTH_FORMAT_VERSION, TruthHeader, World, complete};
 use serde::{Deserialize, Serialize};
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};

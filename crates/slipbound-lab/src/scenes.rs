@@ -25,7 +25,7 @@ pub use keys::{COMMON_KEYS, Key, Kind, SCENE_KEYS};
 pub use library::SCENES;
 pub use trial::{Trial, Value};
 
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// A named trial.
 #[derive(Debug, Clone, Copy)]

@@ -27,7 +27,8 @@ use crate::scenes::{Course, Pull, Trial};
 use gross::GrossWatch;
 use slipbound::plane::Vec2;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
-use slipbound::sensor::{Sensor, SettingError};
+use slipbound::sensor::Sensor;
+use slipbound::setting::SettingError;
 
 /// Frames per second.
 pub const FRAME_RATE_HZ: u64 = 30;

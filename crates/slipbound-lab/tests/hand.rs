@@ -2,7 +2,7 @@
 
 #[allow(unused_imports)]
 use slipbound::port::{
-    FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Motion, Next, Plant, Wrist, WristCommand, WristMotion,
+    FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Next, Wrist, WristCommand, WristMotion,
 };
 use slipbound_lab::hand::{HandScene, HandTruth, HandWorld};
 

@@ -1,9 +1,9 @@
 //! The simulated hand through its ports: scenes as text, cameras, gripper, wrist, and the plant for somebody else.
 
-use slipbound::drive::{JawCommand, JawDrive, JawSettings};
+use slipbound::plant::{JawCommand, JawDrive, JawSettings};
 use slipbound::plane::Vec2;
 use slipbound::port::{
-    FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Motion, Next, Plant, Wrist, WristCommand, WristMotion,
+    FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Next, Wrist, WristCommand, WristMotion,
 };
 use slipbound_lab::faults::{Faults, Faulty};
 use slipbound_lab::hand::{HAND_TASKS, HandScene, SimHand};
@@ -16,7 +16,7 @@ fn hand(scene: &str) -> SimHand {
 }
 
 fn go(force_n: f64) -> GripCommand {
-    GripCommand { force_n, motion: Motion::Go }
+    GripCommand::Hold { force_n }
 }
 
 #[test]
@@ -28,7 +28,7 @@ fn cameras_see_the_same_twist_and_a_scene_is_the_same_bytes() {
         let (mut frame, mut bytes, mut jaws) = (FrameBuffer::default(), [Vec::new(), Vec::new()], Vec::new());
         for n in 0..24u64 {
             if n == 2 {
-                gripper.command(GripCommand { force_n: 15.0, motion: Motion::Go }).expect("taken over");
+                gripper.command(GripCommand::Hold { force_n: 15.0 }).expect("taken over");
             }
             if n > 12 {
                 let motion = WristMotion::Turn { rate_rad_per_s: 20.0 * DEG, most_rad: 0.1 };
@@ -177,7 +177,7 @@ fn commands_that_cannot_be_are_refused_and_change_nothing() {
     assert!((state.force_n.expect("a force") - 20.0).abs() < 0.01 && state.target_n == Some(20.0), "{state:?}");
     assert_eq!(wrist.poll().expect("a state").angle_rad, 0.0);
     // Letting go opens wide, and closing on nothing comes again to the cap.
-    gripper.command(GripCommand { force_n: f64::NAN, motion: Motion::Release }).expect("taken over");
+    gripper.command(GripCommand::Release).expect("taken over");
     for _ in 0..60 {
         hand.advance_frame();
     }

@@ -1,7 +1,7 @@
 //! Settings and commands that make no sense are refused by name, with what was expected and what was got.
 
 use slipbound::plane::Vec2;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use slipbound_lab::contact::{
     Body, Change, Command, Drive, Finger, FingerSettings, Friction, Grip, Inertia, Law, Leg, Mount, Path, Pose, Rail,

@@ -119,7 +119,7 @@ fn contact_is_seen_where_it_is_and_an_empty_finger_shows_none() {
     let mut camera = Renderer::gelslim(1);
     let mut watching = monitor(&mut camera);
     watch(&mut watching, &mut camera, &Pressed::untouched());
-    assert_eq!(watching.contact_region().area_px(), 0, "an empty finger");
+    assert_eq!(watching.contact_region().area_px2(), 0, "an empty finger");
     let face = FlatBox { length_mm: 24.0, width_mm: 18.0, edge_radius_mm: 1.0 };
     let touches = [
         ("cap, 20 N", Pressed::by(cylinder(14.0, 12.0), 20.0, Vec2::ZERO)),
@@ -212,7 +212,7 @@ fn the_gelsight_mini_is_judged_too() {
     let mut camera = Renderer::gelsight_mini(1);
     let mut watching = monitor(&mut camera);
     watch(&mut watching, &mut camera, &Pressed::untouched());
-    assert_eq!(watching.contact_region().area_px(), 0, "an empty finger");
+    assert_eq!(watching.contact_region().area_px2(), 0, "an empty finger");
     let mut worst = 1.0f64;
     for (name, pressed) in [
         ("mini: sphere, 10 N", Pressed::by(Sphere { radius_mm: 15.0 }, 10.0, Vec2::ZERO)),
@@ -222,7 +222,7 @@ fn the_gelsight_mini_is_judged_too() {
         watch(&mut watching, &mut camera, &pressed);
         let truth = true_contact(&camera, &pressed, watching.contact_region());
         let share = overlap(watching.contact_region(), &truth);
-        let (seen_px, true_px) = (watching.contact_region().area_px(), truth.area_px());
+        let (seen_px, true_px) = (watching.contact_region().area_px2(), truth.area_px2());
         println!("{name}: overlap of seen ({seen_px} px) and true ({true_px} px) contact {share:.3}");
         worst = worst.min(share);
     }

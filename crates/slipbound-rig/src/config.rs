@@ -3,7 +3,7 @@
 
 use serde::de::DeserializeOwned;
 use slipbound::monitor::Settings;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 use slipbound::task::TaskSettings;
 use std::fs;
 use std::io;

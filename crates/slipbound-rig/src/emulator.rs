@@ -11,8 +11,8 @@
 //!
 //! They can be told to fail ([`Faults`]). What they hold when a link is cut, they go on holding.
 //!
-//! [`JawDrive`]: slipbound::drive::JawDrive
-//! [`WristDrive`]: slipbound::drive::WristDrive
+//! [`JawDrive`]: slipbound::plant::JawDrive
+//! [`WristDrive`]: slipbound::plant::WristDrive
 
 mod block;
 pub mod faults;
@@ -30,7 +30,7 @@ pub use faults::{Faults, Faulty};
 pub use joined::{Joined, OnlyMoved};
 pub use server::{Server, serve_link, serve_tcp};
 
-use slipbound::port::Plant;
+use slipbound::plant::Plant;
 
 /// What can happen to an emulator from within.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

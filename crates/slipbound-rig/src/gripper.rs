@@ -14,10 +14,10 @@
 //! for the jaws; `poll` carries the bytes, so it is to be called every few ms. Whatever breaks, the gripper is left with the force it has.
 //!
 //! ```
-//! use slipbound::port::{GripCommand, Gripper, Motion};
+//! use slipbound::port::{GripCommand, Gripper};
 //!
 //! let mut gripper = slipbound_rig::gripper::open("dry?most_n=40", None)?;
-//! gripper.command(GripCommand { force_n: 55.0, motion: Motion::Go })?;
+//! gripper.command(GripCommand::Hold { force_n: 55.0 })?;
 //! assert_eq!(gripper.poll()?.target_n, Some(40.0)); // kept inside its range
 //! # Ok::<(), Box<dyn std::error::Error + Send + Sync>>(())
 //! ```
@@ -37,7 +37,7 @@ pub mod wsg50;
 
 pub use config::Config;
 pub use device::Device;
-pub use driver::{Driver, Note, Order};
+pub use driver::{Driver, Request};
 pub use error::Error;
 
 use crate::link::{Dial, TcpDial};

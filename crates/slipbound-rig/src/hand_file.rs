@@ -21,7 +21,8 @@ use crate::config::{Error, Layer, typed};
 use crate::sensors;
 use serde::Deserialize;
 use slipbound::hand::{FINGERS_MOST, Mounting, Side};
-use slipbound::sensor::{Sensor, SettingError};
+use slipbound::sensor::Sensor;
+use slipbound::setting::SettingError;
 use std::path::Path;
 
 /// A hand and its fingers, checked.

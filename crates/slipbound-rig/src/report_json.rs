@@ -168,7 +168,7 @@ mod tests {
             time_ns: Some(280_000_000),
             state: SlipState::Incipient,
             reason: None,
-            contact: ContactReport { area_px: 31.0, area_mm2: None, quality: 0.123456 },
+            contact: ContactReport { area_px2: 31.0, area_mm2: None, quality: 0.123456 },
             markers: MarkerCounts { detected: 65, matched: 64, lost: 1, inner: 20 },
             reference_seq: 3,
             grip_n: Some(10.0),
@@ -234,7 +234,7 @@ mod tests {
     fn a_frame_is_the_line_that_was_agreed() {
         let expected = r#"{"finger":"left","frame":0,"seq":7,"time_ns":280000000,"state":"incipient","reason":null,"#
             .to_owned()
-            + r#""contact":{"area_px":31,"area_mm2":null,"quality":0.1235},"#
+            + r#""contact":{"area_px2":31,"area_mm2":null,"quality":0.1235},"#
             + r#""markers":{"detected":65,"matched":64,"lost":1,"inner":20},"reference_seq":3,"grip_n":10,"#
             + r#""motion":{"reference_px":[1,0],"translation_px":[0,2.5],"translation_mm":null,"rotation_rad":null,"icr_px":null},"#
             + r#""shear":{"translation_px":[2,-1],"translation_mm":null,"rotation_rad":0.125},"#
@@ -288,7 +288,7 @@ mod tests {
             (0, "/settings", Value::Null),
             (1, "/state", Value::from("slipping")),
             (1, "/contact/quality", Value::from(1.5)),
-            (1, "/contact/area_px", Value::Null),
+            (1, "/contact/area_px2", Value::Null),
             (1, "/motion/translation_px", Value::from("none")),
             (1, "/markers/lost", Value::from(-1)),
             (1, "/time_ns", Value::from("now")),

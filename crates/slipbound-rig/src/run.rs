@@ -22,8 +22,9 @@ use serde::{Deserialize, Serialize};
 use slipbound::grip::GripController;
 use slipbound::hand::HandReport;
 use slipbound::image::Rgb;
+use slipbound::plant::PlantTruth;
 use slipbound::port::{GripCommand, GripperState, WristCommand, WristState};
-use slipbound::task::{Ending, Moment, Phase, Task, TaskStep};
+use slipbound::task::{Ending, Observation, Phase, Task, TaskStep};
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -70,7 +71,7 @@ pub struct Cycle {
     /// Alarms of the controller so far.
     pub alarms_count: u32,
     /// What was true, where that is known.
-    pub truth: Option<Truth>,
+    pub truth: Option<PlantTruth>,
     /// Whether gripper or wrist were in trouble: a lost link, a refusal, a force that does not follow.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub trouble: bool,
@@ -78,12 +79,12 @@ pub struct Cycle {
 
 impl Cycle {
     /// What a task was shown and what it answered, without truth.
-    pub fn of(task: &dyn Task, moment: &Moment<'_>, step: &TaskStep) -> Self {
+    pub fn of(task: &dyn Task, observation: &Observation<'_>, step: &TaskStep) -> Self {
         Cycle {
-            time_ns: moment.now_ns,
-            hand: *moment.hand,
-            gripper: *moment.gripper,
-            wrist: *moment.wrist,
+            time_ns: observation.now_ns,
+            hand: *observation.hand,
+            gripper: *observation.gripper,
+            wrist: *observation.wrist,
             grip_command: step.grip,
             wrist_command: step.wrist,
             phase: step.phase,
@@ -93,34 +94,6 @@ impl Cycle {
             trouble: false,
         }
     }
-}
-
-/// What a simulation knows of a cycle. None where it means nothing for the task.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Truth {
-    /// Angle of the cap since the start, rad.
-    pub cap_angle_rad: Option<f64>,
-    /// Torque that the cap carries, N mm.
-    pub torque_n_mm: Option<f64>,
-    /// Torque that the fingers could exert at the largest force, N mm.
-    pub torque_limit_n_mm: Option<f64>,
-    /// Tangential load on the fingers, N, both together.
-    pub load_n: Option<f64>,
-    /// Least normal force per finger that carries the load, N.
-    pub required_n: Option<f64>,
-    /// m = 1 - f: share of the load at gross slip that is still to come; below 0 after gross slip.
-    pub margin: Option<f64>,
-    /// phi: share of the contact area that sticks, 0 to 1.
-    pub stick_ratio: Option<f64>,
-    /// How far the object has slid through the fingers, mm.
-    pub slid_mm: Option<f64>,
-    /// Whether the whole contact slides.
-    pub gross: bool,
-    /// Force between object and ground, N.
-    pub ground_force_n: Option<f64>,
-    /// Mass of the object, kg.
-    pub mass_kg: Option<f64>,
 }
 
 /// One line of the table of results.

@@ -106,7 +106,7 @@ fn answer(kernel: &str, size: SizePx, numbers: &[f64], picture: &[u8]) -> Result
             let found = components.label(&mask_of(picture, size));
             let mut numbers = vec![found.len() as f64];
             for c in found {
-                numbers.extend([c.area_px, c.left_px, c.top_px, c.right_px, c.bottom_px].map(|n| n as f64));
+                numbers.extend([c.area_px2, c.left_px, c.top_px, c.right_px, c.bottom_px].map(|n| n as f64));
                 numbers.extend([c.centroid_px.x, c.centroid_px.y]);
             }
             return Ok(numbers.into_iter().flat_map(f64::to_le_bytes).collect());

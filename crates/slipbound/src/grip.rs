@@ -1,7 +1,7 @@
 //! Grip controllers: a hand report and the gripper's state in, a grip command out.
 //!
 //! ```text
-//!   HandReport ----> GripController ----> Guard ----> GripCommand { force_n, motion }
+//!   HandReport ----> GripController ----> Guard ----> GripDecision { force_n, arm }
 //!   GripperState -->  constant            range, no letting go while blind
 //!                     on_slip (the paper)
 //!                     margin  (ours)
@@ -22,13 +22,40 @@ pub use on_slip::{OnSlip, OnSlipSettings};
 
 use crate::hand::HandReport;
 use crate::port::{GripCommand, GripperState};
-use crate::sensor::{SettingError, within};
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
+
+/// What the arm may do while the grip is as it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ArmMotion {
+    /// It may go on.
+    Go,
+    /// It stands still until the grip has caught up.
+    Pause,
+}
+
+/// What a controller decides: how hard to hold, and whether the arm may go on meanwhile. Controllers never release;
+/// tasks do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GripDecision {
+    /// Normal force per finger in newtons.
+    pub force_n: f64,
+    /// What the arm may do.
+    pub arm: ArmMotion,
+}
+
+impl GripDecision {
+    /// The command for the gripper.
+    pub const fn command(&self) -> GripCommand {
+        GripCommand::Hold { force_n: self.force_n }
+    }
+}
 
 /// Decides how hard to hold.
 pub trait GripController {
-    /// The command for this moment. `now_ns` is the time of the loop in nanoseconds, which never goes back.
-    fn command(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripCommand;
+    /// The decision for this cycle. `now_ns` is the time of the loop in nanoseconds, which never goes back.
+    fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision;
 
     /// How often it answered slip, or would have had it not been at its limit.
     fn alarms_count(&self) -> u32;

@@ -16,7 +16,7 @@
 
 use crate::monitor::{Reason, SlipKind, SlipReport, SlipState};
 use crate::plane::Vec2;
-use crate::sensor::{SettingError, within};
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// Most fingers a hand can have.

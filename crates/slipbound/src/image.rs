@@ -226,7 +226,7 @@ impl Mask {
     }
 
     /// Number of pixels set.
-    pub fn area_px(&self) -> usize {
+    pub fn area_px2(&self) -> usize {
         self.words.iter().map(|w| w.count_ones() as usize).sum()
     }
 

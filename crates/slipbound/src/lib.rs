@@ -71,8 +71,9 @@
 //! | [`task`] | screw, unscrew, place, lift: state machines over commands, for simulation and hardware alike |
 //! | [`calibrate`] | the facts of an unknown finger from pictures of it at rest |
 //! | [`sensor`] | what is true of a finger: geometry, pitch, skin |
-//! | [`port`] | the traits through which the world is reached: frames, gripper, wrist, plant |
-//! | [`drive`] | how jaws and a wrist move when commanded |
+//! | [`port`] | the traits through which the world is reached: frames, gripper, wrist |
+//! | [`plant`] | what is between the jaws, how jaws and a wrist move when commanded, what is true in a simulation |
+//! | [`setting`] | a setting that is refused |
 //! | [`image`], [`plane`] | borrowed pixels, masks; points, rigid motions, homographies, the axes |
 //! | [`pixels`] | every loop over pixels, one kernel a file |
 //!
@@ -80,7 +81,6 @@
 //! [`monitor::SlipMonitor`] is. The same frames and settings give the same bytes on any machine.
 
 pub mod calibrate;
-pub mod drive;
 pub mod events;
 pub mod grip;
 pub mod hand;
@@ -88,6 +88,8 @@ pub mod image;
 pub mod monitor;
 pub mod pixels;
 pub mod plane;
+pub mod plant;
 pub mod port;
 pub mod sensor;
+pub mod setting;
 pub mod task;

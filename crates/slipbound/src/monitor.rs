@@ -18,7 +18,8 @@ pub use slip::{RigidField, SlipSettings};
 
 use crate::image::{Frame, Gray, Mask};
 use crate::port::GripSample;
-use crate::sensor::{Polarity, Sensor, SettingError};
+use crate::sensor::{Polarity, Sensor};
+use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
 
 /// The settings of every step. `Settings::default()` is what we ship, [`Settings::paper`] the paper as written.
@@ -186,8 +187,8 @@ impl SlipMonitor {
         }
         probe.after(Step::Motion, self);
 
-        let area_px = self.contact.area_px as f64;
-        self.slip.judge(self.motion.motion.as_ref(), grip, area_px, &mut self.markers.all);
+        let area_px2 = self.contact.area_px2 as f64;
+        self.slip.judge(self.motion.motion.as_ref(), grip, area_px2, &mut self.markers.all);
         probe.after(Step::Slip, self);
 
         let report = self.report(frame, grip);
@@ -290,13 +291,13 @@ impl SlipMonitor {
             _ if self.slip.slips => (SlipState::Incipient, None),
             _ => (SlipState::Stick, None),
         };
-        let area_px = self.contact.area_px as f64;
+        let area_px2 = self.contact.area_px2 as f64;
         SlipReport {
             seq: frame.seq,
             time_ns: frame.time_ns,
             state,
             reason,
-            contact: ContactReport { area_px, area_mm2: mm.map(|mm| area_px * mm * mm), quality },
+            contact: ContactReport { area_px2, area_mm2: mm.map(|mm| area_px2 * mm * mm), quality },
             markers: self.counts(),
             reference_seq: self.reference_seq,
             grip_n: grip.map(|g| g.force_n),

@@ -2,12 +2,14 @@
 //! and the simulator implement them.
 
 mod gripper;
-mod plant;
 mod wrist;
 
-pub use gripper::{GripCommand, GripSample, Gripper, GripperError, GripperState, Jaws, Motion};
-pub use plant::Plant;
-pub use wrist::{LONGEST_TIME_TO_LIVE_NS, Wrist, WristCommand, WristError, WristMotion, WristState};
+pub use gripper::{
+    DriverEvent, GripCommand, GripSample, Gripper, GripperError, GripperErrorKind, GripperState, Jaws,
+};
+pub use wrist::{
+    LONGEST_TIME_TO_LIVE_NS, Wrist, WristCommand, WristError, WristErrorKind, WristMotion, WristState,
+};
 
 use crate::image::{Frame, Gray, ImageError, Pixels, Rgb, SizePx};
 use serde::{Deserialize, Serialize};

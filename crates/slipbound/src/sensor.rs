@@ -11,34 +11,7 @@ pub use rectification::{Distortion, Rectification};
 use crate::image::SizePx;
 use crate::plane::Vec2;
 use serde::{Deserialize, Serialize};
-use std::fmt;
-
-/// A setting or a fact of a sensor that cannot be.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SettingError {
-    /// The key, dotted as in its TOML file.
-    pub key: String,
-    /// The value found.
-    pub got: String,
-    /// The values allowed.
-    pub expected: String,
-}
-
-impl fmt::Display for SettingError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: expected {}, got {}", self.key, self.expected, self.got)
-    }
-}
-
-impl std::error::Error for SettingError {}
-
-/// Refuses a number outside `low..=high`, or NaN.
-pub(crate) fn within(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingError> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(SettingError { key: key.into(), got: value.to_string(), expected: format!("a number from {low} to {high}") })
-}
+use crate::setting::{SettingError, within};
 
 /// Whether markers are darker or brighter than the gel around them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

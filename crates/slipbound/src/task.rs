@@ -2,7 +2,7 @@
 //! do. The same for simulation and hardware.
 //!
 //! ```text
-//!   Moment { hand, gripper, wrist } --> Task --> TaskStep { grip, wrist, ended }
+//!   Observation { hand, gripper, wrist } --> Task --> TaskStep { grip, wrist, ended }
 //!                                        |
 //!                                    GripController
 //! ```
@@ -17,9 +17,9 @@ mod place;
 mod screw;
 mod settings;
 mod shear_watch;
+mod tare;
 mod turning;
 mod unscrew;
-mod zero;
 
 pub use lift::{Lift, LiftSettings};
 pub use place::{Place, PlaceSettings};
@@ -35,7 +35,7 @@ use serde::{Deserialize, Serialize};
 
 /// What a task is shown.
 #[derive(Debug, Clone, Copy)]
-pub struct Moment<'a> {
+pub struct Observation<'a> {
     /// Time of the loop, ns; never goes back.
     pub now_ns: u64,
     /// What the fingers say.
@@ -126,7 +126,7 @@ impl Ending {
 /// A task. It never fails: a hand that sees nothing is answered with a wrist that waits and a grip that stays.
 pub trait Task {
     /// What to do now.
-    fn step(&mut self, moment: &Moment<'_>) -> TaskStep;
+    fn step(&mut self, observation: &Observation<'_>) -> TaskStep;
 
     /// The controller that holds the object.
     fn grip(&self) -> &Guard;

@@ -3,8 +3,8 @@
 use slipbound::grip::{GripController, GripLimits, Guard, Law, MarginSettings, OnSlipSettings};
 use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
-use slipbound::port::{GripCommand, GripperState, Jaws, Motion, WristMotion, WristState};
-use slipbound::task::{ControllerKind, Ending, Moment, Phase, Task, TaskKind, TaskSettings};
+use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
+use slipbound::task::{ControllerKind, Ending, Observation, Phase, Task, TaskKind, TaskSettings};
 
 const FRAME_NS: u64 = 33_333_333;
 
@@ -119,7 +119,7 @@ fn a_gripper_that_lost_the_part_or_stopped_is_told_to_keep_its_force() {
         let mut controller = Law::OnSlip(OnSlipSettings::default()).controller(&GripLimits::default()).expect("valid");
         let state = GripperState { jaws, ..gripper(10.0) };
         let command = controller.command(0, &hand(SlipState::Incipient), &state);
-        assert_eq!(command, GripCommand { force_n: 10.0, motion: Motion::Pause });
+        assert_eq!(command, GripCommand::Hold { force_n: 10.0 });
     }
 }
 
@@ -128,7 +128,7 @@ struct Mad(std::vec::IntoIter<f64>);
 
 impl GripController for Mad {
     fn command(&mut self, _: u64, _: &HandReport, _: &GripperState) -> GripCommand {
-        GripCommand { force_n: self.0.next().unwrap_or(f64::NAN), motion: Motion::Go }
+        GripCommand::Hold { force_n: self.0.next().unwrap_or(f64::NAN) }
     }
 
     fn alarms_count(&self) -> u32 {
@@ -217,8 +217,8 @@ impl Bench {
         let mut report = if self.slip { hand(SlipState::Incipient) } else { hand(SlipState::Stick) };
         report.shear_mm = Some(HandVector { around: shear_mm, ..HandVector::default() });
         let wrist = WristState { time_ns: self.now_ns, angle_rad: self.angle_rad, lowered_mm: 0.0, moving: true };
-        let moment = Moment { now_ns: self.now_ns, hand: &report, gripper: &gripper(self.force_n), wrist: &wrist };
-        let step = self.task.step(&moment);
+        let moment = Observation { now_ns: self.now_ns, hand: &report, gripper: &gripper(self.force_n), wrist: &wrist };
+        let step = self.task.step(&observation);
         if self.follows {
             self.force_n = step.grip.force_n;
         }
@@ -296,7 +296,7 @@ fn an_empty_gripper_ends_the_task() {
     let state = GripperState { jaws: Jaws::Nothing, ..gripper(0.0) };
     let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
     let report = hand(SlipState::NoContact);
-    let step = task.step(&Moment { now_ns: 0, hand: &report, gripper: &state, wrist: &wrist });
+    let step = task.step(&Observation { now_ns: 0, hand: &report, gripper: &state, wrist: &wrist });
     assert_eq!(step.phase, Phase::Ended(Ending::NothingHeld));
     assert_eq!(step.wrist.motion, WristMotion::Pause);
 }
@@ -316,7 +316,7 @@ fn laid_down(follows: bool) -> (Option<Ending>, bool) {
         let jaws = if released { Jaws::Open } else { Jaws::Holding };
         let state = GripperState { jaws, ..gripper(force_n) };
         let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm, moving: true };
-        let step = task.step(&Moment { now_ns, hand: &report, gripper: &state, wrist: &wrist });
+        let step = task.step(&Observation { now_ns, hand: &report, gripper: &state, wrist: &wrist });
         released = step.grip.motion == Motion::Release;
         if follows || step.grip.force_n > force_n {
             force_n = step.grip.force_n;

@@ -13,7 +13,7 @@ fn feels(seq: u64, shear_mm: Vec2, rotation_rad: f64) -> SlipReport {
         time_ns: Some(33_333_333 * seq),
         state: SlipState::Stick,
         reason: None,
-        contact: ContactReport { area_px: 5000.0, area_mm2: Some(100.0 + 0.001 * seq as f64), quality: 0.8 },
+        contact: ContactReport { area_px2: 5000.0, area_mm2: Some(100.0 + 0.001 * seq as f64), quality: 0.8 },
         markers: MarkerCounts { detected: 390, matched: 388, lost: 3, inner: 20 },
         reference_seq: 0,
         grip_n: Some(10.0),

@@ -3,7 +3,7 @@
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
-use slipbound::port::Plant;
+use slipbound::plant::Plant;
 use slipbound_rig::emulator::{Block, Emulator, Faults, Faulty, NAMES, by_name, faults, serve_tcp};
 use std::fs::File;
 use std::io::Write;

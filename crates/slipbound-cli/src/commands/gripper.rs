@@ -4,9 +4,9 @@ use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use clap::Subcommand;
-use slipbound::port::{GripCommand, GripperState, Jaws, Motion};
+use slipbound::port::{GripCommand, GripperState, Jaws};
 use slipbound_rig::gripper::check_hold::{CheckHold, Step, Verdict};
-use slipbound_rig::gripper::{Device, Error, Note, Order};
+use slipbound_rig::gripper::{Device, Error, Request};
 use slipbound_rig::link::now_ns;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -74,11 +74,11 @@ impl Gripper {
         let interrupted = interruption::listen()?;
         let mut device = Device::open(&self.address, self.config.as_deref()).map_err(opening_failed)?;
         let mut session = Session { device: &mut device, terminal: Terminal::plain(), interrupted: &interrupted };
-        let grip = |force_n, motion| Order::Grip(GripCommand { force_n, motion });
+        let grip = |force_n, motion| Request::Grip(GripCommand { force_n, motion });
         match self.action {
             Action::Status => session.tell()?,
-            Action::Home => session.carry_out(Order::Home, |_| true)?,
-            Action::Acknowledge => session.carry_out(Order::Acknowledge, |state| state.jaws != Jaws::Stopped)?,
+            Action::Home => session.carry_out(Request::Home, |_| true)?,
+            Action::Acknowledge => session.carry_out(Request::Acknowledge, |state| state.jaws != Jaws::Stopped)?,
             Action::Open | Action::Release => {
                 session.carry_out(grip(0.0, Motion::Release), |state| state.jaws == Jaws::Open)?;
             }
@@ -127,7 +127,7 @@ impl Session<'_> {
     }
 
     /// Gives an order and waits until it is done, the state is as wanted, and nothing moves any more.
-    fn carry_out(&mut self, order: Order, wanted: impl Fn(&GripperState) -> bool) -> Result<(), Failure> {
+    fn carry_out(&mut self, order: Request, wanted: impl Fn(&GripperState) -> bool) -> Result<(), Failure> {
         self.device.order(order).map_err(|error| Failure::Work(error.into()))?;
         let until_ns = now_ns() + MOST_S * 1_000_000_000;
         let (mut last, mut since_ns) = (self.look()?, now_ns());
@@ -154,7 +154,7 @@ impl Session<'_> {
             match trial.step(now_ns(), &state) {
                 Step::Command(command) => {
                     self.terminal.say(&format!("{} N per finger ...", command.force_n))?;
-                    self.device.order(Order::Grip(command)).map_err(|error| Failure::Work(error.into()))?;
+                    self.device.order(Request::Grip(command)).map_err(|error| Failure::Work(error.into()))?;
                 }
                 Step::Wait => thread::sleep(PAUSE),
                 Step::Done(Verdict::Held { least_n: None, .. }) => {

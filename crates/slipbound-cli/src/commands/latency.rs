@@ -7,12 +7,12 @@ use crate::terminal::Terminal;
 use anyhow::{Context, anyhow};
 use slipbound::grip::Guard;
 use slipbound::monitor::Settings;
-use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Motion, Next, SourceError};
+use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Next, SourceError};
 use slipbound::sensor::Sensor;
-use slipbound::task::{Moment, Phase, Task, TaskKind, TaskSettings, TaskStep};
+use slipbound::task::{Observation, Phase, Task, TaskKind, TaskSettings, TaskStep};
 use slipbound_lab::hand::HandScene;
 use slipbound_rig::emulator::{Block, Faults, Faulty, by_name, serve_tcp};
-use slipbound_rig::gripper::{Device, Order};
+use slipbound_rig::gripper::{Device, Request};
 use slipbound_rig::link::now_ns;
 use slipbound_rig::source::decode_image;
 use slipbound_rig::wrist;
@@ -36,7 +36,7 @@ const WIDTH_MM: f64 = 28.0;
 const PAUSE: Duration = Duration::from_micros(500);
 
 /// So that the second measurement begins with a grasp like the first.
-const RELEASE: Order = Order::Grip(GripCommand { force_n: 0.0, motion: Motion::Release });
+const RELEASE: Request = Request::Grip(GripCommand::Release);
 
 /// Longest wait for the emulator to hold, frames.
 const GRASP_FRAMES_COUNT: u32 = 3000;
@@ -87,8 +87,8 @@ struct Nudged {
 }
 
 impl Task for Nudged {
-    fn step(&mut self, moment: &Moment<'_>) -> TaskStep {
-        let mut step = self.inner.step(moment);
+    fn step(&mut self, observation: &Observation<'_>) -> TaskStep {
+        let mut step = self.inner.step(observation);
         if step.phase != Phase::Grasping {
             self.is_up = !self.is_up;
             step.grip.force_n -= if self.is_up { 0.0 } else { NUDGE_N };

@@ -4,7 +4,7 @@ use crate::layer::{above_zero, zero_or_above};
 use rustfft::num_complex::Complex64;
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// Newtons for a mass of 1 kg accelerated by 1 mm/s2: the mass in tonnes per kilogram.
 const TONNES_PER_KG: f64 = 1e-3;

@@ -13,7 +13,7 @@ use super::truth::{Events, LINEAR_STRAIN, Truth};
 use crate::layer::Compliance;
 use rustfft::num_complex::Complex64;
 use slipbound::plane::Vec2;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 use std::sync::Arc;
 
 const ZERO: Complex64 = Complex64::new(0.0, 0.0);

@@ -2,7 +2,7 @@
 
 use crate::layer::{above_zero, zero_or_above};
 use serde::{Deserialize, Serialize};
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// The law of friction, per cell and isotropic.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

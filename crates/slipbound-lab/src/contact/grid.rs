@@ -3,7 +3,7 @@
 use crate::layer::above_zero;
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// Cells of the gel surface, in rows along x.
 ///

@@ -4,7 +4,7 @@
 use super::grid::Region;
 use super::response::Response;
 use serde::{Deserialize, Serialize};
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// What holds the object against the gel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

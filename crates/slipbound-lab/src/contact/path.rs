@@ -6,7 +6,7 @@ use super::settings::Command;
 use crate::layer::above_zero;
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// What changes during a leg; the rest stays as it was.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

@@ -6,7 +6,7 @@ use super::settings::FingerSettings;
 use super::truth::{Displacement, Truth};
 use rustfft::num_complex::Complex64;
 use slipbound::plane::Vec2;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 impl Finger {
     /// What is known after the last step.

@@ -8,7 +8,7 @@ use super::transform::Planner;
 use crate::layer::{Gel, SoftObject, above_zero};
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// Everything that is fixed during a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

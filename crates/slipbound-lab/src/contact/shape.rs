@@ -2,7 +2,7 @@
 
 use crate::layer::{above_zero, zero_or_above};
 use slipbound::plane::Vec2;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// A height field the gel is pressed against.
 ///

@@ -1,9 +1,9 @@
 //! The simulated gripper and wrist, as the ports have them.
 
 use super::{Inner, SimHand};
-use slipbound::drive::JawCommand;
+use slipbound::plant::{JawCommand, Plant};
 use slipbound::port::{
-    GripCommand, Gripper, GripperError, GripperState, Jaws, Motion, Plant, Wrist, WristCommand, WristError, WristState,
+    GripCommand, Gripper, GripperError, GripperErrorKind, GripperState, Jaws, Wrist, WristCommand, WristError, WristErrorKind, WristState,
 };
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -23,7 +23,7 @@ pub struct SimWrist {
 }
 
 impl SimHand {
-    /// The jaws. [`Motion::Release`] opens them wide.
+    /// The jaws. [`GripCommand::Release`] opens them wide.
     pub fn gripper(&self) -> SimGripper {
         SimGripper { hand: Rc::clone(&self.0), held: false }
     }
@@ -38,17 +38,12 @@ impl Gripper for SimGripper {
     fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
         let mut hand = self.hand.borrow_mut();
         hand.alive()?;
-        let told = match command.motion {
-            Motion::Release => JawCommand::MoveTo { opening_mm: hand.jaws.settings().stroke_mm },
-            Motion::Go | Motion::Pause if command.force_n.is_finite() && command.force_n >= 0.0 => {
-                JawCommand::Grasp { force_n: command.force_n }
-            }
-            Motion::Go | Motion::Pause => {
-                return Err(format!(
-                    "gripper of the simulator: expected a finite force of 0 N or above, got {} N",
-                    command.force_n
-                )
-                .into());
+        let told = match command {
+            GripCommand::Release => JawCommand::MoveTo { opening_mm: hand.jaws.settings().stroke_mm },
+            GripCommand::Hold { force_n } if force_n.is_finite() && force_n >= 0.0 => JawCommand::Grasp { force_n },
+            GripCommand::Hold { force_n } => {
+                let text = format!("gripper of the simulator: expected a finite force of 0 N or above, got {force_n} N");
+                return Err(GripperError::new(GripperErrorKind::Value, text));
             }
         };
         if matches!(told, JawCommand::MoveTo { .. }) {
@@ -87,11 +82,11 @@ impl Wrist for SimWrist {
         if hand.wrist.command(command) {
             return Ok(());
         }
-        Err(format!(
+        let text = format!(
             "wrist of the simulator: expected finite rates it can do and bounds of 0 or above, got {:?}",
             command.motion
-        )
-        .into())
+        );
+        Err(WristError::new(WristErrorKind::Refused, text))
     }
 
     fn poll(&mut self) -> Result<WristState, WristError> {

@@ -8,7 +8,7 @@ use crate::plants::{Bottle, BottleSettings, Cap, Held, Thread, Tool, ToolSetting
 use crate::random::Random;
 use crate::scenes::{Key, Kind, Value, number};
 use crate::world::{FRAME_RATE_HZ, SUBSTEPS_COUNT};
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 

@@ -8,8 +8,8 @@ use crate::contact::{
 use crate::plants::{Ask, FINGERS_COUNT, HandPlace, Held, Symmetry};
 use crate::world::{FRAME_RATE_HZ, GROSS_FRICTION_FRACTION, SUBSTEPS_COUNT, Sliding};
 use slipbound::plane::Vec2;
-use slipbound::port::Plant;
-use slipbound::sensor::SettingError;
+use slipbound::plant::Plant;
+use slipbound::setting::SettingError;
 
 /// Steps of the contact per second.
 const STEPS_HZ: u64 = FRAME_RATE_HZ * SUBSTEPS_COUNT;

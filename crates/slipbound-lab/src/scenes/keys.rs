@@ -3,7 +3,7 @@
 use super::trial::Value;
 use crate::faults::Faults;
 use crate::objects::Object;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// A parameter.
 #[derive(Debug, Clone, Copy)]

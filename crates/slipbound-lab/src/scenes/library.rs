@@ -3,7 +3,7 @@
 use super::{Course, Pull, Scene, Trial};
 use crate::contact::{Drive, Inertia, Leg, Mount, Path};
 use slipbound::plane::Vec2;
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 
 /// How long a scene goes on after what happens in it, in s.
 const TAIL_S: f64 = 0.2;

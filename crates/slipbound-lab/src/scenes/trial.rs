@@ -4,7 +4,7 @@ use super::{Course, Key, Scene};
 use crate::faults::Faults;
 use crate::objects::Object;
 use serde::{Deserialize, Serialize};
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 use std::collections::BTreeMap;
 use std::fmt;
 

@@ -1,6 +1,6 @@
 //! A block of wood: the simplest thing to hold.
 
-use slipbound::port::Plant;
+use slipbound::plant::Plant;
 
 /// A rigid block, or nothing. It has a weight: once the fingers carry it, it falls when they press too little. Keeps
 /// what was done to it.

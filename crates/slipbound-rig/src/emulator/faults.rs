@@ -1,7 +1,7 @@
 //! What can be made to go wrong with an emulator, and the wrapper that makes it.
 
 use super::{Emulator, Mishap};
-use slipbound::port::Plant;
+use slipbound::plant::Plant;
 use std::collections::VecDeque;
 use std::fmt;
 use std::str::FromStr;

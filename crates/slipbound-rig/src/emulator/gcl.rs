@@ -4,7 +4,7 @@ use super::weiss::{Settings, Task, Weiss};
 use super::{Emulator, Mishap};
 use crate::gripper::text::Lines;
 use crate::gripper::wsg50::words::status;
-use slipbound::port::Plant;
+use slipbound::plant::Plant;
 
 /// The emulator.
 #[derive(Debug)]

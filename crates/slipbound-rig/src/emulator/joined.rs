@@ -2,11 +2,12 @@
 //! so every run is the same, and as fast as the computer.
 
 use super::{Emulator, Faulty};
-use crate::gripper::{self, Driver, Note, Order};
+use crate::gripper::{self, Driver, Request};
 use crate::link::Talker;
 use crate::wrist::{self, LineWrist};
-use slipbound::port::{
-    GripCommand, Gripper, GripperError, GripperState, Plant, Wrist, WristCommand, WristError, WristState,
+use slipbound::plant::Plant;
+use slipbound::port::{DriverEvent, 
+    GripCommand, Gripper, GripperError, GripperState, Wrist, WristCommand, WristError, WristState,
 };
 
 /// Time after which a lost link is made anew, ns: as long as a driver at a socket waits.
@@ -119,7 +120,7 @@ impl<D: Talker> Joined<D> {
 
 impl Joined<Box<dyn Driver>> {
     /// Gives the driver an order. An error means that it was not taken over.
-    pub fn order(&mut self, order: Order) -> Result<(), gripper::Error> {
+    pub fn order(&mut self, order: Request) -> Result<(), gripper::Error> {
         let taken = self.driver.order(self.now_ns, order);
         self.carry();
         taken
@@ -130,21 +131,21 @@ impl Joined<Box<dyn Driver>> {
         self.carry();
         let state = self.driver.state(self.now_ns);
         if matches!(state, Err(gripper::Error::Silent { .. })) && self.reconnects {
-            let _ = self.order(Order::Leave); // the bytes count; an answer is not to be had
+            let _ = self.order(Request::Leave); // the bytes count; an answer is not to be had
             self.cut("nothing came through it");
         }
         state
     }
 
     /// The next thing worth writing down.
-    pub fn next_note(&mut self) -> Option<Note> {
-        self.driver.next_note()
+    pub fn next_event(&mut self) -> Option<DriverEvent> {
+        self.driver.next_event()
     }
 }
 
 impl Gripper for Joined<Box<dyn Driver>> {
     fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
-        Ok(self.order(Order::Grip(command))?)
+        Ok(self.order(Request::Grip(command))?)
     }
 
     fn poll(&mut self) -> Result<GripperState, GripperError> {

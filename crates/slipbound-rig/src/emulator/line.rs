@@ -4,8 +4,8 @@ use super::hand::Hand;
 use super::{Emulator, Mishap};
 use crate::gripper::line::{VERSION, number_of};
 use crate::gripper::text::Lines;
-use slipbound::drive::{JawSettings, WristDrive};
-use slipbound::port::{Plant, WristCommand, WristMotion, WristState};
+use slipbound::plant::{JawSettings, Plant, WristDrive};
+use slipbound::port::{WristCommand, WristMotion, WristState};
 
 /// Time between two lines of state, ns.
 const STATE_NS: u64 = 20_000_000;
@@ -86,13 +86,10 @@ impl Line {
             "RELEASE" => self.open(value("opening_mm")?),
             "HOME" => self.open(self.hand.settings().stroke_mm),
             "ACKNOWLEDGE" => self.is_stopped = false,
-            "TURN" | "LOWER" | "PAUSE" | "OPEN" => {
+            "TURN" | "LOWER" | "PAUSE" => {
                 let command = self.motion(word, value)?;
                 if !self.wrist.command(command) {
                     return Err("a bound is negative or a rate too high".into());
-                }
-                if let WristMotion::Open { most_mm } = command.motion {
-                    self.open(most_mm);
                 }
             }
             "BYE" => {}
@@ -111,8 +108,7 @@ impl Line {
         }
         let motion = match word {
             "TURN" => WristMotion::Turn { rate_rad_per_s: value("rate_rad_per_s")?, most_rad: value("most_rad")? },
-            "LOWER" => WristMotion::Lower { rate_mm_per_s: value("rate_mm_per_s")?, most_mm: value("most_mm")? },
-            _ => WristMotion::Open { most_mm: value("most_mm")? },
+            _ => WristMotion::Lower { rate_mm_per_s: value("rate_mm_per_s")?, most_mm: value("most_mm")? },
         };
         Ok(WristCommand { motion, time_to_live_ns: (time_to_live_ms * 1e6) as u64 })
     }

@@ -6,8 +6,8 @@ use crate::gripper::config::{Config, Kind, read_table};
 use crate::gripper::robotiq::rtu::{self, Ask, Parser};
 use crate::gripper::robotiq::{ACTIVATED, bit, object};
 use crate::gripper::text::Lines;
-use slipbound::drive::JawSettings;
-use slipbound::port::Plant;
+use slipbound::plant::JawSettings;
+use slipbound::plant::Plant;
 
 /// A position request from here on means: close on whatever is there. Below it the jaws move without pressing.
 const GRIPS_FROM: u8 = 200;

@@ -2,7 +2,7 @@
 
 use super::{Emulator, Faulty};
 use crate::link::{Link, TcpLink, now_ns};
-use slipbound::port::Plant;
+use slipbound::plant::Plant;
 use std::io;
 use std::net::TcpListener;
 use std::thread;

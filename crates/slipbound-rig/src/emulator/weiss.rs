@@ -3,8 +3,8 @@
 use super::Mishap;
 use super::hand::Hand;
 use crate::gripper::wsg50::words::{grasp, status};
-use slipbound::drive::JawSettings;
-use slipbound::port::Plant;
+use slipbound::plant::JawSettings;
+use slipbound::plant::Plant;
 
 /// What is set in the gripper's web page. The numbers are guesses: no page was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]

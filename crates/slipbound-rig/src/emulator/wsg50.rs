@@ -5,7 +5,7 @@ use super::weiss::{Task, Weiss};
 use super::{Emulator, Mishap};
 use crate::gripper::wsg50::frame::{self, Frame, Parser, number};
 use crate::gripper::wsg50::words::{flag, id, status};
-use slipbound::port::Plant;
+use slipbound::plant::Plant;
 
 /// What it tells by itself.
 #[derive(Debug, Clone, Copy)]

@@ -1,7 +1,7 @@
 //! Does this gripper hold on while its force is changed, and how does a new force reach the jaws? Nobody has published
 //! it for a WSG-50, so it is tried: up, down, up, down, with an object that may fall.
 
-use slipbound::port::{GripCommand, GripperState, Jaws, Motion};
+use slipbound::port::{GripCommand, GripperState, Jaws};
 
 /// Time for the jaws to settle at a force, ns.
 const SETTLE_NS: u64 = 1_500_000_000;
@@ -74,7 +74,7 @@ impl CheckHold {
 
     fn command(&mut self, now_ns: u64) -> Step {
         self.since_ns = Some(now_ns);
-        Step::Command(GripCommand { force_n: self.force_n(), motion: Motion::Pause })
+        Step::Command(GripCommand::Hold { force_n: self.force_n() })
     }
 
     /// What to do now.

@@ -4,7 +4,7 @@
 use super::Error;
 use crate::config::{self, Layer};
 use serde::{Deserialize, Serialize};
-use slipbound::sensor::SettingError;
+use slipbound::setting::SettingError;
 use std::path::Path;
 use toml::{Table, Value};
 

@@ -1,8 +1,8 @@
 //! A driver at a socket or a serial line: the thin end that knows the clock.
 
-use super::{Driver, Error, Note, Order, parts};
+use super::{Driver, Error, Request, parts};
 use crate::link::{Dial, Link, Wire, now_ns};
-use slipbound::port::{GripCommand, Gripper, GripperError, GripperState};
+use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperError, GripperState};
 use std::path::Path;
 use std::sync::Arc;
 use std::thread;
@@ -68,7 +68,7 @@ impl Device {
     }
 
     /// Takes over an order. Does not wait for the jaws; an error means that it was not taken over.
-    pub fn order(&mut self, order: Order) -> Result<(), Error> {
+    pub fn order(&mut self, order: Request) -> Result<(), Error> {
         self.pump();
         let taken = self.driver.order(now_ns(), order);
         self.wire.send(now_ns(), self.driver.as_mut());
@@ -91,8 +91,8 @@ impl Device {
     }
 
     /// The next thing worth writing down.
-    pub fn next_note(&mut self) -> Option<Note> {
-        self.driver.next_note()
+    pub fn next_event(&mut self) -> Option<DriverEvent> {
+        self.driver.next_event()
     }
 
     /// Permits lower forces while something is held, whatever the settings say.
@@ -106,7 +106,7 @@ impl Device {
             return;
         }
         let now_ns = now_ns();
-        let _ = self.driver.order(now_ns, Order::Leave); // the bytes count; an answer is not to be had
+        let _ = self.driver.order(now_ns, Request::Leave); // the bytes count; an answer is not to be had
         self.wire.send(now_ns, self.driver.as_mut());
         self.wire.lose(now_ns, self.driver.as_mut(), "nothing came through it");
     }
@@ -114,14 +114,14 @@ impl Device {
 
 impl Gripper for Device {
     fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
-        Ok(self.order(Order::Grip(command))?)
+        Ok(self.order(Request::Grip(command))?)
     }
 
     fn poll(&mut self) -> Result<GripperState, GripperError> {
         Ok(self.state()?)
     }
 
-    fn carry(&mut self) {
+    fn poll_io(&mut self) {
         self.pump();
     }
 }
@@ -130,7 +130,7 @@ impl Gripper for Device {
 impl Drop for Device {
     fn drop(&mut self) {
         let from_ns = now_ns();
-        if !self.wire.is_linked() || self.driver.order(from_ns, Order::Leave).is_err() {
+        if !self.wire.is_linked() || self.driver.order(from_ns, Request::Leave).is_err() {
             return;
         }
         while self.wire.is_linked() && !self.driver.outgoing().is_empty() && now_ns() - from_ns < FAREWELL_NS {

@@ -2,9 +2,9 @@
 
 use super::config::Config;
 use super::ledger::Ledger;
-use super::{Driver, Error, Note, Order};
+use super::{Driver, Error, Request};
 use crate::link::Talker;
-use slipbound::port::{GripperState, Jaws, Motion};
+use slipbound::port::{GripCommand, DriverEvent, GripperState, Jaws};
 
 /// The driver of nothing.
 #[derive(Debug)]
@@ -38,16 +38,16 @@ impl Talker for Dry {
 }
 
 impl Driver for Dry {
-    fn order(&mut self, _now_ns: u64, order: Order) -> Result<(), Error> {
-        let Order::Grip(command) = order else { return Ok(()) };
-        let state = match command.motion {
-            Motion::Release => (None, Jaws::Open),
-            Motion::Go | Motion::Pause => (Some(self.ledger.admit(command.force_n)?), Jaws::Holding),
+    fn order(&mut self, _now_ns: u64, order: Request) -> Result<(), Error> {
+        let Request::Grip(command) = order else { return Ok(()) };
+        let state = match command {
+            GripCommand::Release => (None, Jaws::Open),
+            GripCommand::Hold { force_n } => (Some(self.ledger.admit(force_n)?), Jaws::Holding),
         };
         let is_new = (self.ledger.state.target_n, self.ledger.state.jaws) != state;
         (self.ledger.state.target_n, self.ledger.state.jaws) = state;
         if is_new {
-            self.ledger.note(Note::Dry { command });
+            self.ledger.tell(DriverEvent::Dry { command });
         }
         Ok(())
     }
@@ -60,8 +60,8 @@ impl Driver for Dry {
         false
     }
 
-    fn next_note(&mut self) -> Option<Note> {
-        self.ledger.next_note()
+    fn next_event(&mut self) -> Option<DriverEvent> {
+        self.ledger.next_event()
     }
 
     fn config(&self) -> &Config {

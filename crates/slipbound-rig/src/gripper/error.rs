@@ -1,6 +1,7 @@
 //! What can go wrong with a gripper, one variant a cause.
 
 use crate::config;
+use slipbound::port::{GripperError, GripperErrorKind};
 use std::io;
 
 /// A gripper that cannot be opened, or a command that it did not take over. Whatever the cause, the force stays where
@@ -138,4 +139,27 @@ pub enum Error {
         /// The command.
         command: &'static str,
     },
+}
+
+impl Error {
+    /// What a caller of the port can act on.
+    pub fn kind(&self) -> GripperErrorKind {
+        match self {
+            Error::Address { .. } | Error::Config(_) | Error::Unset { .. } => GripperErrorKind::Settings,
+            Error::Connect { .. } | Error::Lost { .. } | Error::Silent { .. } => GripperErrorKind::Link,
+            Error::Unanswered { .. } => GripperErrorKind::Unanswered,
+            Error::Refused { .. } | Error::Unable { .. } => GripperErrorKind::Refused,
+            Error::Force { .. } => GripperErrorKind::Value,
+            Error::Lowering { .. } => GripperErrorKind::Lowering,
+            Error::FastStop { .. } => GripperErrorKind::Stopped,
+            Error::NotHomed { .. } => GripperErrorKind::NotHomed,
+            Error::NotReady { .. } => GripperErrorKind::NotReady,
+        }
+    }
+}
+
+impl From<Error> for GripperError {
+    fn from(error: Error) -> Self {
+        GripperError::new(error.kind(), error)
+    }
 }

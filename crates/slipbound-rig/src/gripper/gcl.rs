@@ -9,9 +9,9 @@ use super::config::{Config, ns};
 use super::ledger::Ledger;
 use super::text::Lines;
 use super::wsg50::words::{grasp, status};
-use super::{Driver, Error, Note, Order};
+use super::{Driver, Error, Request};
 use crate::link::Talker;
-use slipbound::port::{GripCommand, GripperState, Jaws, Motion};
+use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 
 /// What is asked in turn.
 const QUESTIONS: [&str; 3] = ["POS", "FORCE", "GRIPSTATE"];
@@ -145,7 +145,7 @@ impl Gcl {
 
     fn take(&mut self, now_ns: u64, line: Option<&str>) {
         let Some(line) = line else {
-            return self.ledger.note(Note::Garbled { bytes_count: 1 });
+            return self.ledger.tell(DriverEvent::Garbled { bytes_count: 1 });
         };
         if let Some((name, value)) = line.split_once('=') {
             return self.take_value(now_ns, name, value);
@@ -169,14 +169,14 @@ impl Gcl {
                 self.take_error(now_ns, name, code.parse().unwrap_or(u16::MAX));
             }
             "" | "END" => {}
-            _ => self.ledger.note(Note::Garbled { bytes_count: line.len() }),
+            _ => self.ledger.tell(DriverEvent::Garbled { bytes_count: line.len() }),
         }
     }
 
     fn take_value(&mut self, now_ns: u64, name: &str, value: &str) {
         let number = value.parse::<f64>().ok().filter(|value| value.is_finite());
         let Some(number) = number.filter(|_| QUESTIONS.contains(&name)) else {
-            return self.ledger.note(Note::Garbled { bytes_count: name.len() + value.len() });
+            return self.ledger.tell(DriverEvent::Garbled { bytes_count: name.len() + value.len() });
         };
         self.ledger.heard_ns = now_ns;
         if self.awaited.is_some_and(|awaited| awaited.name == name) {
@@ -254,7 +254,7 @@ impl Gcl {
             (_, status::DENIED) => {
                 self.is_stopped = true;
                 let why = self.why_stopped();
-                self.ledger.note(Note::FastStop { why });
+                self.ledger.tell(DriverEvent::FastStop { why });
                 self.ledger.state.jaws = Jaws::Stopped;
                 self.ledger.refused(name, status::in_words(code));
             }
@@ -298,14 +298,14 @@ impl Gcl {
         if self.grasp.is_none() {
             return Err(Error::NotReady { address: address(), expected: "whether it holds something" });
         }
-        if command.motion == Motion::Release {
+        let GripCommand::Hold { force_n } = command else {
             if self.want != Want::Open {
                 (self.want, self.is_release_given, self.is_regrip_refused) = (Want::Open, false, false);
             }
             return Ok(());
-        }
+        };
         let holds = self.grasp == Some(grasp::HOLDING);
-        let force_n = self.ledger.admit(command.force_n)?;
+        let force_n = self.ledger.admit(force_n)?;
         if holds && self.is_regrip_refused && self.gripped_n != Some(force_n) {
             let (address, command) = (self.ledger.address.clone(), "a new force while holding");
             return Err(Error::Refused {
@@ -355,14 +355,14 @@ impl Talker for Gcl {
 }
 
 impl Driver for Gcl {
-    fn order(&mut self, now_ns: u64, order: Order) -> Result<(), Error> {
+    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
         self.ledger.ready_for(now_ns, order)?;
         match order {
-            Order::Grip(command) => self.grip(command)?,
-            Order::Home if self.grasp == Some(grasp::HOLDING) => return Err(self.ledger.holds_something("home")),
-            Order::Home => self.want = Want::Home,
-            Order::Acknowledge => self.want = Want::Acknowledge,
-            Order::Leave => {
+            Request::Grip(command) => self.grip(command)?,
+            Request::Home if self.grasp == Some(grasp::HOLDING) => return Err(self.ledger.holds_something("home")),
+            Request::Home => self.want = Want::Home,
+            Request::Acknowledge => self.want = Want::Acknowledge,
+            Request::Leave => {
                 self.want = Want::Nothing;
                 self.say(now_ns, "BYE", "BYE()");
             }
@@ -387,8 +387,8 @@ impl Driver for Gcl {
         is_new || towards || self.running.is_some() || self.awaited.is_some_and(|awaited| !is_question(awaited))
     }
 
-    fn next_note(&mut self) -> Option<Note> {
-        self.ledger.next_note()
+    fn next_event(&mut self) -> Option<DriverEvent> {
+        self.ledger.next_event()
     }
 
     fn config(&self) -> &Config {

@@ -1,12 +1,12 @@
 //! What every driver keeps: its address and settings, the newest state, what went wrong, what is to be written down.
 
 use super::config::{Config, Lowering, ns};
-use super::{Error, Note, Order};
-use slipbound::port::{GripperState, Jaws};
+use super::{Error, Request};
+use slipbound::port::{DriverEvent, GripperState, Jaws};
 use std::collections::VecDeque;
 
-/// Most notes kept; the oldest go first.
-const NOTES_COUNT: usize = 64;
+/// Most events kept; the oldest go first.
+const EVENTS_COUNT: usize = 64;
 
 /// Difference in force that is none, N per finger: below what any of these grippers resolves.
 const SAME_FORCE_N: f64 = 0.01;
@@ -26,7 +26,7 @@ pub(crate) struct Ledger {
     /// The last force asked for that lay outside the range, N per finger: it is noted once.
     clamped_n: Option<f64>,
     fault: Option<Error>,
-    notes: VecDeque<Note>,
+    events: VecDeque<DriverEvent>,
 }
 
 impl Ledger {
@@ -43,7 +43,7 @@ impl Ledger {
             unlinked_why: "not yet made".into(),
             clamped_n: None,
             fault: None,
-            notes: VecDeque::new(),
+            events: VecDeque::new(),
         }
     }
 
@@ -52,27 +52,27 @@ impl Ledger {
         self.is_linked = true;
         self.heard_ns = now_ns;
         self.fault = None;
-        self.note(Note::Linked);
+        self.tell(DriverEvent::Linked);
     }
 
     pub fn unlinked(&mut self, why: &str) {
         self.outgoing.clear();
         if self.is_linked {
-            self.note(Note::Unlinked { why: why.into() });
+            self.tell(DriverEvent::Unlinked { why: why.into() });
         }
         self.is_linked = false;
         self.unlinked_why = why.into();
     }
 
-    pub fn note(&mut self, note: Note) {
-        if self.notes.len() == NOTES_COUNT {
-            self.notes.pop_front();
+    pub fn tell(&mut self, event: DriverEvent) {
+        if self.events.len() == EVENTS_COUNT {
+            self.events.pop_front();
         }
-        self.notes.push_back(note);
+        self.events.push_back(event);
     }
 
-    pub fn next_note(&mut self) -> Option<Note> {
-        self.notes.pop_front()
+    pub fn next_event(&mut self) -> Option<DriverEvent> {
+        self.events.pop_front()
     }
 
     /// Something went wrong with an order taken over before; the first such thing is told, once.
@@ -85,9 +85,9 @@ impl Ledger {
     }
 
     /// An order needs a link that is alive; a farewell only one that is there.
-    pub fn ready_for(&self, now_ns: u64, order: Order) -> Result<(), Error> {
+    pub fn ready_for(&self, now_ns: u64, order: Request) -> Result<(), Error> {
         match order {
-            Order::Leave if self.is_linked => Ok(()),
+            Request::Leave if self.is_linked => Ok(()),
             _ => self.ready(now_ns),
         }
     }
@@ -128,7 +128,7 @@ impl Ledger {
             }
         }
         if given_n != asked_n && self.clamped_n != Some(asked_n) {
-            self.note(Note::Clamped { asked_n, given_n });
+            self.tell(DriverEvent::Clamped { asked_n, given_n });
         }
         self.clamped_n = (given_n != asked_n).then_some(asked_n);
         Ok(given_n)

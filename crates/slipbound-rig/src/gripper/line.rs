@@ -8,9 +8,9 @@ pub use message::{Answer, VERSION, ask, number_of};
 use super::config::{Config, ns};
 use super::ledger::Ledger;
 use super::text::Lines;
-use super::{Driver, Error, Note, Order};
+use super::{Driver, Error, Request};
 use crate::link::Talker;
-use slipbound::port::{GripCommand, GripperState, Jaws, Motion};
+use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 
 /// What is wanted; the newest want counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,7 +79,7 @@ impl LineGripper {
 
     fn take(&mut self, now_ns: u64, line: Option<&str>) {
         let Some(answer) = line.and_then(Answer::parse) else {
-            return self.ledger.note(Note::Garbled { bytes_count: line.map_or(1, str::len) });
+            return self.ledger.tell(DriverEvent::Garbled { bytes_count: line.map_or(1, str::len) });
         };
         self.ledger.heard_ns = now_ns;
         match answer {
@@ -123,7 +123,7 @@ impl LineGripper {
             _ => Jaws::Unknown,
         };
         if jaws == Jaws::Stopped && self.ledger.state.jaws != Jaws::Stopped {
-            self.ledger.note(Note::FastStop { why: "the other side says so".into() });
+            self.ledger.tell(DriverEvent::FastStop { why: "the other side says so".into() });
             (self.want, self.done) = (Want::Nothing, Want::Nothing);
         }
         let config = &self.ledger.config;
@@ -147,9 +147,9 @@ impl LineGripper {
         if self.ledger.state.jaws == Jaws::Stopped {
             return Err(Error::FastStop { address: address(), why: "the other side says so".into() });
         }
-        self.want = match command.motion {
-            Motion::Release => Want::Open,
-            Motion::Go | Motion::Pause => Want::Force(self.ledger.admit(command.force_n)?),
+        self.want = match command {
+            GripCommand::Release => Want::Open,
+            GripCommand::Hold { force_n } => Want::Force(self.ledger.admit(force_n)?),
         };
         Ok(())
     }
@@ -189,14 +189,14 @@ impl Talker for LineGripper {
 }
 
 impl Driver for LineGripper {
-    fn order(&mut self, now_ns: u64, order: Order) -> Result<(), Error> {
+    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
         self.ledger.ready_for(now_ns, order)?;
         match order {
-            Order::Grip(command) => self.grip(command)?,
-            Order::Home if self.ledger.state.jaws == Jaws::Holding => return Err(self.ledger.holds_something("home")),
-            Order::Home => (self.want, self.done) = (Want::Home, Want::Nothing),
-            Order::Acknowledge => (self.want, self.done) = (Want::Acknowledge, Want::Nothing),
-            Order::Leave => {
+            Request::Grip(command) => self.grip(command)?,
+            Request::Home if self.ledger.state.jaws == Jaws::Holding => return Err(self.ledger.holds_something("home")),
+            Request::Home => (self.want, self.done) = (Want::Home, Want::Nothing),
+            Request::Acknowledge => (self.want, self.done) = (Want::Acknowledge, Want::Nothing),
+            Request::Leave => {
                 self.number += 1;
                 self.ledger.outgoing.extend(format!("{} BYE\n", self.number).into_bytes());
                 self.is_leaving = true;
@@ -215,8 +215,8 @@ impl Driver for LineGripper {
         is_new || self.awaited.is_some() || (self.want != Want::Nothing && self.want != self.done)
     }
 
-    fn next_note(&mut self) -> Option<Note> {
-        self.ledger.next_note()
+    fn next_event(&mut self) -> Option<DriverEvent> {
+        self.ledger.next_event()
     }
 
     fn config(&self) -> &Config {

@@ -14,10 +14,10 @@ pub mod words;
 
 use super::config::{Config, ForceChange, ns};
 use super::ledger::Ledger;
-use super::{Driver, Error, Note, Order};
+use super::{Driver, Error, Request};
 use crate::link::Talker;
 use frame::{Frame, Parser, number};
-use slipbound::port::{GripCommand, GripperState, Jaws, Motion};
+use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 use words::{flag, grasp, id, status};
 
 /// How often an unanswered command that may safely come twice is sent again.
@@ -241,7 +241,7 @@ impl Wsg50 {
     fn tell_path(&mut self, path: &'static str) {
         if self.told_path != Some(path) {
             self.told_path = Some(path);
-            self.ledger.note(Note::ForcePath { path });
+            self.ledger.tell(DriverEvent::ForcePath { path });
         }
     }
 
@@ -291,11 +291,11 @@ impl Wsg50 {
 
     fn meet_fast_stop(&mut self, bits: u32) {
         let why = self.why_stopped();
-        self.ledger.note(Note::FastStop { why });
+        self.ledger.tell(DriverEvent::FastStop { why });
         (self.want, self.running, self.following) = (Want::Nothing, None, None);
         let is_ours = self.is_link_lost && flag::faults(bits).is_empty();
         if is_ours && self.ledger.config.acknowledge_own_fast_stop {
-            self.ledger.note(Note::Acknowledged);
+            self.ledger.tell(DriverEvent::Acknowledged);
             self.want = Want::Acknowledge;
         }
     }
@@ -417,13 +417,13 @@ impl Wsg50 {
 
     fn grip(&mut self, command: GripCommand) -> Result<(), Error> {
         self.may_move()?;
-        if command.motion == Motion::Release {
+        let GripCommand::Hold { force_n } = command else {
             if self.want != Want::Open {
                 (self.want, self.is_release_given) = (Want::Open, false);
             }
             return Ok(());
-        }
-        let force_n = self.ledger.admit(command.force_n)?;
+        };
+        let force_n = self.ledger.admit(force_n)?;
         if self.ledger.config.part_width_mm.is_none() && !self.is_grasp_given && self.grasp != Some(grasp::HOLDING) {
             let address = self.ledger.address.clone();
             let why = "a WSG-50 calls contact far from the width it was told a collision";
@@ -458,7 +458,7 @@ impl Talker for Wsg50 {
         parser.feed(bytes, |frame| self.take(now_ns, &frame));
         let bytes_count = parser.take_passed_over_count();
         if bytes_count > 0 {
-            self.ledger.note(Note::Garbled { bytes_count });
+            self.ledger.tell(DriverEvent::Garbled { bytes_count });
         }
         self.parser = parser;
         // What holds when the link is made was grasped before: no grasp is to be given anew.
@@ -482,17 +482,17 @@ impl Talker for Wsg50 {
 }
 
 impl Driver for Wsg50 {
-    fn order(&mut self, now_ns: u64, order: Order) -> Result<(), Error> {
+    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
         self.ledger.ready_for(now_ns, order)?;
         match order {
-            Order::Grip(command) => self.grip(command)?,
-            Order::Home if self.is_stopped() => self.may_move()?,
-            Order::Home if self.is_homed() && self.ledger.seems_to_hold() => {
+            Request::Grip(command) => self.grip(command)?,
+            Request::Home if self.is_stopped() => self.may_move()?,
+            Request::Home if self.is_homed() && self.ledger.seems_to_hold() => {
                 return Err(self.ledger.holds_something("home"));
             }
-            Order::Home => self.want = Want::Home,
-            Order::Acknowledge => self.want = Want::Acknowledge,
-            Order::Leave => {
+            Request::Home => self.want = Want::Home,
+            Request::Acknowledge => self.want = Want::Acknowledge,
+            Request::Leave => {
                 self.want = Want::Nothing;
                 self.send(now_ns, id::DISCONNECT, &[]);
                 self.is_leaving = true;
@@ -521,8 +521,8 @@ impl Driver for Wsg50 {
         is_new || towards || self.awaited.is_some() || self.running.is_some() || self.following.is_some()
     }
 
-    fn next_note(&mut self) -> Option<Note> {
-        self.ledger.next_note()
+    fn next_event(&mut self) -> Option<DriverEvent> {
+        self.ledger.next_event()
     }
 
     fn config(&self) -> &Config {

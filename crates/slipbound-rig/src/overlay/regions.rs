@@ -26,7 +26,7 @@ impl Region {
 
     /// Takes a mask over and smooths it.
     pub fn take(&mut self, mask: &Mask) {
-        self.empty = mask.area_px() == 0;
+        self.empty = mask.area_px2() == 0;
         if self.empty {
             return;
         }

@@ -45,7 +45,7 @@ fn numbers(report: &SlipReport, monitor: &SlipMonitor) -> String {
     let mut parts = Vec::new();
     parts.push(match report.contact.area_mm2 {
         Some(mm2) => format!("contact {mm2:.1} mm2"),
-        None => format!("contact {:.0} px", report.contact.area_px),
+        None => format!("contact {:.0} px", report.contact.area_px2),
     });
     parts.push(format!("quality {:.2}", report.contact.quality));
     if let Some(motion) = &report.motion {

@@ -4,6 +4,7 @@ use super::{Cycle, Row};
 use serde::{Deserialize, Serialize};
 use slipbound::hand::{HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
+use slipbound::port::GripCommand;
 use slipbound::task::{Ending, Phase};
 
 /// A slip is over after this time without a sign of it. Less than a controller needs for a step and its pause, so
@@ -123,8 +124,10 @@ impl Watch {
     pub fn see(&mut self, cycle: &Cycle) -> Vec<Event> {
         let mut events = self.fingers_changed(cycle);
         self.slips(cycle, &mut events);
-        if let Some(last) = &self.last {
-            let (from_n, to_n) = (last.grip_command.force_n, cycle.grip_command.force_n);
+        let before = self.last.as_ref().map(|last| last.grip_command);
+        if let (Some(GripCommand::Hold { force_n: from_n }), GripCommand::Hold { force_n: to_n }) =
+            (before, cycle.grip_command)
+        {
             let both = from_n.is_finite() && to_n.is_finite();
             if if both { (to_n - from_n).abs() >= STEP_N } else { from_n.is_finite() != to_n.is_finite() } {
                 events.push(Event::Grip { from_n: finite(from_n), to_n: finite(to_n) });
@@ -183,7 +186,7 @@ impl Watch {
                     direction: cycle.hand.slip.as_ref().map_or_else(String::new, direction),
                     fingers_count: cycle.hand.slip.map_or(0, |slip| slip.fingers_count),
                     gross: cycle.hand.state == SlipState::Gross,
-                    force_n: finite(cycle.gripper.force_n.unwrap_or(cycle.grip_command.force_n)),
+                    force_n: finite(cycle.gripper.force_n.or(cycle.grip_command.force_n()).unwrap_or(f64::NAN)),
                 });
             }
         }

@@ -2,7 +2,7 @@
 
 use super::{Error, LineWrist};
 use crate::link::{Dial, Link, Talker, Wire, now_ns};
-use slipbound::drive::WristDrive;
+use slipbound::plant::WristDrive;
 use slipbound::port::{Wrist, WristCommand, WristError, WristMotion, WristState};
 use std::sync::Arc;
 use std::thread;
@@ -59,7 +59,7 @@ impl Wrist for Device {
         Ok(state?)
     }
 
-    fn carry(&mut self) {
+    fn poll_io(&mut self) {
         self.wire.pump(now_ns(), &mut self.driver);
     }
 }
@@ -90,11 +90,8 @@ impl Wrist for Dry {
         if self.drive.command(command) {
             return Ok(());
         }
-        Err(Box::new(Error::Refused {
-            address: "dry".into(),
-            expected: format!("{:?}", command.motion),
-            got: "a number that cannot be".into(),
-        }))
+        let (expected, got) = (format!("{:?}", command.motion), "a number that cannot be".into());
+        Err(Error::Refused { address: "dry".into(), expected, got }.into())
     }
 
     fn poll(&mut self) -> Result<WristState, WristError> {

@@ -1,5 +1,6 @@
 //! What can go wrong with a wrist, one variant a cause.
 
+use slipbound::port::{WristError, WristErrorKind};
 use std::io;
 
 /// A wrist that cannot be opened, or a motion that it did not take over. Whatever the cause, the last motion runs out
@@ -70,4 +71,23 @@ pub enum Error {
         /// What it said.
         got: String,
     },
+}
+
+impl Error {
+    /// What a caller of the port can act on.
+    pub fn kind(&self) -> WristErrorKind {
+        match self {
+            Error::Address { .. } => WristErrorKind::Settings,
+            Error::Connect { .. } | Error::Lost { .. } | Error::Silent { .. } | Error::Unanswered { .. } => {
+                WristErrorKind::Link
+            }
+            Error::Motion { .. } | Error::Refused { .. } => WristErrorKind::Refused,
+        }
+    }
+}
+
+impl From<Error> for WristError {
+    fn from(error: Error) -> Self {
+        WristError::new(error.kind(), error)
+    }
 }

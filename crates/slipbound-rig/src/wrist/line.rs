@@ -82,7 +82,6 @@ impl LineWrist {
             WristMotion::Lower { rate_mm_per_s, most_mm } => {
                 ask("LOWER", &[finite("rate_mm_per_s", rate_mm_per_s)?, bound("most_mm", most_mm)?, life])
             }
-            WristMotion::Open { most_mm } => ask("OPEN", &[bound("most_mm", most_mm)?, life]),
             WristMotion::Pause => ask("PAUSE", &[]),
         };
         self.ready(now_ns)?;

@@ -1,10 +1,10 @@
 //! A driver and an emulator, joined by two byte queues. Time goes on only when both are empty: every run is the same,
 //! and faster than real time.
 
-use slipbound::port::{GripCommand, GripperState, Jaws, Motion, Plant};
+use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws, };
 use slipbound_rig::emulator::{self, Block, Emulator, Faults, Faulty, Joined};
 use slipbound_rig::gripper::config::{Config, Kind};
-use slipbound_rig::gripper::{self, Driver, Error, Note, Order};
+use slipbound_rig::gripper::{self, Driver, Error, Request};
 use std::ops::{Deref, DerefMut};
 
 pub const MS: u64 = 1_000_000;
@@ -19,7 +19,7 @@ pub const WIDTH_MM: f64 = 50.0;
 pub struct Bench {
     pub pair: Joined<Box<dyn Driver>>,
     pub plant: Block,
-    pub notes: Vec<Note>,
+    pub notes: Vec<DriverEvent>,
     /// Least force since it was last reset, N per finger.
     pub least_n: f64,
 }
@@ -101,7 +101,7 @@ impl Bench {
         assert!(self.pair.carry(), "the two never stop talking");
         self.plant.advance_to(now_ns);
         self.least_n = self.least_n.min(self.plant.force_n);
-        self.notes.extend(std::iter::from_fn(|| self.pair.next_note()));
+        self.notes.extend(std::iter::from_fn(|| self.pair.next_event()));
     }
 
     pub fn run(&mut self, ms: u64) {
@@ -134,10 +134,10 @@ impl Bench {
     }
 
     pub fn grip(&mut self, force_n: f64) -> Result<(), Error> {
-        self.order(Order::Grip(GripCommand { force_n, motion: Motion::Go }))
+        self.order(Request::Grip(GripCommand::Hold { force_n }))
     }
 
     pub fn release(&mut self) -> Result<(), Error> {
-        self.order(Order::Grip(GripCommand { force_n: 0.0, motion: Motion::Release }))
+        self.order(Request::Grip(GripCommand::Release))
     }
 }

@@ -1,9 +1,9 @@
 //! The line protocol, gripper and wrist, in lock-step.
 
 use crate::bench::{Bench, MS};
-use slipbound::port::{Jaws, Plant, WristCommand, WristMotion};
+use slipbound::port::{Jaws, WristCommand, WristMotion};
 use slipbound_rig::emulator::{Block, Emulator, Faults, Faulty, by_name};
-use slipbound_rig::gripper::Order;
+use slipbound_rig::gripper::Request;
 use slipbound_rig::link::Talker;
 use slipbound_rig::wrist::{Error, LineWrist};
 
@@ -22,7 +22,7 @@ fn a_block_is_gripped_and_released_by_these_lines() {
         assert!((bench.plant.force_n - 10.0).abs() < 0.1);
         bench.release().expect("taken over");
         bench.until(3000, |state| state.opening_mm.is_some_and(|mm| mm > 99.9));
-        bench.order(Order::Leave).expect("taken over");
+        bench.order(Request::Leave).expect("taken over");
         let text = String::from_utf8(bench.sent().to_vec()).expect("ASCII");
         let expected = "1 GRASP force_n 20.000000\n2 GRASP force_n 10.000000\n3 RELEASE opening_mm 100.000000\n4 BYE\n";
         assert_eq!(text, expected);

@@ -6,11 +6,11 @@
 use crate::bench::{Bench, MS, config, driver};
 use proptest::prelude::*;
 use proptest::test_runner::{Config as Cases, RngSeed, TestRunner};
-use slipbound::port::{GripCommand, Jaws, Motion, Plant};
+use slipbound::port::{GripCommand, Jaws, };
 use slipbound_rig::emulator::{Block, NAMES, by_name};
 use slipbound_rig::gripper::robotiq::rtu;
 use slipbound_rig::gripper::wsg50::frame;
-use slipbound_rig::gripper::{Driver, Order};
+use slipbound_rig::gripper::{Driver, Request};
 use slipbound_rig::link::Talker;
 use slipbound_rig::wrist::LineWrist;
 
@@ -65,8 +65,8 @@ fn holding(name: &str) -> Box<dyn Driver> {
     driver.permit_lowering(true);
     driver.outgoing().clear();
     assert_eq!(driver.state(200 * MS).expect("there").jaws, Jaws::Holding, "{name}");
-    let command = GripCommand { force_n: 30.0, motion: Motion::Go };
-    driver.order(200 * MS, Order::Grip(command)).expect("taken over");
+    let command = GripCommand::Hold { force_n: 30.0 };
+    driver.order(200 * MS, Request::Grip(command)).expect("taken over");
     driver
 }
 
@@ -310,6 +310,6 @@ fn endless_bytes_take_no_memory() {
                 emulator.outgoing().clear();
             }
         }
-        assert!(std::iter::from_fn(|| driver.next_note()).count() <= 64, "{name}");
+        assert!(std::iter::from_fn(|| driver.next_event()).count() <= 64, "{name}");
     }
 }

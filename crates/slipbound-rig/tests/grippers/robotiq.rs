@@ -3,7 +3,7 @@
 use crate::bench::{Bench, config};
 use slipbound::port::Jaws;
 use slipbound_rig::gripper::config::{Config, Lowering};
-use slipbound_rig::gripper::{Error, Order};
+use slipbound_rig::gripper::{Error, Request};
 
 const BOTH: [&str; 2] = ["robotiq-rtu", "robotiq"];
 
@@ -67,7 +67,7 @@ fn activation_is_asked_for_and_never_done_by_itself() {
         bench.run(300);
         assert_eq!(bench.state().expect("there").jaws, Jaws::Unknown);
         assert!(matches!(bench.grip(40.0), Err(Error::NotHomed { .. })), "{name}");
-        bench.order(Order::Home).expect("taken over");
+        bench.order(Request::Home).expect("taken over");
         bench.run(10);
         assert!(bench.driver.is_busy() && matches!(bench.grip(40.0), Err(Error::NotHomed { .. })), "{name}");
         bench.until(3000, |state| state.jaws == Jaws::Open);
@@ -75,7 +75,7 @@ fn activation_is_asked_for_and_never_done_by_itself() {
         assert!(!bench.driver.is_busy(), "{name}");
         bench.grip(40.0).expect("taken over");
         bench.until(3000, |state| state.jaws == Jaws::Holding);
-        assert!(matches!(bench.order(Order::Home), Err(Error::Refused { .. })), "{name}: something is held");
+        assert!(matches!(bench.order(Request::Home), Err(Error::Refused { .. })), "{name}: something is held");
     }
 }
 

@@ -1,8 +1,9 @@
 //! Over real loopback sockets and a pseudo-terminal. Slow and few: what the protocols do is tested in lock-step.
 
-use slipbound::port::{GripCommand, Gripper, GripperState, Jaws, Motion, Plant, WristCommand, WristMotion};
+use slipbound::plant::Plant;
+use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperState, Jaws, WristCommand, WristMotion};
 use slipbound_rig::emulator::{Block, Faulty, by_name, serve_tcp};
-use slipbound_rig::gripper::{self, Device, Error, Note, Order};
+use slipbound_rig::gripper::{self, Device, Error, Request};
 use slipbound_rig::wrist;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -80,7 +81,7 @@ impl Drop for Server {
 }
 
 fn grip(device: &mut Device, force_n: f64) -> Result<(), Error> {
-    device.order(Order::Grip(GripCommand { force_n, motion: Motion::Go }))
+    device.order(Request::Grip(GripCommand::Hold { force_n }))
 }
 
 fn until(device: &mut Device, wanted: impl Fn(&Result<GripperState, Error>) -> bool) -> Result<GripperState, Error> {
@@ -118,7 +119,7 @@ fn every_protocol_grips_over_a_socket_and_leaves_without_letting_go() {
         let state = until(&mut device, Result::is_ok).expect("there");
         assert_eq!(state.jaws, Jaws::Holding, "{name}: no fast stop after a farewell");
         assert!(server.plant.look(|block| block.force_n) > 39.0);
-        device.command(GripCommand { force_n: 0.0, motion: Motion::Release }).expect("taken over");
+        device.command(GripCommand::Release).expect("taken over");
         until(&mut device, |_| server.plant.look(|block| block.force_n) == 0.0).expect("there");
     }
 }
@@ -134,7 +135,7 @@ fn a_killed_server_is_told_and_a_new_one_found() {
     assert!(matches!(grip(&mut device, 30.0), Err(Error::Lost { .. })));
     let server = Server::at(&address, "line", "");
     until(&mut device, Result::is_ok).expect("linked anew");
-    assert!(std::iter::from_fn(|| device.next_note()).filter(|note| *note == Note::Linked).count() == 2);
+    assert!(std::iter::from_fn(|| device.next_event()).filter(|note| *note == DriverEvent::Linked).count() == 2);
     sleep(Duration::from_millis(300));
     assert_eq!(server.plant.look(|block| block.force_n), 0.0, "a new link moves nothing");
 }
@@ -227,9 +228,9 @@ fn addresses_that_are_none_are_told_apart() {
     let message = wrist::open("wsg50://x:1").err().expect("refused").to_string();
     assert_eq!(message, "wsg50://x:1: expected line://HOST:PORT or dry");
     let mut dry = gripper::open("dry", None).expect("opens");
-    dry.command(GripCommand { force_n: 12.0, motion: Motion::Go }).expect("taken over");
+    dry.command(GripCommand::Hold { force_n: 12.0 }).expect("taken over");
     assert_eq!(dry.poll().expect("there").target_n, Some(12.0));
-    assert!(dry.command(GripCommand { force_n: f64::NAN, motion: Motion::Go }).is_err());
+    assert!(dry.command(GripCommand::Hold { force_n: f64::NAN }).is_err());
 }
 
 #[cfg(all(feature = "serial", target_os = "linux"))]

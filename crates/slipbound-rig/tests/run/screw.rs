@@ -2,7 +2,7 @@
 
 use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
-use slipbound::port::{GripCommand, GripperState, Jaws, Motion, WristCommand, WristMotion, WristState};
+use slipbound::port::{GripCommand, GripperState, Jaws, WristCommand, WristMotion, WristState};
 use slipbound::task::{Ending, Phase};
 use slipbound_rig::run::{Cycle, Row, RunInfo, Truth};
 

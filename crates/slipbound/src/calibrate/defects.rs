@@ -42,7 +42,7 @@ pub(super) fn find(rectified: &[u8], table: &WarpTable, grid: &Grid) -> Vec<[usi
     morphology.open(&differs, &Element::rect(wide, wide), &mut opened);
     let mut components = Components::new(size);
     let mut found: Vec<_> = components.label(&opened).to_vec();
-    found.sort_by(|p, q| q.area_px.cmp(&p.area_px).then(p.top_px.cmp(&q.top_px)).then(p.left_px.cmp(&q.left_px)));
+    found.sort_by(|p, q| q.area_px2.cmp(&p.area_px2).then(p.top_px.cmp(&q.top_px)).then(p.left_px.cmp(&q.left_px)));
     found.truncate(MOST_COUNT);
     found.iter().map(|c| [c.left_px, c.top_px, c.right_px, c.bottom_px]).collect()
 }

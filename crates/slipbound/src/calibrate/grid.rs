@@ -217,8 +217,8 @@ impl Grid {
         let inner = (0..side * side).filter(|i| r(*i) < 0.45 * self.pitch_px);
         let deepest = inner.clone().map(|i| depth[i]).fold(0.0, f64::max);
         // A pixel at half depth counts half: areas grow smoothly.
-        let area_px: f64 = inner.map(|i| (2.0 * (depth[i] / deepest - 0.5) + 0.5).clamp(0.0, 1.0)).sum();
-        let diameter_px = 2.0 * (area_px / std::f64::consts::PI).sqrt();
+        let area_px2: f64 = inner.map(|i| (2.0 * (depth[i] / deepest - 0.5) + 0.5).clamp(0.0, 1.0)).sum();
+        let diameter_px = 2.0 * (area_px2 / std::f64::consts::PI).sqrt();
         let largest = self.pitch_px / 1.5;
         (deepest > 0.0 && diameter_px.is_finite())
             .then(|| ((diameter_px * 10.0).round() / 10.0).clamp(3.0, largest.max(3.0)))

@@ -1,9 +1,9 @@
 //! Holds with one force, whatever happens: what the others are measured against.
 
-use super::{GripController, GripLimits};
+use super::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
-use crate::port::{GripCommand, GripperState, Motion};
+use crate::port::GripperState;
 
 /// The starting force, always.
 #[derive(Debug, Clone)]
@@ -21,11 +21,11 @@ impl Constant {
 }
 
 impl GripController for Constant {
-    fn command(&mut self, _now_ns: u64, hand: &HandReport, _gripper: &GripperState) -> GripCommand {
+    fn decide(&mut self, _now_ns: u64, hand: &HandReport, _gripper: &GripperState) -> GripDecision {
         let slips = matches!(hand.state, SlipState::Incipient | SlipState::Gross);
         self.alarms_count += u32::from(slips && !self.slipping);
         self.slipping = slips;
-        GripCommand { force_n: self.force_n, motion: Motion::Go }
+        GripDecision { force_n: self.force_n, arm: ArmMotion::Go }
     }
 
     fn alarms_count(&self) -> u32 {

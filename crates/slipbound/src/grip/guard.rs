@@ -1,9 +1,9 @@
 //! What no controller may get past: forces stay in range, and a hand that sees nothing does not let go.
 
-use super::{GripController, GripLimits};
+use super::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
-use crate::port::{GripCommand, GripperState, Jaws, Motion};
+use crate::port::{GripperState, Jaws};
 
 /// A controller, guarded.
 pub struct Guard {
@@ -39,7 +39,7 @@ impl Guard {
 }
 
 impl GripController for Guard {
-    fn command(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripCommand {
+    fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
         let sees = hand.state != SlipState::Unjudged;
         let seen_ns = *self.seen_ns.get_or_insert(now_ns);
         if sees {
@@ -52,14 +52,14 @@ impl GripController for Guard {
             if self.blind {
                 self.force_n = self.force_n.max(self.limits.blind_force_n.unwrap_or(0.0));
             }
-            let motion = if self.blind || jaws_gone { Motion::Pause } else { Motion::Go };
-            return GripCommand { force_n: self.force_n, motion };
+            let arm = if self.blind || jaws_gone { ArmMotion::Pause } else { ArmMotion::Go };
+            return GripDecision { force_n: self.force_n, arm };
         }
-        let wanted = self.inner.command(now_ns, hand, gripper);
+        let wanted = self.inner.decide(now_ns, hand, gripper);
         if wanted.force_n.is_finite() {
             self.force_n = wanted.force_n.clamp(self.limits.least_n, self.limits.most_n);
         }
-        GripCommand { force_n: self.force_n, motion: wanted.motion }
+        GripDecision { force_n: self.force_n, arm: wanted.arm }
     }
 
     fn alarms_count(&self) -> u32 {

@@ -14,11 +14,11 @@
 //! shows that it is less. The law needs the stiffness of the gel (see [`Shear`](crate::sensor::Shear)); without it
 //! it is refused.
 
-use super::{GripController, GripLimits};
+use super::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
-use crate::port::{GripCommand, GripperState, Motion};
-use crate::sensor::{SettingError, within};
+use crate::port::GripperState;
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// Share of the friction reckoned with that one slip may take away.
@@ -129,12 +129,12 @@ impl Margin {
 }
 
 impl GripController for Margin {
-    fn command(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripCommand {
+    fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
         let seconds = now_ns.saturating_sub(self.last_ns.unwrap_or(now_ns)) as f64 * 1e-9;
         self.last_ns = Some(now_ns);
         let pressed_n = gripper.pressed_n().filter(|n| *n > 0.0);
         let (Some(load_n), Some(pressed_n)) = (hand.load_n(self.settings.stiffness_mpa_per_mm), pressed_n) else {
-            return GripCommand { force_n: self.force_n, motion: Motion::Go };
+            return GripDecision { force_n: self.force_n, arm: ArmMotion::Go };
         };
         self.learn(hand, load_n / pressed_n);
         let target = self.settings.target_fraction;
@@ -150,7 +150,7 @@ impl GripController for Margin {
         self.wants_more |= load_n >= self.mu * self.limits.most_n * target && self.force_n >= self.limits.most_n;
         // The arm waits while the grip is behind the load.
         let behind = self.force_n > 1.2 * pressed_n && used > target + 0.2;
-        GripCommand { force_n: self.force_n, motion: if behind { Motion::Pause } else { Motion::Go } }
+        GripDecision { force_n: self.force_n, arm: if behind { ArmMotion::Pause } else { ArmMotion::Go } }
     }
 
     fn alarms_count(&self) -> u32 {

@@ -8,11 +8,11 @@
 //!              +---------------------------> time     the arm pauses at each step until the force has arrived
 //! ```
 
-use super::{GripController, GripLimits, arrived};
+use super::{ArmMotion, GripController, GripDecision, GripLimits, arrived};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
-use crate::port::{GripCommand, GripperState, Motion};
-use crate::sensor::{SettingError, within};
+use crate::port::GripperState;
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// Settings of [`OnSlip`].
@@ -101,7 +101,7 @@ impl OnSlip {
 }
 
 impl GripController for OnSlip {
-    fn command(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripCommand {
+    fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
         let held_off = self.last_alarm_ns.is_some_and(|last| now_ns.saturating_sub(last) < self.settings.hold_off_ns);
         if matches!(hand.state, SlipState::Incipient | SlipState::Gross) && !held_off {
             self.alarm(now_ns);
@@ -112,11 +112,11 @@ impl GripController for OnSlip {
             let too_long = now_ns.saturating_sub(since_ns) >= self.settings.longest_pause_ns;
             self.phase = if stood || too_long { Phase::Steady } else { Phase::Stepping { since_ns, arrived_ns } };
         }
-        let motion = match self.phase {
-            Phase::Steady => Motion::Go,
-            Phase::Stepping { .. } => Motion::Pause,
+        let arm = match self.phase {
+            Phase::Steady => ArmMotion::Go,
+            Phase::Stepping { .. } => ArmMotion::Pause,
         };
-        GripCommand { force_n: self.force_n, motion }
+        GripDecision { force_n: self.force_n, arm }
     }
 
     fn alarms_count(&self) -> u32 {

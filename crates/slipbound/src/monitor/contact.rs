@@ -18,7 +18,8 @@ use crate::image::Mask;
 use crate::pixels::canny::Canny;
 use crate::pixels::morphology::{Element, Morphology};
 use crate::plane::Vec2;
-use crate::sensor::{EdgeBand, Sensor, SettingError, Skin, within};
+use crate::sensor::{EdgeBand, Sensor, Skin};
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 use shading::ShadingContact;
 
@@ -143,14 +144,14 @@ impl TextureContact {
         self.morphology.dilate(region, &self.dilate, &mut self.work);
         region.copy_from(&self.work);
         let inside: u32 = self.edges.words().iter().zip(region.words()).map(|(e, r)| (e & r).count_ones()).sum();
-        f64::from(inside) / region.area_px().max(1) as f64
+        f64::from(inside) / region.area_px2().max(1) as f64
     }
 
     /// Leaves out from now on what looks like contact in this picture of a finger at rest.
     fn hide(&mut self, flat: &[u8], seen: Option<&Mask>) {
         let mut region = Mask::new(self.edges.size());
         self.find(flat, seen, &mut region);
-        self.hidden = (region.area_px() > 0).then_some(region);
+        self.hidden = (region.area_px2() > 0).then_some(region);
     }
 }
 
@@ -175,7 +176,7 @@ pub(super) struct Contact {
     /// The region; empty while nothing touches.
     pub(super) region: Mask,
     /// Its area in px.
-    pub(super) area_px: usize,
+    pub(super) area_px2: usize,
     /// How strong the imprint is, 0 to 1. Smooth gel: 0 at the change that counts as contact, 1 at twice that. Fabric:
     /// the share of edge pixels over that of a pressed weave.
     pub(super) strength: f64,
@@ -208,7 +209,7 @@ impl Contact {
             frames_above_count: 0,
             touches: rest.kind == RestKind::InContact,
             region: Mask::new(size),
-            area_px: 0,
+            area_px2: 0,
             strength: 0.0,
         }
     }
@@ -226,8 +227,8 @@ impl Contact {
             }
         }
         .clamp(0.0, 1.0);
-        self.area_px = self.region.area_px();
-        let share = self.area_px as f64 / self.region.size().area() as f64;
+        self.area_px2 = self.region.area_px2();
+        let share = self.area_px2 as f64 / self.region.size().area() as f64;
         let above = share > self.settings.on_area_fraction;
         self.frames_above_count = if above { self.frames_above_count + 1 } else { 0 };
         if self.touches {
@@ -237,7 +238,7 @@ impl Contact {
         }
         if !self.touches {
             self.region.clear();
-            self.area_px = 0;
+            self.area_px2 = 0;
             self.strength = 0.0;
         }
     }
@@ -258,5 +259,5 @@ pub(super) fn texture_share(sensor: &Sensor, settings: &ContactSettings, imprint
     let mut texture = TextureContact::new(sensor, settings);
     let mut region = Mask::new(imprint.size());
     texture.find(&imprint.flat, imprint.seen(), &mut region);
-    region.area_px() as f64 / imprint.size().area() as f64
+    region.area_px2() as f64 / imprint.size().area() as f64
 }

@@ -15,7 +15,8 @@ use crate::pixels::gaussian::Gaussian;
 use crate::pixels::grey::{GreyWeights, grey_from_gray, grey_from_rgb};
 use crate::pixels::warp::WarpTable;
 use crate::plane::Vec2;
-use crate::sensor::{Flip, Sensor, SettingError, Skin, within};
+use crate::sensor::{Flip, Sensor, Skin};
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// What is taken off as illumination.

@@ -16,7 +16,8 @@ use super::Marker;
 use super::imprint::Imprint;
 use super::rest::Rest;
 use crate::plane::Vec2;
-use crate::sensor::{Sensor, SettingError, within};
+use crate::sensor::Sensor;
+use crate::setting::{SettingError, within};
 use matching::Matching;
 use serde::{Deserialize, Serialize};
 

@@ -11,7 +11,8 @@ use super::Marker;
 use crate::image::Mask;
 use crate::pixels::morphology::{Element, Morphology};
 use crate::plane::{RigidMotion, Vec2};
-use crate::sensor::{Sensor, SettingError, within};
+use crate::sensor::Sensor;
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// What is fitted to the inner markers.

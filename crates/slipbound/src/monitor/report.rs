@@ -68,7 +68,7 @@ impl Serialize for Reason {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct ContactReport {
     /// Area in rectified pixels.
-    pub area_px: f64,
+    pub area_px2: f64,
     /// Area on the gel; None where the finger's pitch in mm is unknown.
     pub area_mm2: Option<f64>,
     /// 0 to 1: whether the patch is large and strong enough to trust the verdict. The smaller of two shares, each

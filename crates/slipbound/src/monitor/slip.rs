@@ -9,7 +9,8 @@ use super::{Marker, SlipKind, SlipSummary};
 use crate::image::Mask;
 use crate::plane::{RigidMotion, Vec2};
 use crate::port::GripSample;
-use crate::sensor::{Sensor, SettingError, within};
+use crate::sensor::Sensor;
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// How the rigid displacement of a marker follows from the motion of the reference point.
@@ -117,29 +118,29 @@ impl Slip {
     }
 
     /// How far a marker may leave the rigid motion, in pitches.
-    fn threshold_pitch(&self, grip: Option<GripSample>, area_px: f64) -> f64 {
+    fn threshold_pitch(&self, grip: Option<GripSample>, area_px2: f64) -> f64 {
         let fixed_pitch = self.settings.threshold_pitch;
         let (Some(grip), Some(mm), Some(stiffness)) = (grip, self.mm_per_px, self.stiffness_mpa_per_mm) else {
             return fixed_pitch;
         };
         // Deviation: D13 threshold from the grip
-        let full_slip_mm = self.settings.least_mu * grip.force_n / (stiffness * area_px * mm * mm);
+        let full_slip_mm = self.settings.least_mu * grip.force_n / (stiffness * area_px2 * mm * mm);
         let pitch = self.settings.full_slip_fraction * full_slip_mm / (mm * self.pitch_px);
         // A force that is no number or an empty area leave the fixed threshold.
         if pitch.is_nan() { fixed_pitch } else { pitch.max(LEAST_THRESHOLD_PITCH).min(fixed_pitch) }
     }
 
-    /// Fills in the slip of every marker in contact and judges it. `area_px` is that of the contact.
+    /// Fills in the slip of every marker in contact and judges it. `area_px2` is that of the contact.
     pub(super) fn judge(
         &mut self,
         motion: Option<&RigidMotion>,
         grip: Option<GripSample>,
-        area_px: f64,
+        area_px2: f64,
         markers: &mut [Marker],
     ) {
         self.clear();
         let Some(motion) = motion else { return };
-        self.summary.threshold_pitch = self.threshold_pitch(grip, area_px);
+        self.summary.threshold_pitch = self.threshold_pitch(grip, area_px2);
         let threshold_px = self.summary.threshold_pitch * self.pitch_px;
         let (mut longest_px, mut over_sum, mut arm_squared, mut count) = (0.0f64, Vec2::ZERO, 0.0, 0u32);
         for m in markers.iter_mut().filter(|m| m.in_contact && m.whole && m.in_reference) {

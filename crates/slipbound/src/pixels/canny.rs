@@ -327,7 +327,7 @@ mod tests {
         edges.words_mut()[0] = 5;
         canny.run(&src, 10..25, 60, 90, &mut edges);
         let band = naive(&src[10 * 70..25 * 70], SizePx::new(70, 15), 60, 90);
-        assert!(band.area_px() > 20, "too few edges to judge");
+        assert!(band.area_px2() > 20, "too few edges to judge");
         for y in 10..25 {
             assert_eq!(edges.row(y), band.row(y - 10), "row {y}");
         }
@@ -357,7 +357,7 @@ mod tests {
         let mut edges = Mask::new(size);
         Canny::new(size).run(&src, 0..140, 50, 200, &mut edges);
         assert_eq!(edges, naive(&src, size, 50, 200));
-        assert!(edges.area_px() > 2000, "{} px", edges.area_px());
+        assert!(edges.area_px2() > 2000, "{} px", edges.area_px2());
     }
 
     proptest! {

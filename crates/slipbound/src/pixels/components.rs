@@ -12,7 +12,7 @@ use crate::plane::Vec2;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Component {
     /// Number of pixels.
-    pub area_px: usize,
+    pub area_px2: usize,
     /// First column.
     pub left_px: usize,
     /// First row.
@@ -86,7 +86,7 @@ impl Components {
             let (from, to, y) = (run.from as usize, run.to as usize, run.row as usize);
             if root == i {
                 self.components.push(Component {
-                    area_px: 0,
+                    area_px2: 0,
                     left_px: from,
                     top_px: y,
                     right_px: to,
@@ -96,7 +96,7 @@ impl Components {
                 self.sums.push([0; 2]);
             }
             let c = &mut self.components[piece];
-            c.area_px += to - from;
+            c.area_px2 += to - from;
             c.left_px = c.left_px.min(from);
             c.right_px = c.right_px.max(to);
             c.bottom_px = y + 1;
@@ -105,7 +105,7 @@ impl Components {
             *sum_y += (y * (to - from)) as u64;
         }
         for (c, [x, y]) in self.components.iter_mut().zip(&self.sums) {
-            c.centroid_px = Vec2::new(*x as f64, *y as f64) / c.area_px as f64;
+            c.centroid_px = Vec2::new(*x as f64, *y as f64) / c.area_px2 as f64;
         }
         &self.components
     }
@@ -131,7 +131,7 @@ impl Components {
         let mut largest = *self.components.first()?;
         let mut number = 0;
         for (i, c) in self.components.iter().enumerate() {
-            if c.area_px > largest.area_px {
+            if c.area_px2 > largest.area_px2 {
                 (largest, number) = (*c, i as u32);
             }
         }
@@ -145,7 +145,7 @@ impl Components {
 
     /// Clears the pieces of fewer than `min_area_px` pixels.
     pub fn remove_small(&mut self, mask: &mut Mask, min_area_px: usize) {
-        self.retain(mask, |c| c.area_px >= min_area_px);
+        self.retain(mask, |c| c.area_px2 >= min_area_px);
     }
 
     /// Sets the clear pixels from which no way along sides of clear pixels leads to the border.
@@ -277,7 +277,7 @@ mod tests {
         assert_eq!(
             found[0],
             Component {
-                area_px: 4,
+                area_px2: 4,
                 left_px: 0,
                 top_px: 0,
                 right_px: 3,
@@ -285,7 +285,7 @@ mod tests {
                 centroid_px: Vec2::new(1.0, 0.75)
             }
         );
-        assert_eq!((found[1].left_px, found[1].right_px, found[1].area_px), (5, 7, 2));
+        assert_eq!((found[1].left_px, found[1].right_px, found[1].area_px2), (5, 7, 2));
         assert_eq!(found[3].centroid_px, Vec2::new(7.0, 3.5));
     }
 
@@ -296,7 +296,7 @@ mod tests {
                        ..#....#";
         let mut mask = Mask::from_picture(picture);
         let mut components = Components::new(mask.size());
-        assert_eq!(components.keep_largest(&mut mask).map(|c| c.area_px), Some(4));
+        assert_eq!(components.keep_largest(&mut mask).map(|c| c.area_px2), Some(4));
         assert_eq!(
             mask,
             Mask::from_picture(
@@ -361,7 +361,7 @@ mod tests {
         }
         assert_eq!(components.label(&mask).len(), 1);
         components.fill_holes(&mut mask);
-        assert_eq!(mask.area_px(), size.area() - 2 * (64 + 33), "all but the clear pixels at the border");
+        assert_eq!(mask.area_px2(), size.area() - 2 * (64 + 33), "all but the clear pixels at the border");
         assert_eq!((components.runs.capacity(), components.components.capacity()), reserved);
     }
 
@@ -412,7 +412,7 @@ mod tests {
             for (n, c) in found.iter().enumerate() {
                 let pixels: Vec<(usize, usize)> =
                     (0..size.area()).filter(|&i| numbers[i] == n + 1).map(|i| (i % width, i / width)).collect();
-                prop_assert_eq!(c.area_px, pixels.len());
+                prop_assert_eq!(c.area_px2, pixels.len());
                 prop_assert_eq!(Some(c.left_px), pixels.iter().map(|p| p.0).min());
                 prop_assert_eq!(Some(c.top_px), pixels.iter().map(|p| p.1).min());
                 prop_assert_eq!(Some(c.right_px - 1), pixels.iter().map(|p| p.0).max());
@@ -434,7 +434,7 @@ mod tests {
             let min_area_px = 4;
             components.remove_small(&mut mask, min_area_px);
             for i in 0..size.area() {
-                let keep = numbers[i] != 0 && found[numbers[i] - 1].area_px >= min_area_px;
+                let keep = numbers[i] != 0 && found[numbers[i] - 1].area_px2 >= min_area_px;
                 prop_assert_eq!(mask.get((i % width) as isize, (i / width) as isize), keep);
             }
         }

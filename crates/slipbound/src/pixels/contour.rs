@@ -93,8 +93,8 @@ mod tests {
     fn a_field_above_the_level_everywhere_fills_the_image_to_its_borders() {
         let mut mask = Mask::new(SizePx::new(131, 9));
         mask_above(&[5.0; 32], 16, 8, 1.0, &mut mask);
-        assert_eq!(mask.area_px(), 131 * 9);
+        assert_eq!(mask.area_px2(), 131 * 9);
         mask_above(&[0.5; 32], 16, 8, 1.0, &mut mask);
-        assert_eq!(mask.area_px(), 0);
+        assert_eq!(mask.area_px2(), 0);
     }
 }

@@ -227,7 +227,7 @@ mod tests {
                 shape.set(x, y, grown.get(width as isize - dx, height as isize - dy));
             }
         }
-        assert_eq!(shape.area_px(), grown.area_px(), "the element fits its size");
+        assert_eq!(shape.area_px2(), grown.area_px2(), "the element fits its size");
         shape
     }
 
@@ -285,8 +285,8 @@ mod tests {
                  ####"
             )
         );
-        assert_eq!(picture(&Element::rect(3, 2)).area_px(), 6);
-        assert_eq!(picture(&Element::ellipse(1, 1)).area_px(), 1);
+        assert_eq!(picture(&Element::rect(3, 2)).area_px2(), 6);
+        assert_eq!(picture(&Element::ellipse(1, 1)).area_px2(), 1);
     }
 
     #[test]

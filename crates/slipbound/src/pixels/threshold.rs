@@ -88,7 +88,7 @@ mod tests {
             })
             .collect();
         far_from(&grey, &[100; 140], 20, &mut mask);
-        assert_eq!((mask.area_px(), mask.get(3, 0), mask.get(69, 0)), (2, true, true));
+        assert_eq!((mask.area_px2(), mask.get(3, 0), mask.get(69, 0)), (2, true, true));
     }
 
     #[test]

@@ -141,7 +141,7 @@ mod tests {
         let same = WarpTable::new(size, size, |p| p);
         same.apply(&src, &mut out);
         assert_eq!(out, src);
-        assert_eq!(same.valid().area_px(), size.area());
+        assert_eq!(same.valid().area_px2(), size.area());
         WarpTable::new(size, size, |p| Vec2::new(130.0 - p.x, 2.0 - p.y)).apply(&src, &mut out);
         out.reverse();
         assert_eq!(out, src);
@@ -164,7 +164,7 @@ mod tests {
             assert_eq!(level, if expected.get((i % 6) as isize, (i / 6) as isize) { 200 } else { 0 });
         }
         let nowhere = WarpTable::new(size, size, |_| Vec2::new(f64::NAN, 0.0));
-        assert_eq!(nowhere.valid().area_px(), 0);
+        assert_eq!(nowhere.valid().area_px2(), 0);
     }
 
     #[test]

@@ -1,9 +1,56 @@
 //! The wrist: whatever turns, lowers or lifts the hand. Every motion is bounded and must be renewed.
 
+use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
-/// Any failure of a wrist; its text names the address, what was expected and what was got.
-pub type WristError = Box<dyn std::error::Error + Send + Sync>;
+/// What kind of failure a [`WristError`] is: what a caller can act on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum WristErrorKind {
+    /// The address cannot be used: nothing was sent.
+    Settings,
+    /// The link is lost, or nothing comes through it. The wrist pauses by itself.
+    Link,
+    /// The wrist answered that it does not do this, or a number in the command cannot be.
+    Refused,
+    /// Anything else.
+    Other,
+}
+
+/// A failure of a wrist: its kind, and a text that names the address, what was expected and what was got.
+#[derive(Debug)]
+pub struct WristError {
+    /// What a caller can act on.
+    pub kind: WristErrorKind,
+    source: Box<dyn std::error::Error + Send + Sync>,
+}
+
+impl WristError {
+    /// An error of this kind with this text or cause.
+    pub fn new(kind: WristErrorKind, source: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
+        WristError { kind, source: source.into() }
+    }
+}
+
+impl From<SettingError> for WristError {
+    fn from(error: SettingError) -> Self {
+        WristError::new(WristErrorKind::Settings, error)
+    }
+}
+
+impl fmt::Display for WristError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.source.fmt(f)
+    }
+}
+
+impl std::error::Error for WristError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        self.source.source()
+    }
+}
 
 /// Longest time a motion may go on without being renewed, in nanoseconds: 200 ms.
 pub const LONGEST_TIME_TO_LIVE_NS: u64 = 200_000_000;
@@ -28,11 +75,6 @@ pub enum WristMotion {
     },
     /// Stands still.
     Pause,
-    /// Lets the hand's jaws open, where the wrist's controller also drives the gripper.
-    Open {
-        /// How far they may open, in mm.
-        most_mm: f64,
-    },
 }
 
 /// A motion and how long it may go on without being renewed.
@@ -73,6 +115,7 @@ pub trait Wrist {
     /// The newest state.
     fn poll(&mut self) -> Result<WristState, WristError>;
 
-    /// Carries bytes between two turns of the loop, where there is a link: to be called every few ms.
-    fn carry(&mut self) {}
+    /// Sends and receives what is due on the link, where there is one, without waiting: to be called every few ms
+    /// between two cycles of the loop.
+    fn poll_io(&mut self) {}
 }

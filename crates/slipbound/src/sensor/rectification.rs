@@ -6,7 +6,7 @@
 //! Written from the rectified image to the camera, because that is the way pixels are fetched: no step of it has to
 //! be inverted for that.
 
-use super::SettingError;
+use crate::setting::SettingError;
 use crate::plane::{Homography, Vec2};
 use serde::{Deserialize, Serialize};
 

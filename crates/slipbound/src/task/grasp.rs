@@ -1,9 +1,9 @@
 //! Taking hold: close with the starting force until it has arrived and the fingers feel the object.
 
-use super::{Ending, Moment};
-use crate::grip::Guard;
+use super::{Ending, Observation};
+use crate::grip::{ArmMotion, GripDecision, Guard};
 use crate::monitor::SlipState;
-use crate::port::{GripCommand, Jaws, Motion};
+use crate::port::Jaws;
 
 /// Longest time to take hold, ns.
 const LONGEST_NS: u64 = 10_000_000_000;
@@ -20,29 +20,29 @@ pub(super) struct Grasp {
 
 /// How far it is.
 pub(super) enum Grasped {
-    NotYet(GripCommand),
+    NotYet(GripDecision),
     Yes,
     Never(Ending),
 }
 
 impl Grasp {
-    pub fn step(&mut self, moment: &Moment<'_>, grip: &Guard) -> Grasped {
-        let since_ns = *self.since_ns.get_or_insert(moment.now_ns);
+    pub fn step(&mut self, observation: &Observation<'_>, grip: &Guard) -> Grasped {
+        let since_ns = *self.since_ns.get_or_insert(observation.now_ns);
         let force_n = grip.limits().start_n;
-        let pressed = moment.gripper.pressed_n().is_some_and(|n| (n - force_n).abs() <= 0.5f64.max(0.05 * force_n));
-        let felt = !matches!(moment.hand.state, SlipState::NoContact);
-        if moment.gripper.jaws == Jaws::Holding && pressed && felt {
-            let stands_ns = *self.stands_since_ns.get_or_insert(moment.now_ns);
-            if moment.now_ns.saturating_sub(stands_ns) >= SETTLE_NS {
+        let pressed = observation.gripper.pressed_n().is_some_and(|n| (n - force_n).abs() <= 0.5f64.max(0.05 * force_n));
+        let felt = !matches!(observation.hand.state, SlipState::NoContact);
+        if observation.gripper.jaws == Jaws::Holding && pressed && felt {
+            let stands_ns = *self.stands_since_ns.get_or_insert(observation.now_ns);
+            if observation.now_ns.saturating_sub(stands_ns) >= SETTLE_NS {
                 return Grasped::Yes;
             }
         } else {
             self.stands_since_ns = None;
         }
-        let nothing = matches!(moment.gripper.jaws, Jaws::Nothing | Jaws::Lost);
-        if nothing || moment.now_ns.saturating_sub(since_ns) > LONGEST_NS {
+        let nothing = matches!(observation.gripper.jaws, Jaws::Nothing | Jaws::Lost);
+        if nothing || observation.now_ns.saturating_sub(since_ns) > LONGEST_NS {
             return Grasped::Never(Ending::NothingHeld);
         }
-        Grasped::NotYet(GripCommand { force_n, motion: Motion::Pause })
+        Grasped::NotYet(GripDecision { force_n, arm: ArmMotion::Pause })
     }
 }

@@ -1,12 +1,12 @@
 //! Lifting and holding: raise what was taken, then hold it for a time, whatever is poured into it or pulls at it.
 
 use super::grasp::{Grasp, Grasped};
-use super::zero::Zero;
-use super::{Ending, Moment, PAUSE, Phase, Task, TaskStep, lower};
-use crate::grip::{GripController, Guard};
+use super::tare::Tare;
+use super::{Ending, Observation, PAUSE, Phase, Task, TaskStep, lower};
+use crate::grip::{ArmMotion, GripController, GripDecision, Guard};
 use crate::hand::Allowed;
-use crate::port::{GripCommand, Jaws, Motion, WristMotion};
-use crate::sensor::{SettingError, within};
+use crate::port::{Jaws, WristMotion};
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// Settings of [`Lift`].
@@ -44,62 +44,62 @@ pub struct Lift {
     settings: LiftSettings,
     grip: Guard,
     grasp: Grasp,
-    zero: Zero,
+    tare: Tare,
     phase: Phase,
     start_mm: Option<f64>,
     up_since_ns: Option<u64>,
-    last: GripCommand,
+    last: GripDecision,
 }
 
 impl Lift {
     /// An object is between the open jaws. Refuses settings that cannot be.
     pub fn new(settings: LiftSettings, grip: Guard) -> Result<Self, SettingError> {
         settings.check()?;
-        let last = GripCommand { force_n: grip.limits().start_n, motion: Motion::Pause };
+        let last = GripDecision { force_n: grip.limits().start_n, arm: ArmMotion::Pause };
         let (grasp, phase) = (Grasp::default(), Phase::Grasping);
-        Ok(Lift { settings, grip, grasp, zero: Zero::default(), phase, start_mm: None, up_since_ns: None, last })
+        Ok(Lift { settings, grip, grasp, tare: Tare::default(), phase, start_mm: None, up_since_ns: None, last })
     }
 
-    fn work(&mut self, moment: &Moment<'_>) {
-        let start_mm = *self.start_mm.get_or_insert(moment.wrist.lowered_mm);
-        let seen = self.zero.correct(&self.settings.allowed.filter(moment.hand), moment.gripper.pressed_n());
-        self.last = self.grip.command(moment.now_ns, &seen, moment.gripper);
-        if start_mm - moment.wrist.lowered_mm >= self.settings.lift_mm - 0.01 {
-            self.up_since_ns.get_or_insert(moment.now_ns);
+    fn work(&mut self, observation: &Observation<'_>) {
+        let start_mm = *self.start_mm.get_or_insert(observation.wrist.lowered_mm);
+        let seen = self.tare.correct(&self.settings.allowed.filter(observation.hand), observation.gripper.pressed_n());
+        self.last = self.grip.decide(observation.now_ns, &seen, observation.gripper);
+        if start_mm - observation.wrist.lowered_mm >= self.settings.lift_mm - 0.01 {
+            self.up_since_ns.get_or_insert(observation.now_ns);
         }
-        let held_ns = self.up_since_ns.map(|up_ns| moment.now_ns.saturating_sub(up_ns));
+        let held_ns = self.up_since_ns.map(|up_ns| observation.now_ns.saturating_sub(up_ns));
         self.phase = match held_ns {
-            _ if moment.gripper.jaws == Jaws::Lost => Phase::Ended(Ending::Lost),
+            _ if observation.gripper.jaws == Jaws::Lost => Phase::Ended(Ending::Lost),
             Some(ns) if ns >= self.settings.hold_ns => Phase::Ended(Ending::Held),
             Some(_) => Phase::Waiting,
-            None if self.last.motion == Motion::Go => Phase::Working,
+            None if self.last.arm == ArmMotion::Go => Phase::Working,
             None => Phase::Waiting,
         };
     }
 }
 
 impl Task for Lift {
-    fn step(&mut self, moment: &Moment<'_>) -> TaskStep {
+    fn step(&mut self, observation: &Observation<'_>) -> TaskStep {
         match self.phase {
-            Phase::Grasping => match self.grasp.step(moment, &self.grip) {
+            Phase::Grasping => match self.grasp.step(observation, &self.grip) {
                 Grasped::NotYet(grip) => self.last = grip,
                 Grasped::Yes => {
-                    self.zero.take(moment.hand, moment.gripper.pressed_n());
+                    self.tare.take(observation.hand, observation.gripper.pressed_n());
                     self.phase = Phase::Working;
                 }
                 Grasped::Never(ending) => self.phase = Phase::Ended(ending),
             },
             Phase::Ended(_) => {}
-            _ => self.work(moment),
+            _ => self.work(observation),
         }
         let way_mm = self
             .start_mm
-            .map_or(self.settings.lift_mm, |start_mm| self.settings.lift_mm - (start_mm - moment.wrist.lowered_mm));
+            .map_or(self.settings.lift_mm, |start_mm| self.settings.lift_mm - (start_mm - observation.wrist.lowered_mm));
         let mut wrist = if self.phase == Phase::Working { lower(-self.settings.rate_mm_per_s) } else { PAUSE };
         if let WristMotion::Lower { most_mm, .. } = &mut wrist.motion {
             *most_mm = most_mm.min(way_mm.max(0.0));
         }
-        TaskStep { grip: self.last, wrist, phase: self.phase }
+        TaskStep { grip: self.last.command(), wrist, phase: self.phase }
     }
 
     fn grip(&self) -> &Guard {

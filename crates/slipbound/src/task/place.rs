@@ -9,11 +9,11 @@
 //! ```
 
 use super::grasp::{Grasp, Grasped};
-use super::{Ending, Moment, PAUSE, Phase, Task, TaskStep, lower};
-use crate::grip::{GripController, Guard, arrived};
+use super::{Ending, Observation, PAUSE, Phase, Task, TaskStep, lower};
+use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
-use crate::port::{GripCommand, Jaws, Motion};
-use crate::sensor::{SettingError, within};
+use crate::port::{GripCommand, Jaws};
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// Settings of [`Place`].
@@ -93,7 +93,7 @@ pub struct Place {
     touched_ns: Option<u64>,
     /// Shear along when the looser grip stood, mm.
     laying_mm: Option<f64>,
-    last: GripCommand,
+    last: GripDecision,
 }
 
 impl Place {
@@ -101,7 +101,7 @@ impl Place {
     /// against shear, None where it is unknown.
     pub fn new(settings: PlaceSettings, grip: Guard, stiffness_mpa_per_mm: Option<f64>) -> Result<Self, SettingError> {
         settings.check()?;
-        let last = GripCommand { force_n: grip.limits().start_n, motion: Motion::Pause };
+        let last = GripDecision { force_n: grip.limits().start_n, arm: ArmMotion::Pause };
         Ok(Place {
             settings,
             grip,
@@ -115,42 +115,41 @@ impl Place {
         })
     }
 
-    fn work(&mut self, moment: &Moment<'_>) {
-        let hand = moment.hand;
-        self.last = self.grip.command(moment.now_ns, &self.settings.allowed.filter(hand), moment.gripper);
-        if moment.gripper.jaws == Jaws::Lost {
+    fn work(&mut self, observation: &Observation<'_>) {
+        let hand = observation.hand;
+        self.last = self.grip.decide(observation.now_ns, &self.settings.allowed.filter(hand), observation.gripper);
+        if observation.gripper.jaws == Jaws::Lost {
             self.phase = Phase::Ended(Ending::Lost);
             return;
         }
-        self.phase = if self.last.motion == Motion::Go { Phase::Working } else { Phase::Waiting };
+        self.phase = if self.last.arm == ArmMotion::Go { Phase::Working } else { Phase::Waiting };
         let (Some(shear), Some(pivot_rad)) = (hand.shear_mm, hand.pivot_rad) else { return };
-        let hanging = *self.hanging.get_or_insert(Hanging { lowered_mm: moment.wrist.lowered_mm, pivot_rad });
+        let hanging = *self.hanging.get_or_insert(Hanging { lowered_mm: observation.wrist.lowered_mm, pivot_rad });
         let pivots = (pivot_rad - hanging.pivot_rad).abs() >= self.settings.touch_rad;
         if self.touched_ns.is_none() && (pivots || hand.slip.is_some_and(|slip| slip.pivots)) {
-            self.touched_ns = Some(moment.now_ns);
+            self.touched_ns = Some(observation.now_ns);
         }
         let Some(touched_ns) = self.touched_ns else {
-            if moment.wrist.lowered_mm - hanging.lowered_mm >= self.settings.most_mm {
+            if observation.wrist.lowered_mm - hanging.lowered_mm >= self.settings.most_mm {
                 self.phase = Phase::Ended(Ending::Limit);
             }
             return;
         };
         // It rests on one end and turns; a loose grip keeps the ground's answer small.
         self.last.force_n = self.settings.laying_n.clamp(self.grip.limits().least_n, self.grip.limits().most_n);
-        if moment.now_ns.saturating_sub(touched_ns) < self.settings.loosen_ns {
+        if observation.now_ns.saturating_sub(touched_ns) < self.settings.loosen_ns {
             self.phase = Phase::Waiting;
             return;
         }
-        if !arrived(self.last.force_n, moment.gripper) {
+        if !arrived(self.last.force_n, observation.gripper) {
             // With a firm grip the gels say nothing of the ground: nothing is let go on their word.
-            let late = moment.now_ns.saturating_sub(touched_ns) > self.settings.loosen_ns + LATE_NS;
+            let late = observation.now_ns.saturating_sub(touched_ns) > self.settings.loosen_ns + LATE_NS;
             self.phase = if late { Phase::Ended(Ending::GripStays) } else { Phase::Waiting };
             return;
         }
         self.phase = Phase::Working;
         let push_mm = *self.laying_mm.get_or_insert(shear.along) - shear.along;
         if self.carried(hand, push_mm) {
-            self.last.motion = Motion::Release;
             self.phase = Phase::Releasing;
         }
     }
@@ -165,25 +164,29 @@ impl Place {
 }
 
 impl Task for Place {
-    fn step(&mut self, moment: &Moment<'_>) -> TaskStep {
+    fn step(&mut self, observation: &Observation<'_>) -> TaskStep {
         match self.phase {
-            Phase::Grasping => match self.grasp.step(moment, &self.grip) {
+            Phase::Grasping => match self.grasp.step(observation, &self.grip) {
                 Grasped::NotYet(grip) => self.last = grip,
                 Grasped::Yes => self.phase = Phase::Working,
                 Grasped::Never(ending) => self.phase = Phase::Ended(ending),
             },
             Phase::Ended(_) => {}
             Phase::Releasing => {
-                if moment.gripper.jaws == Jaws::Open {
+                if observation.gripper.jaws == Jaws::Open {
                     self.phase = Phase::Ended(Ending::Placed);
                 }
             }
-            _ => self.work(moment),
+            _ => self.work(observation),
         }
         let rate_mm_per_s =
             if self.touched_ns.is_some() { self.settings.laying_mm_per_s } else { self.settings.rate_mm_per_s };
         let wrist = if self.phase == Phase::Working { lower(rate_mm_per_s) } else { PAUSE };
-        TaskStep { grip: self.last, wrist, phase: self.phase }
+        let grip = match self.phase {
+            Phase::Releasing | Phase::Ended(Ending::Placed) => GripCommand::Release,
+            _ => self.last.command(),
+        };
+        TaskStep { grip, wrist, phase: self.phase }
     }
 
     fn grip(&self) -> &Guard {

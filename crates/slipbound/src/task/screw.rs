@@ -8,10 +8,10 @@
 //! the wrist turns on until the shear of the gels stays flat while it turns ([`ScrewEnd::Evidence`]).
 
 use super::turning::{SlideSettings, Turning};
-use super::{Ending, Moment, Task, TaskStep};
+use super::{Ending, Observation, Task, TaskStep};
 use crate::grip::Guard;
 use crate::hand::Allowed;
-use crate::sensor::{SettingError, within};
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// When a cap is tight.
@@ -88,9 +88,9 @@ impl Screw {
 }
 
 impl Task for Screw {
-    fn step(&mut self, moment: &Moment<'_>) -> TaskStep {
+    fn step(&mut self, observation: &Observation<'_>) -> TaskStep {
         let ScrewSettings { end, flat_window_rad, flat_fraction, .. } = self.settings;
-        self.turning.step(moment, |seen| match end {
+        self.turning.step(observation, |seen| match end {
             _ if !seen.slip_at_most => None,
             ScrewEnd::SlipAtMost => Some(Ending::SlipAtMost),
             ScrewEnd::Evidence => seen.shear.is_flat(flat_window_rad, flat_fraction).then_some(Ending::Tight),

@@ -2,7 +2,7 @@
 
 use super::{Lift, LiftSettings, Place, PlaceSettings, Screw, ScrewEnd, ScrewSettings, Task, Unscrew, UnscrewSettings};
 use crate::grip::{GripLimits, Law, MarginSettings, OnSlipSettings};
-use crate::sensor::SettingError;
+use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
 
 /// Which task.

@@ -2,13 +2,13 @@
 
 use super::grasp::{Grasp, Grasped};
 use super::shear_watch::ShearWatch;
-use super::zero::Zero;
-use super::{Ending, Moment, PAUSE, Phase, TaskStep, turn};
-use crate::grip::{GripController, Guard, arrived};
+use super::tare::Tare;
+use super::{Ending, Observation, PAUSE, Phase, TaskStep, turn};
+use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
 use crate::monitor::SlipState;
-use crate::port::{GripCommand, Jaws, Motion};
-use crate::sensor::{SettingError, within};
+use crate::port::Jaws;
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// When fingers that turn are sliding round a cap though no slip was seen begin: a slide in steady state moves no
@@ -48,11 +48,11 @@ pub(super) struct Turning {
     slide: SlideSettings,
     stiffness_mpa_per_mm: Option<f64>,
     grasp: Grasp,
-    zero: Zero,
+    tare: Tare,
     phase: Phase,
     start_rad: Option<f64>,
     shear: ShearWatch,
-    last: GripCommand,
+    last: GripDecision,
 }
 
 /// What the end of a turn is judged by.
@@ -73,7 +73,7 @@ impl Turning {
         slide: SlideSettings,
         stiffness_mpa_per_mm: Option<f64>,
     ) -> Self {
-        let last = GripCommand { force_n: grip.limits().start_n, motion: Motion::Pause };
+        let last = GripDecision { force_n: grip.limits().start_n, arm: ArmMotion::Pause };
         Turning {
             grip,
             rate_rad_per_s,
@@ -82,7 +82,7 @@ impl Turning {
             slide,
             stiffness_mpa_per_mm,
             grasp: Grasp::default(),
-            zero: Zero::default(),
+            tare: Tare::default(),
             phase: Phase::Grasping,
             start_rad: None,
             shear: ShearWatch::new(),
@@ -90,34 +90,34 @@ impl Turning {
         }
     }
 
-    pub fn step(&mut self, moment: &Moment<'_>, end: impl Fn(Evidence<'_>) -> Option<Ending>) -> TaskStep {
+    pub fn step(&mut self, observation: &Observation<'_>, end: impl Fn(Evidence<'_>) -> Option<Ending>) -> TaskStep {
         match self.phase {
-            Phase::Grasping => match self.grasp.step(moment, &self.grip) {
+            Phase::Grasping => match self.grasp.step(observation, &self.grip) {
                 Grasped::NotYet(grip) => self.last = grip,
                 Grasped::Yes => {
-                    self.zero.take(moment.hand, moment.gripper.pressed_n());
+                    self.tare.take(observation.hand, observation.gripper.pressed_n());
                     self.phase = Phase::Working;
                 }
                 Grasped::Never(ending) => self.phase = Phase::Ended(ending),
             },
             Phase::Ended(_) => {}
-            _ => self.work(moment, end),
+            _ => self.work(observation, end),
         }
         let wrist = if self.phase == Phase::Working { turn(self.rate_rad_per_s) } else { PAUSE };
-        TaskStep { grip: self.last, wrist, phase: self.phase }
+        TaskStep { grip: self.last.command(), wrist, phase: self.phase }
     }
 
-    fn work(&mut self, moment: &Moment<'_>, end: impl Fn(Evidence<'_>) -> Option<Ending>) {
-        let start_rad = *self.start_rad.get_or_insert(moment.wrist.angle_rad);
+    fn work(&mut self, observation: &Observation<'_>, end: impl Fn(Evidence<'_>) -> Option<Ending>) {
+        let start_rad = *self.start_rad.get_or_insert(observation.wrist.angle_rad);
         let sense = self.rate_rad_per_s.signum();
-        let turned_rad = sense * (moment.wrist.angle_rad - start_rad);
+        let turned_rad = sense * (observation.wrist.angle_rad - start_rad);
         let before = self.last;
-        let pressed_n = moment.gripper.pressed_n();
-        let mut seen = self.zero.correct(&self.allowed.filter(moment.hand), pressed_n);
+        let pressed_n = observation.gripper.pressed_n();
+        let mut seen = self.tare.correct(&self.allowed.filter(observation.hand), pressed_n);
         if self.slides(&seen, pressed_n) {
             seen.state = SlipState::Gross;
         }
-        self.last = self.grip.command(moment.now_ns, &seen, moment.gripper);
+        self.last = self.grip.decide(observation.now_ns, &seen, observation.gripper);
         if self.last.force_n != before.force_n {
             self.shear.restart();
         }
@@ -125,17 +125,17 @@ impl Turning {
             self.shear.see(turned_rad, sense * shear.around);
         }
         // A gripper that was told the largest force but does not press with it proves nothing.
-        let at_most = self.last.force_n >= self.grip.limits().most_n && arrived(self.last.force_n, moment.gripper);
+        let at_most = self.last.force_n >= self.grip.limits().most_n && arrived(self.last.force_n, observation.gripper);
         let slip_at_most = at_most && self.grip.wants_more();
-        let ending = if moment.gripper.jaws == Jaws::Lost {
+        let ending = if observation.gripper.jaws == Jaws::Lost {
             Some(Ending::Lost)
         } else {
             end(Evidence { shear: &self.shear, turned_rad, slip_at_most })
                 .or((turned_rad >= self.most_rad).then_some(Ending::Limit))
         };
-        self.phase = match (ending, self.last.motion) {
+        self.phase = match (ending, self.last.arm) {
             (Some(ending), _) => Phase::Ended(ending),
-            (None, Motion::Go) => Phase::Working,
+            (None, ArmMotion::Go) => Phase::Working,
             (None, _) => Phase::Waiting,
         };
     }

@@ -6,10 +6,10 @@
 //! ```
 
 use super::turning::{SlideSettings, Turning};
-use super::{Ending, Moment, Task, TaskStep};
+use super::{Ending, Observation, Task, TaskStep};
 use crate::grip::Guard;
 use crate::hand::Allowed;
-use crate::sensor::{SettingError, within};
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// Growth of the shear, as a share of itself, that is none.
@@ -84,9 +84,9 @@ impl Unscrew {
 }
 
 impl Task for Unscrew {
-    fn step(&mut self, moment: &Moment<'_>) -> TaskStep {
+    fn step(&mut self, observation: &Observation<'_>) -> TaskStep {
         let UnscrewSettings { open_rad, least_peak_mm, stuck_rad, .. } = self.settings;
-        self.turning.step(moment, |seen| {
+        self.turning.step(observation, |seen| {
             let fallen_rad = seen.shear.fallen_for_rad(seen.turned_rad, least_peak_mm);
             let slides =
                 || seen.slip_at_most && fallen_rad.is_none() && seen.shear.is_flat(stuck_rad, SLIDING_FRACTION);

@@ -4,9 +4,9 @@ use super::rtu::{self, Answer, Parser};
 use super::{CLOSED, Status, bit};
 use crate::gripper::config::{Config, ns};
 use crate::gripper::ledger::Ledger;
-use crate::gripper::{Driver, Error, Note, Order};
+use crate::gripper::{Driver, Error, Request};
 use crate::link::Talker;
-use slipbound::port::{GripCommand, GripperState, Jaws, Motion};
+use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 
 /// How often an unanswered request is sent again before that is told.
 const REPEATS_COUNT: u32 = 2;
@@ -125,7 +125,7 @@ impl Serial {
         let fault_before = self.status.and_then(|status| status.fault_in_words());
         self.status = Some(status);
         if let (None, Some(why)) = (fault_before, status.fault_in_words()) {
-            self.ledger.note(Note::FastStop { why });
+            self.ledger.tell(DriverEvent::FastStop { why });
             self.want = Want::Nothing;
         }
         self.is_homing &= !(status.is_active() && self.want == Want::Nothing);
@@ -160,9 +160,9 @@ impl Serial {
         if !status.is_active() || self.is_homing {
             return Err(Error::NotHomed { address: address() });
         }
-        self.want = match command.motion {
-            Motion::Release => Want::Open,
-            Motion::Go | Motion::Pause => Want::Force(self.ledger.admit(command.force_n)?),
+        self.want = match command {
+            GripCommand::Release => Want::Open,
+            GripCommand::Hold { force_n } => Want::Force(self.ledger.admit(force_n)?),
         };
         Ok(())
     }
@@ -211,17 +211,17 @@ impl Talker for Serial {
 }
 
 impl Driver for Serial {
-    fn order(&mut self, now_ns: u64, order: Order) -> Result<(), Error> {
+    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
         self.ledger.ready_for(now_ns, order)?;
         match order {
-            Order::Grip(command) => self.grip(command)?,
-            Order::Home if self.ledger.state.jaws == Jaws::Holding => return Err(self.ledger.holds_something("home")),
-            Order::Home => (self.want, self.is_homing) = (Want::Reset, true),
-            Order::Acknowledge => {
+            Request::Grip(command) => self.grip(command)?,
+            Request::Home if self.ledger.state.jaws == Jaws::Holding => return Err(self.ledger.holds_something("home")),
+            Request::Home => (self.want, self.is_homing) = (Want::Reset, true),
+            Request::Acknowledge => {
                 return Err(Error::Unable { address: self.ledger.address.clone(), command: "acknowledge" });
             }
             // A serial line has no farewell: nothing more is sent, the gripper keeps what it has.
-            Order::Leave => self.is_leaving = true,
+            Request::Leave => self.is_leaving = true,
         }
         self.advance(now_ns);
         Ok(())
@@ -238,8 +238,8 @@ impl Driver for Serial {
         is_new || wants || moves || self.is_homing || matches!(self.sent, Some((Sent::Write(..), ..)))
     }
 
-    fn next_note(&mut self) -> Option<Note> {
-        self.ledger.next_note()
+    fn next_event(&mut self) -> Option<DriverEvent> {
+        self.ledger.next_event()
     }
 
     fn config(&self) -> &Config {

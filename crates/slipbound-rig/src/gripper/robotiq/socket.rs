@@ -5,9 +5,9 @@
 use super::{CLOSED, Status};
 use crate::gripper::config::{Config, ns};
 use crate::gripper::ledger::Ledger;
-use crate::gripper::{Driver, Error, Note, Order};
+use crate::gripper::{Driver, Error, Request};
 use crate::link::Talker;
-use slipbound::port::{GripCommand, GripperState, Jaws, Motion};
+use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 
 /// What is asked in turn.
 const QUESTIONS: [&str; 5] = ["STA", "OBJ", "PRE", "POS", "FLT"];
@@ -144,7 +144,7 @@ impl Socket {
             self.ledger.heard_ns = now_ns;
             self.sent = None;
         } else {
-            self.ledger.note(Note::Garbled { bytes_count: held.len() });
+            self.ledger.tell(DriverEvent::Garbled { bytes_count: held.len() });
         }
     }
 
@@ -171,7 +171,7 @@ impl Socket {
             _ => return false,
         }
         if let (None, Some(why)) = (fault_before, self.status.fault_in_words()) {
-            self.ledger.note(Note::FastStop { why });
+            self.ledger.tell(DriverEvent::FastStop { why });
             self.want = Want::Nothing;
         }
         self.heard_count = (self.heard_count + 1).min(QUESTIONS.len());
@@ -210,9 +210,9 @@ impl Socket {
         if !self.status.is_active() || self.is_homing {
             return Err(Error::NotHomed { address: address() });
         }
-        self.want = match command.motion {
-            Motion::Release => Want::Open,
-            Motion::Go | Motion::Pause => Want::Force(self.ledger.admit(command.force_n)?),
+        self.want = match command {
+            GripCommand::Release => Want::Open,
+            GripCommand::Hold { force_n } => Want::Force(self.ledger.admit(force_n)?),
         };
         Ok(())
     }
@@ -254,16 +254,16 @@ impl Talker for Socket {
 }
 
 impl Driver for Socket {
-    fn order(&mut self, now_ns: u64, order: Order) -> Result<(), Error> {
+    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
         self.ledger.ready_for(now_ns, order)?;
         match order {
-            Order::Grip(command) => self.grip(command)?,
-            Order::Home if self.ledger.state.jaws == Jaws::Holding => return Err(self.ledger.holds_something("home")),
-            Order::Home => (self.want, self.done, self.is_homing) = (Want::Reset, Want::Nothing, true),
-            Order::Acknowledge => {
+            Request::Grip(command) => self.grip(command)?,
+            Request::Home if self.ledger.state.jaws == Jaws::Holding => return Err(self.ledger.holds_something("home")),
+            Request::Home => (self.want, self.done, self.is_homing) = (Want::Reset, Want::Nothing, true),
+            Request::Acknowledge => {
                 return Err(Error::Unable { address: self.ledger.address.clone(), command: "acknowledge" });
             }
-            Order::Leave => self.is_leaving = true,
+            Request::Leave => self.is_leaving = true,
         }
         self.advance(now_ns);
         Ok(())
@@ -280,8 +280,8 @@ impl Driver for Socket {
         is_new || wants || moves || self.is_homing || matches!(self.sent, Some((Sent::Set(_), _)))
     }
 
-    fn next_note(&mut self) -> Option<Note> {
-        self.ledger.next_note()
+    fn next_event(&mut self) -> Option<DriverEvent> {
+        self.ledger.next_event()
     }
 
     fn config(&self) -> &Config {

@@ -1,6 +1,7 @@
 //! Which plots a run has, by what is known of it.
 
-use super::super::{Cycle, Truth};
+use super::super::Cycle;
+use slipbound::plant::PlantTruth;
 use slipbound::hand::HandVector;
 
 /// Standard gravity, m/s2 (ISO 80000-3).
@@ -53,7 +54,7 @@ pub(super) fn of(cycles: &[Cycle]) -> Vec<Panel> {
         stroke,
         values: cycles.iter().map(|c| value(c).filter(|v| v.is_finite())).collect(),
     };
-    let truth = |name, colour, stroke, value: &dyn Fn(&Truth) -> Option<f64>| {
+    let truth = |name, colour, stroke, value: &dyn Fn(&PlantTruth) -> Option<f64>| {
         line(name, colour, stroke, &|c: &Cycle| c.truth.as_ref().and_then(value))
     };
     let panel = |title, unit, height_px, decimals, lines| Panel {
@@ -79,7 +80,7 @@ pub(super) fn of(cycles: &[Cycle]) -> Vec<Panel> {
             1,
             vec![
                 truth("least that holds (truth)", "--c3", Area, &|t| t.required_n),
-                line("commanded", "--c2", Step, &|c| Some(c.grip_command.force_n)),
+                line("commanded", "--c2", Step, &|c| c.grip_command.force_n()),
                 line("measured", "--c1", Solid, &|c| c.gripper.force_n),
             ],
         ),

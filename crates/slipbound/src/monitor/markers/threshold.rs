@@ -66,7 +66,7 @@ impl ThresholdFinder {
         self.morphology.dilate(&self.work, &self.grow, &mut self.mask);
         self.spots.clear();
         for blob in self.components.label(&self.mask) {
-            if blob.area_px >= self.least_area_px {
+            if blob.area_px2 >= self.least_area_px {
                 self.spots
                     .push(Spot { position: Vec2::new(blob.centroid_px.x, blob.centroid_px.y), response_levels: 1.0 });
             }

@@ -8,7 +8,7 @@
 //!                 \_____ width of the object        |-----|/  lag
 //! ```
 
-use crate::sensor::{SettingError, within};
+use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
 /// What is true of a gripper's jaws. The default is a WSG-50 as estimated in the literature; none of it is measured

@@ -1,4 +1,14 @@
-//! The plant: what is between the jaws, and how it answers to being pressed, turned and lowered.
+//! The plant: what is between the jaws and how it answers to being pressed, turned and lowered; how jaws and wrist move
+//! when they are commanded; and what is true in a cycle where a simulation knows it. Pure state, told the time: the
+//! simulator and every emulator move by these models, so that a loop closes alike through either.
+
+mod jaws;
+mod truth;
+mod wrist;
+
+pub use jaws::{JawCommand, JawDrive, JawSettings};
+pub use truth::PlantTruth;
+pub use wrist::WristDrive;
 
 /// What is between the jaws: the simulated world, or a block of wood for trying a driver. Whoever plays the gripper
 /// and the wrist (the simulator's own, or an emulator behind a real wire protocol) presses and moves it, then lets

@@ -45,7 +45,7 @@ impl WristDrive {
         let (turns, rate_per_s, left, fastest) = match command.motion {
             WristMotion::Turn { rate_rad_per_s, most_rad } => (true, rate_rad_per_s, most_rad, FASTEST_RAD_PER_S),
             WristMotion::Lower { rate_mm_per_s, most_mm } => (false, rate_mm_per_s, most_mm, FASTEST_MM_PER_S),
-            WristMotion::Pause | WristMotion::Open { .. } => return true,
+            WristMotion::Pause => return true,
         };
         if !(rate_per_s.abs() <= fastest && left.is_finite() && left >= 0.0) {
             return false;

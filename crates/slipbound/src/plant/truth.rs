@@ -1,0 +1,31 @@
+//! What is true in a cycle, where a simulation knows it: what scores are made from and a run folder keeps.
+
+use serde::{Deserialize, Serialize};
+
+/// What a simulation knows of a cycle. None where it means nothing for the task.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PlantTruth {
+    /// Angle of the cap since the start, rad.
+    pub cap_angle_rad: Option<f64>,
+    /// Torque that the cap carries, N mm.
+    pub torque_n_mm: Option<f64>,
+    /// Torque that the fingers could exert at the largest force, N mm.
+    pub torque_limit_n_mm: Option<f64>,
+    /// Tangential load on the fingers, N, both together.
+    pub load_n: Option<f64>,
+    /// Least normal force per finger that carries the load, N.
+    pub required_n: Option<f64>,
+    /// m = 1 - f: share of the load at gross slip that is still to come; below 0 after gross slip.
+    pub margin: Option<f64>,
+    /// phi: share of the contact area that sticks, 0 to 1.
+    pub stick_ratio: Option<f64>,
+    /// How far the object has slid through the fingers, mm.
+    pub slid_mm: Option<f64>,
+    /// Whether the whole contact slides.
+    pub gross: bool,
+    /// Force between object and ground, N.
+    pub ground_force_n: Option<f64>,
+    /// Mass of the object, kg.
+    pub mass_kg: Option<f64>,
+}
