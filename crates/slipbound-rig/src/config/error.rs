@@ -23,7 +23,7 @@ pub enum Error {
         /// Line, column and what is wrong.
         message: String,
     },
-    /// A key that nobody knows.
+    /// An unknown key.
     #[error("{file}: unknown key `{key}`; {}", known(nearest.as_deref(), expected))]
     UnknownKey {
         /// The file.

@@ -139,7 +139,10 @@ fn the_first_fault_is_reported_once_and_none_outlives_its_link() {
     assert!(matches!(driver.state(6), Err(Error::Lost { .. })), "the link comes first");
     driver.linked(7);
     assert_eq!(driver.state(8).expect("a new link").force_n, Some(20.0));
-    assert!(matches!(driver.request(9, Request::Acknowledge), Err(Error::Unable { .. })), "where it has no word for it");
+    assert!(
+        matches!(driver.request(9, Request::Acknowledge), Err(Error::Unable { .. })),
+        "where it has no word for it"
+    );
 }
 
 #[test]
