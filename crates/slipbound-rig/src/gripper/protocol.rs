@@ -14,7 +14,7 @@ pub trait Protocol: Send {
     /// Bytes have been received: split and merged anyhow, with errors.
     fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]);
 
-    /// Time has passed: deadlines and periodic requests.
+    /// Time has passed: deadlines and periodic requests. Not called while the link is down or after the farewell.
     fn tick(&mut self, driver: &mut DriverState);
 
     /// Sends the next message that is due, if one is.

@@ -1,4 +1,4 @@
-//! What the driver of every gripper promises, whatever its protocol: shown with a protocol that only writes down what
+//! What the driver of every gripper promises, whatever its protocol: shown with a protocol that only records what
 //! reaches it.
 
 use crate::bench::{Bench, MS};
@@ -8,7 +8,7 @@ use slipbound_rig::gripper::{Driver, DriverState, Error, Protocol, Request};
 use slipbound_rig::link::Endpoint;
 use std::sync::{Arc, Mutex};
 
-/// Sends a byte whenever it is let, believes the first byte received as its force, and keeps the commands it was given.
+/// Sends bytes whenever it may, takes the first byte received for its force, and records its commands.
 #[derive(Default)]
 struct Recorder {
     commands: Arc<Mutex<Vec<GripCommand>>>,
@@ -23,7 +23,9 @@ impl Protocol for Recorder {
         driver.gripper.jaws = Jaws::Holding;
     }
 
-    fn tick(&mut self, _driver: &mut DriverState) {}
+    fn tick(&mut self, driver: &mut DriverState) {
+        driver.outgoing.push(b't');
+    }
 
     fn advance(&mut self, driver: &mut DriverState) {
         driver.outgoing.push(b'.');
@@ -122,7 +124,10 @@ fn nothing_is_sent_after_the_farewell_nor_left_over_for_the_next_link() {
     assert!(driver.outgoing().is_empty());
     assert!(matches!(driver.request(7, Request::Leave), Err(Error::Lost { .. })));
     driver.linked(8);
-    assert_eq!(driver.outgoing(), b".", "sends again");
+    driver.tick(8);
+    assert_eq!(driver.outgoing(), b".t.", "sends again");
+    driver.linked(8); // whoever moves the bytes may see a new link before the end of the old one
+    assert_eq!(driver.outgoing(), b".");
     // A silent link still takes a farewell.
     driver.request(9 + 600 * MS, Request::Leave).expect("linked");
 }

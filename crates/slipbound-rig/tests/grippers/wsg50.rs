@@ -252,6 +252,32 @@ fn a_release_overtakes_a_grasp_under_way() {
 }
 
 #[test]
+fn a_grasp_overtakes_a_release_under_way() {
+    let mut bench = Bench::holding("wsg50", config("wsg50"), "", 20.0);
+    bench.release().expect("taken over");
+    bench.run(300);
+    bench.grip(20.0).expect("taken over");
+    bench.until(3000, |state| state.jaws == Jaws::Holding);
+    assert_eq!((sent(&bench, 0x26).len(), sent(&bench, 0x22).len(), sent(&bench, 0x25).len()), (1, 1, 2));
+    assert!(bench.state().is_ok(), "nothing was refused");
+}
+
+#[test]
+fn what_is_held_when_the_link_is_made_is_not_grasped_again() {
+    let mut bench = Bench::holding("wsg50", config("wsg50"), "", 20.0);
+    bench.request(Request::Leave).expect("taken over");
+    bench.run(20);
+    bench.cut("closed");
+    bench.sent = Some(Vec::new());
+    bench.connect();
+    bench.run(200);
+    bench.grip(30.0).expect("taken over");
+    bench.run(1000);
+    assert!((bench.plant.force_n - 30.0).abs() < 0.1, "{}", bench.plant.force_n);
+    assert_eq!((sent(&bench, 0x32).len(), sent(&bench, 0x25).len()), (1, 0));
+}
+
+#[test]
 fn silence_is_told_in_time_and_nothing_piles_up() {
     let mut bench = Bench::holding("wsg50", allowing(), "", 20.0);
     bench.is_delivering = false;
