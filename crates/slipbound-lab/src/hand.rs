@@ -40,8 +40,8 @@ pub use world::HandWorld;
 
 use crate::world::SUBSTEPS_COUNT;
 use cameras::Cameras;
-use slipbound::plant::{JawCommand, JawDrive, JawSettings, Plant, WristDrive};
 use slipbound::plane::Vec2;
+use slipbound::plant::{JawCommand, JawDrive, JawSettings, Plant, WristDrive};
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound::sensor::Sensor;
 use slipbound::setting::SettingError;
