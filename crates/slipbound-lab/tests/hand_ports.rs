@@ -1,10 +1,8 @@
 //! The simulated hand through its ports: scenes as text, cameras, gripper, wrist, and the plant for somebody else.
 
-use slipbound::plant::{JawCommand, JawDrive, JawSettings};
 use slipbound::plane::Vec2;
-use slipbound::port::{
-    FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Next, Wrist, WristCommand, WristMotion,
-};
+use slipbound::plant::{JawCommand, JawDrive, JawSettings};
+use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Next, Wrist, WristCommand, WristMotion};
 use slipbound_lab::faults::{Faults, Faulty};
 use slipbound_lab::hand::{HAND_TASKS, HandScene, SimHand};
 use slipbound_lab::objects::OBJECTS;
