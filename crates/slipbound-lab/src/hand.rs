@@ -127,6 +127,7 @@ impl SimHand {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slipbound::plant::Plant;
     use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Wrist};
 
     #[test]
