@@ -48,7 +48,7 @@ pub enum ControlError {
     Fault {
         /// The fault.
         fault: Fault,
-        /// How long it was waited for, ns.
+        /// How long it was waited for, ns; 0 when the source ended meanwhile.
         waited_ns: u64,
     },
     /// Whoever drives the loop was told to stop.
@@ -63,6 +63,7 @@ impl fmt::Display for ControlError {
             ControlError::Setting { finger, source } => write!(f, "{finger}: {source}"),
             ControlError::Rest { finger, source } => write!(f, "{finger}: no rest frame: {source}"),
             ControlError::Monitor { finger } => write!(f, "{finger}: the thread of its monitor has broken down"),
+            ControlError::Fault { fault, waited_ns: 0 } => write!(f, "{fault}"),
             ControlError::Fault { fault, waited_ns } => write!(f, "{fault}; waited {} s", waited_ns / 1_000_000_000),
             ControlError::Interrupted => f.write_str("interrupted; the wrist was paused, the gripper keeps its force"),
         }
