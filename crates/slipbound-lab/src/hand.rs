@@ -39,16 +39,8 @@ pub use scene::{HAND_KEYS, HAND_TASKS, HandKey, HandScene};
 pub use truth::HandTruth;
 pub use world::HandWorld;
 
-<<<<<<< HEAD
-use crate::world::SUBSTEPS_COUNT;
-use cameras::Cameras;
-use slipbound::plane::Vec2;
-use slipbound::plant::{JawCommand, JawDrive, JawSettings, Plant, WristDrive};
-use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
-=======
 use shared::SharedHand;
 use slipbound::plane::Vec2;
->>>>>>> wt-lab
 use slipbound::sensor::Sensor;
 use slipbound::setting::SettingError;
 

@@ -121,7 +121,7 @@ impl ControlLoop {
             std::array::from_fn(|i| self.fingers[i.min(self.fingers.len() - 1)].view());
         observer.after_cycle(&CycleView {
             now_ns,
-            outcome: outcome.as_ref(),
+            outcome: outcome.as_ref().ok(),
             fingers: &views[..self.fingers.len()],
             fault: self.faults.current(),
             refused_lowering: self.refused_lowering.as_deref(),

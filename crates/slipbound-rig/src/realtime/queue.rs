@@ -7,11 +7,13 @@
 //!
 //! Snapshots are recycled, so a running queue allocates nothing but a copy of each finger's monitor when a slip begins.
 
-use slipbound::control::{ControlError, CycleObserver, CycleOutcome, CycleView, Fault};
+use slipbound::control::{CycleObserver, CycleOutcome, CycleView, Fault};
 use slipbound::finger_pipeline::FingerView;
 use slipbound::monitor::{RestKind, SlipMonitor, SlipReport};
 use slipbound::plant::PlantTruth;
 use slipbound::port::{DriverEvent, FrameBuffer, Next};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, TrySendError, sync_channel};
 use std::thread;
 use std::time::Duration;
@@ -34,7 +36,7 @@ pub struct QueuedObserver<O> {
     slips_count: u32,
     lost_count: u64,
     queued_count: u64,
-    shown: std::sync::Arc<std::sync::atomic::AtomicU64>,
+    shown: Arc<AtomicU64>,
 }
 
 impl<O: CycleObserver + Send + 'static> QueuedObserver<O> {
@@ -47,12 +49,12 @@ impl<O: CycleObserver + Send + 'static> QueuedObserver<O> {
         for _ in 0..depth_count {
             let _ = recycle.try_send(Box::default()); // there is room for as many
         }
-        let shown = std::sync::Arc::new(std::sync::atomic::AtomicU64::new(0));
+        let shown = Arc::new(AtomicU64::new(0));
         let count = shown.clone();
         thread::spawn(move || {
             for mut snapshot in to_show {
                 snapshot.show(&mut observer);
-                count.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                count.fetch_add(1, Ordering::Relaxed);
                 let _ = recycle.try_send(snapshot); // the loop is over: nobody needs it
             }
             let _ = give_back.send(observer); // nobody waited so long
@@ -76,7 +78,7 @@ impl<O: CycleObserver + Send + 'static> QueuedObserver<O> {
             Ok(observer) => Some(observer),
             Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
         };
-        let shown_count = self.shown.load(std::sync::atomic::Ordering::Relaxed);
+        let shown_count = self.shown.load(Ordering::Relaxed);
         Finished { observer, lost_count: self.lost_count + self.queued_count.saturating_sub(shown_count) }
     }
 }
@@ -90,7 +92,7 @@ impl<O> CycleObserver for QueuedObserver<O> {
                 return;
             }
         };
-        let slips_count = view.outcome.ok().and_then(CycleOutcome::commanded).map(|cycle| cycle.slips_count);
+        let slips_count = view.outcome.and_then(CycleOutcome::commanded).map(|cycle| cycle.slips_count);
         let slip_begins = slips_count.is_some_and(|count| count > self.slips_count);
         self.slips_count = slips_count.unwrap_or(self.slips_count);
         snapshot.take(view, self.keeps_frames, slip_begins);
@@ -105,7 +107,6 @@ impl<O> CycleObserver for QueuedObserver<O> {
 #[derive(Default)]
 struct Snapshot {
     now_ns: u64,
-    /// An error is not copied: whoever drives the loop has it.
     outcome: Option<CycleOutcome>,
     fingers: Vec<FingerSnapshot>,
     fault: Option<Fault>,
@@ -126,8 +127,8 @@ struct FingerSnapshot {
 impl Snapshot {
     fn take(&mut self, view: &CycleView<'_>, keeps_frames: bool, slip_begins: bool) {
         self.now_ns = view.now_ns;
-        self.outcome = view.outcome.ok().copied();
-        self.fault.clone_from(&view.fault.cloned());
+        self.outcome = view.outcome.copied();
+        self.fault = view.fault.cloned();
         self.refused_lowering = view.refused_lowering.map(str::to_owned);
         self.driver_events.clear();
         self.driver_events.extend_from_slice(view.driver_events);
@@ -144,7 +145,7 @@ impl Snapshot {
         let fingers: Vec<FingerView<'_>> = self.fingers.iter().map(FingerSnapshot::view).collect();
         observer.after_cycle(&CycleView {
             now_ns: self.now_ns,
-            outcome: self.outcome.as_ref().ok_or(&ControlError::Interrupted),
+            outcome: self.outcome.as_ref(),
             fingers: &fingers,
             fault: self.fault.as_ref(),
             refused_lowering: self.refused_lowering.as_deref(),

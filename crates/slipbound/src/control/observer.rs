@@ -1,6 +1,6 @@
 //! The fifth port: whoever looks on. Recorder, terminal, browser view, ROS or Python hang here.
 
-use super::{ControlError, CycleOutcome, Fault};
+use super::{Cycle, CycleOutcome, Fault};
 use crate::finger_pipeline::FingerView;
 use crate::plant::PlantTruth;
 use crate::port::DriverEvent;
@@ -10,8 +10,8 @@ use crate::port::DriverEvent;
 pub struct CycleView<'a> {
     /// Time of the cycle, ns.
     pub now_ns: u64,
-    /// How it went; an error has ended the loop.
-    pub outcome: Result<&'a CycleOutcome, &'a ControlError>,
+    /// How it went; None when an error has ended the loop, which whoever drives it has.
+    pub outcome: Option<&'a CycleOutcome>,
     /// Every finger, in the order of [`HandReport::health`](crate::hand::HandReport::health).
     pub fingers: &'a [FingerView<'a>],
     /// The fault of gripper or wrist that lasts, or has only just gone.
@@ -22,6 +22,14 @@ pub struct CycleView<'a> {
     pub driver_events: &'a [DriverEvent],
     /// What is true, where somebody knows it: the loop does not, a simulation fills it in.
     pub truth: Option<&'a PlantTruth>,
+}
+
+impl CycleView<'_> {
+    /// The record of the cycle with the truth, if somebody knows it; None when nothing was commanded.
+    pub fn cycle(&self) -> Option<Cycle> {
+        let cycle = self.outcome?.commanded()?;
+        Some(Cycle { truth: self.truth.copied(), ..*cycle })
+    }
 }
 
 /// Looks on after every cycle. It cannot disturb the loop: what it fails to do it keeps to itself and tells when the
