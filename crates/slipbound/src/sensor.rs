@@ -10,8 +10,8 @@ pub use rectification::{Distortion, Rectification};
 
 use crate::image::SizePx;
 use crate::plane::Vec2;
-use serde::{Deserialize, Serialize};
 use crate::setting::{SettingError, within};
+use serde::{Deserialize, Serialize};
 
 /// Whether markers are darker or brighter than the gel around them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

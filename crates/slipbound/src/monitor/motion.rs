@@ -7,8 +7,8 @@
 //!      '-######-'             ........
 //! ```
 
-use super::Marker;
 use crate::image::Mask;
+use crate::monitor::report::Marker;
 use crate::pixels::morphology::{Element, Morphology};
 use crate::plane::{RigidMotion, Vec2};
 use crate::sensor::Sensor;

@@ -6,8 +6,8 @@
 //! Written from the rectified image to the camera, because that is the way pixels are fetched: no step of it has to
 //! be inverted for that.
 
-use crate::setting::SettingError;
 use crate::plane::{Homography, Vec2};
+use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
 
 /// How the camera's view of the gel becomes the rectified image.

@@ -1,9 +1,9 @@
 //! Markers in one picture: spots, their sub-pixel centres, and the markers of the rest frame.
 
-use super::super::imprint::Imprint;
+use super::settings::{Finder, MarkerSettings};
 use super::threshold::ThresholdFinder;
-use super::{Finder, MarkerSettings};
 use crate::image::Mask;
+use crate::monitor::imprint::Imprint;
 use crate::pixels::centroid::EdgeKernel;
 use crate::pixels::dots::{DotFinder, Spot};
 use crate::plane::Vec2;

@@ -4,8 +4,8 @@
 //! contradicts all neighbours is undone; a marker without a spot is sought where its neighbours went. A marker
 //! still without a spot is expected there, and coasts with them.
 
-use super::super::Marker;
 use crate::image::SizePx;
+use crate::monitor::report::Marker;
 use crate::pixels::dots::Spot;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
