@@ -43,7 +43,7 @@ pub enum Step {
     Slip,
 }
 
-/// Looks on while a frame is judged: timing, debug pictures, tests. Called after each step.
+/// Observes each step of a frame: for timing, debug pictures and tests. Called after each step.
 pub trait Probe {
     /// `step` has just been done; the monitor's views show its result.
     fn after(&mut self, step: Step, monitor: &SlipMonitor);
@@ -71,7 +71,7 @@ pub struct SlipMonitor {
 }
 
 impl SlipMonitor {
-    /// A monitor for a finger whose rest frame is known. Fails when a setting or a fact of the sensor cannot be.
+    /// A monitor for a finger whose rest frame is known. Fails when a setting or a fact of the sensor is invalid.
     pub fn new(sensor: &Sensor, settings: &Settings, rest: Rest) -> Result<Self, SettingError> {
         settings.check_for(sensor)?;
         let sensor = sensor.at_size(rest.size)?;
@@ -99,7 +99,7 @@ impl SlipMonitor {
         self.step_probed(frame, grip, &mut ())
     }
 
-    /// The same, with somebody looking on.
+    /// The same, with a probe called after each step.
     pub fn step_probed(&mut self, frame: &Frame<'_>, grip: Option<GripSample>, probe: &mut dyn Probe) -> SlipReport {
         if let Some(seq) = self.rebase_from.take() {
             self.rebase(seq);

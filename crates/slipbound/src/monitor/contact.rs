@@ -43,7 +43,7 @@ pub struct ContactSettings {
     pub hide_rest_edges: bool,
     /// Smooth gel: change of a cell's colour, in its most changed channel, that counts as contact.
     pub change_levels: f64,
-    /// Smooth gel: share of the strongest change that a cell must reach, too. An imprint throws light about: on a GelSlim
+    /// Smooth gel: share of the strongest change that a cell must reach, too. An imprint reflects light onto the gel around it: on a GelSlim
     /// 3.0 a change of 100 levels under a ball comes with 20 all around it.
     pub change_fraction: f64,
     /// Smooth gel: gaps of this width inside the region are closed; the rim of a flat object shows, its middle hardly.

@@ -129,7 +129,7 @@ impl Imprint {
         }
     }
 
-    /// Takes a frame in; says why not when it cannot be judged.
+    /// Takes a frame in, or returns the reason why it cannot be judged.
     pub(super) fn take(&mut self, frame: &Frame<'_>) -> Result<(), Reason> {
         let got = frame.pixels.size();
         if got != self.camera_px {

@@ -38,7 +38,7 @@ pub struct RestBuilder {
 }
 
 impl RestBuilder {
-    /// A builder for frames of `camera_px`. Fails when a setting or a fact of the sensor cannot be.
+    /// A builder for frames of `camera_px`. Fails when a setting or a fact of the sensor is invalid.
     pub fn new(sensor: &Sensor, settings: &Settings, camera_px: SizePx) -> Result<Self, SettingError> {
         settings.check_for(sensor)?;
         sensor.check()?;
@@ -106,7 +106,7 @@ impl RestBuilder {
 
     /// The stationary run to average. Frames of another brightness than most (dark, stale, a camera still settling) are
     /// passed over; a run of several frames goes before a moment, untouched goes before touched. Of untouched runs
-    /// that show the same, the longest. Where they differ, one of them is touched too lightly to tell by itself: then
+    /// that show the same, the longest. Where they differ, one of them is touched too lightly to be detected by itself: then
     /// the first run, which was touched if it is the sharper.
     ///
     /// `looks` are the answers of [`RestBuilder::look`] in their order.

@@ -69,7 +69,7 @@ impl Settings {
         Ok(())
     }
 
-    /// Checks every setting; the error names the first one that cannot be.
+    /// Checks every setting; the error names the first invalid one.
     pub fn check(&self) -> Result<(), SettingError> {
         self.rest.check()?;
         self.imprint.check()?;

@@ -1,4 +1,4 @@
-//! What a finger shows by itself: the smooth light on its gel, told from the sharper imprint of an object.
+//! What a finger shows by itself: the smooth light on its gel, separated from the sharper imprint of an object.
 
 use crate::monitor::cell_map::smooth;
 

@@ -61,7 +61,7 @@ impl ShadingContact {
     }
 
     /// Writes the contact region; returns the mean change inside it in levels. `change_fraction`: what changes less than
-    /// this share of the strongest change is light that the imprint throws about, and so is a piece that nowhere reaches
+    /// this share of the strongest change is light that the imprint reflects elsewhere, and so is a piece that nowhere reaches
     /// twice that share.
     pub(crate) fn find(
         &mut self,
@@ -88,7 +88,7 @@ impl ShadingContact {
         for (score, c) in self.score.iter_mut().zip(&self.change) {
             *score = if c[3] > 0.0 { c[0].abs().max(c[1].abs()).max(c[2].abs()) } else { 0.0 };
         }
-        // Deviation: D15 light thrown about
+        // Deviation: D15 stray light
         let peak = self.peak();
         let change_levels = change_levels.max(change_fraction * peak);
         let strength = mean_above(&self.score, change_levels);

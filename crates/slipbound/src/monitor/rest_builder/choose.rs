@@ -164,10 +164,10 @@ mod tests {
         assert_eq!(choose(&looks, &[]), Ok(RestChoice { frames: 0..6, kind: RestKind::InContact }));
     }
 
-    /// A light touch is too weak to be told by itself. When it goes, the picture changes and gets smoother: it was one.
+    /// A light touch is too weak to be detected by itself. When it goes, the picture changes and gets smoother: it was one.
     /// When it comes, the picture changes and gets sharper: before, there was none.
     #[test]
-    fn a_light_touch_is_told_by_what_changes() {
+    fn a_light_touch_is_detected_by_what_changes() {
         const CELLS_COUNT: usize = 4800;
         let picture = |touched: bool| Picture {
             cells: (0..CELLS_COUNT).map(|i| [if touched && i < CELLS_COUNT / 5 { 100.0 } else { 90.0 }; 3]).collect(),
