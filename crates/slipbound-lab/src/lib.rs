@@ -56,5 +56,6 @@ pub mod random;
 pub mod record;
 pub mod render;
 pub mod scenes;
+pub mod score;
 pub mod validation;
 pub mod world;

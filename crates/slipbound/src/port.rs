@@ -4,12 +4,8 @@
 mod gripper;
 mod wrist;
 
-pub use gripper::{
-    DriverEvent, GripCommand, GripSample, Gripper, GripperError, GripperErrorKind, GripperState, Jaws,
-};
-pub use wrist::{
-    LONGEST_TIME_TO_LIVE_NS, Wrist, WristCommand, WristError, WristErrorKind, WristMotion, WristState,
-};
+pub use gripper::{DriverEvent, GripCommand, GripSample, Gripper, GripperError, GripperErrorKind, GripperState, Jaws};
+pub use wrist::{LONGEST_TIME_TO_LIVE_NS, Wrist, WristCommand, WristError, WristErrorKind, WristMotion, WristState};
 
 use crate::image::{Frame, Gray, ImageError, Pixels, Rgb, SizePx};
 use serde::{Deserialize, Serialize};

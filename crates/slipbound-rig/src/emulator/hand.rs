@@ -1,7 +1,7 @@
 //! The jaws behind every emulated protocol, and what is between them.
 
-use slipbound::plant::{JawCommand, JawDrive, JawSettings};
 use slipbound::plant::Plant;
+use slipbound::plant::{JawCommand, JawDrive, JawSettings};
 
 /// Share of the force asked for at which a grasp counts as established.
 const ESTABLISHED: f64 = 0.9;

@@ -6,8 +6,8 @@ use crate::gripper::{self, Driver, Request};
 use crate::link::Talker;
 use crate::wrist::{self, LineWrist};
 use slipbound::plant::Plant;
-use slipbound::port::{DriverEvent, 
-    GripCommand, Gripper, GripperError, GripperState, Wrist, WristCommand, WristError, WristState,
+use slipbound::port::{
+    DriverEvent, GripCommand, Gripper, GripperError, GripperState, Wrist, WristCommand, WristError, WristState,
 };
 
 /// Time after which a lost link is made anew, ns: as long as a driver at a socket waits.

@@ -4,7 +4,7 @@ use super::config::Config;
 use super::ledger::Ledger;
 use super::{Driver, Error, Request};
 use crate::link::Talker;
-use slipbound::port::{GripCommand, DriverEvent, GripperState, Jaws};
+use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 
 /// The driver of nothing.
 #[derive(Debug)]

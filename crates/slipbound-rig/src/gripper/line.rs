@@ -193,7 +193,9 @@ impl Driver for LineGripper {
         self.ledger.ready_for(now_ns, order)?;
         match order {
             Request::Grip(command) => self.grip(command)?,
-            Request::Home if self.ledger.state.jaws == Jaws::Holding => return Err(self.ledger.holds_something("home")),
+            Request::Home if self.ledger.state.jaws == Jaws::Holding => {
+                return Err(self.ledger.holds_something("home"));
+            }
             Request::Home => (self.want, self.done) = (Want::Home, Want::Nothing),
             Request::Acknowledge => (self.want, self.done) = (Want::Acknowledge, Want::Nothing),
             Request::Leave => {

@@ -1,7 +1,7 @@
 //! A driver and an emulator, joined by two byte queues. Time goes on only when both are empty: every run is the same,
 //! and faster than real time.
 
-use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws, };
+use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 use slipbound_rig::emulator::{self, Block, Emulator, Faults, Faulty, Joined};
 use slipbound_rig::gripper::config::{Config, Kind};
 use slipbound_rig::gripper::{self, Driver, Error, Request};

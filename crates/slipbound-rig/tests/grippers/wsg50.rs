@@ -150,7 +150,9 @@ fn where_the_limit_has_no_effect_the_grasp_is_given_again() {
     assert!((bench.plant.force_n - 20.0).abs() < 0.1, "not before it was seen not to follow");
     bench.run(1000);
     assert!((bench.plant.force_n - 40.0).abs() < 0.1, "{}", bench.plant.force_n);
-    assert!(bench.notes.contains(&DriverEvent::ForcePath { path: "setting the force limit and giving the grasp again" }));
+    assert!(
+        bench.notes.contains(&DriverEvent::ForcePath { path: "setting the force limit and giving the grasp again" })
+    );
     assert!(bench.least_n > 19.9, "{}", bench.least_n);
 
     // A change that the gripper hardly resolves proves nothing; such changes add up to one that does.

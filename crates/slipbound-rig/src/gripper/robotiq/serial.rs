@@ -215,7 +215,9 @@ impl Driver for Serial {
         self.ledger.ready_for(now_ns, order)?;
         match order {
             Request::Grip(command) => self.grip(command)?,
-            Request::Home if self.ledger.state.jaws == Jaws::Holding => return Err(self.ledger.holds_something("home")),
+            Request::Home if self.ledger.state.jaws == Jaws::Holding => {
+                return Err(self.ledger.holds_something("home"));
+            }
             Request::Home => (self.want, self.is_homing) = (Want::Reset, true),
             Request::Acknowledge => {
                 return Err(Error::Unable { address: self.ledger.address.clone(), command: "acknowledge" });

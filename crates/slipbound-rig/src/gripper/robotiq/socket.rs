@@ -258,7 +258,9 @@ impl Driver for Socket {
         self.ledger.ready_for(now_ns, order)?;
         match order {
             Request::Grip(command) => self.grip(command)?,
-            Request::Home if self.ledger.state.jaws == Jaws::Holding => return Err(self.ledger.holds_something("home")),
+            Request::Home if self.ledger.state.jaws == Jaws::Holding => {
+                return Err(self.ledger.holds_something("home"));
+            }
             Request::Home => (self.want, self.done, self.is_homing) = (Want::Reset, Want::Nothing, true),
             Request::Acknowledge => {
                 return Err(Error::Unable { address: self.ledger.address.clone(), command: "acknowledge" });
