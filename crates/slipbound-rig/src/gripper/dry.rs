@@ -1,17 +1,9 @@
 //! No gripper: takes every command over, logs it, moves nothing.
 
-<<<<<<< HEAD
-use super::config::Config;
-use super::ledger::Ledger;
-use super::{Driver, Error, Request};
-use crate::link::Talker;
-use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
-=======
 use super::driver_state::DriverState;
 use super::error::Error;
 use super::protocol::Protocol;
 use slipbound::port::{DriverEvent, GripCommand, Jaws};
->>>>>>> wt-rig
 
 /// The protocol of a gripper that is not there.
 #[derive(Debug, Clone, Copy, Default)]

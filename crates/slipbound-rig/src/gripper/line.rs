@@ -134,28 +134,6 @@ impl Protocol for LineGripper {
         }
     }
 
-<<<<<<< HEAD
-    fn outgoing(&mut self) -> &mut Vec<u8> {
-        &mut self.ledger.outgoing
-    }
-}
-
-impl Driver for LineGripper {
-    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
-        self.ledger.ready_for(now_ns, order)?;
-        match order {
-            Request::Grip(command) => self.grip(command)?,
-            Request::Home if self.ledger.state.jaws == Jaws::Holding => {
-                return Err(self.ledger.holds_something("home"));
-            }
-            Request::Home => (self.want, self.done) = (Want::Home, Want::Nothing),
-            Request::Acknowledge => (self.want, self.done) = (Want::Acknowledge, Want::Nothing),
-            Request::Leave => {
-                self.number += 1;
-                self.ledger.outgoing.extend(format!("{} BYE\n", self.number).into_bytes());
-                self.is_leaving = true;
-            }
-=======
     fn advance(&mut self, driver: &mut DriverState) {
         if self.in_flight.is_some() || !self.is_on_the_way() {
             return;
@@ -177,7 +155,6 @@ impl Driver for LineGripper {
         }
         if driver.gripper.jaws == Jaws::Stopped {
             return Err(Error::FastStop { address: driver.address(), why: "the other side says so".into() });
->>>>>>> wt-rig
         }
         Ok(())
     }

@@ -1,14 +1,9 @@
 //! A driver and an emulator, joined by two byte queues. Time goes on only when both are empty: every run is the same,
 //! and faster than real time.
 
-<<<<<<< HEAD
-use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
-use slipbound_rig::emulator::{self, Block, Emulator, Faults, Faulty, Joined};
-=======
 use slipbound::plant::Plant;
 use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperState, Jaws};
 use slipbound_rig::emulator::{self, Block, Faults, Joined};
->>>>>>> wt-rig
 use slipbound_rig::gripper::config::{Config, Kind};
 use slipbound_rig::gripper::{self, Driver, Error, Protocol, Request};
 use std::ops::{Deref, DerefMut};

@@ -6,10 +6,7 @@
 use crate::bench::{Bench, MS, config, driver};
 use proptest::prelude::*;
 use proptest::test_runner::{Config as Cases, RngSeed, TestRunner};
-<<<<<<< HEAD
-=======
 use slipbound::plant::Plant;
->>>>>>> wt-rig
 use slipbound::port::{GripCommand, Jaws};
 use slipbound_rig::emulator::{Block, NAMES, by_name};
 use slipbound_rig::gripper::robotiq::rtu;

@@ -151,11 +151,7 @@ fn where_the_limit_has_no_effect_the_grasp_is_given_again() {
     bench.run(1000);
     assert!((bench.plant.force_n - 40.0).abs() < 0.1, "{}", bench.plant.force_n);
     assert!(
-<<<<<<< HEAD
-        bench.notes.contains(&DriverEvent::ForcePath { path: "setting the force limit and giving the grasp again" })
-=======
         bench.events.contains(&DriverEvent::ForcePath { path: "setting the force limit and giving the grasp again" })
->>>>>>> wt-rig
     );
     assert!(bench.least_n > 19.9, "{}", bench.least_n);
 

@@ -102,30 +102,11 @@ impl Protocol for Serial {
         }
     }
 
-<<<<<<< HEAD
-    fn outgoing(&mut self) -> &mut Vec<u8> {
-        &mut self.ledger.outgoing
-    }
-}
-
-impl Driver for Serial {
-    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
-        self.ledger.ready_for(now_ns, order)?;
-        match order {
-            Request::Grip(command) => self.grip(command)?,
-            Request::Home if self.ledger.state.jaws == Jaws::Holding => {
-                return Err(self.ledger.holds_something("home"));
-            }
-            Request::Home => (self.want, self.is_homing) = (Want::Reset, true),
-            Request::Acknowledge => {
-                return Err(Error::Unable { address: self.ledger.address.clone(), command: "acknowledge" });
-=======
     fn tick(&mut self, driver: &mut DriverState) {
         match InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms) {
             Some(sent) if sent.sent_count <= REPEATS_COUNT => {
                 let sent = sent.again(driver.now_ns());
                 self.send(driver, sent);
->>>>>>> wt-rig
             }
             Some(InFlight { message: Message::Write { .. }, .. }) => {
                 self.actuator.goal = Goal::Keep;

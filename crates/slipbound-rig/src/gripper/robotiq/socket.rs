@@ -170,47 +170,8 @@ impl Protocol for Socket {
         self.actuator.check_ready(driver)
     }
 
-<<<<<<< HEAD
-    fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
-        let room = (LONGEST + 1).saturating_sub(self.held.len()).min(bytes.len());
-        self.held.extend_from_slice(&bytes[..room]); // what is longer than any answer is garbage anyway
-        self.held_ns = now_ns;
-        self.read_answer(now_ns);
-        self.advance(now_ns);
-    }
-
-    fn tick(&mut self, now_ns: u64) {
-        if self.ledger.is_linked {
-            self.read_answer(now_ns);
-            self.watch_deadline(now_ns);
-            self.advance(now_ns);
-        }
-    }
-
-    fn outgoing(&mut self) -> &mut Vec<u8> {
-        &mut self.ledger.outgoing
-    }
-}
-
-impl Driver for Socket {
-    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
-        self.ledger.ready_for(now_ns, order)?;
-        match order {
-            Request::Grip(command) => self.grip(command)?,
-            Request::Home if self.ledger.state.jaws == Jaws::Holding => {
-                return Err(self.ledger.holds_something("home"));
-            }
-            Request::Home => (self.want, self.done, self.is_homing) = (Want::Reset, Want::Nothing, true),
-            Request::Acknowledge => {
-                return Err(Error::Unable { address: self.ledger.address.clone(), command: "acknowledge" });
-            }
-            Request::Leave => self.is_leaving = true,
-        }
-        self.advance(now_ns);
-=======
     fn grip(&mut self, _driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
         self.actuator.grip(command);
->>>>>>> wt-rig
         Ok(())
     }
 
