@@ -95,7 +95,7 @@ impl Device {
         self.driver.permit_lowering(permitted);
     }
 
-    /// Gives up a link through which nothing comes, and says goodbye first: that may yet arrive.
+    /// Gives up a link through which nothing comes, after a farewell: that may yet arrive.
     fn give_up_silent_link(&mut self) {
         if !self.connection.reconnects() || !self.connection.is_up() {
             return;
@@ -129,7 +129,7 @@ impl Gripper for Device {
     }
 }
 
-/// Says goodbye, so that no fast stop latches. The gripper keeps its force.
+/// Sends a farewell, so that no fast stop latches. The gripper keeps its force.
 impl Drop for Device {
     fn drop(&mut self) {
         if self.connection.is_up() && self.driver.request(now_ns(), Request::Leave).is_ok() {
