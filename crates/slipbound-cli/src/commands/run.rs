@@ -15,7 +15,7 @@ use slipbound_rig::link::now_ns;
 use slipbound_rig::realtime::{self, MonitorWorkers};
 use slipbound_rig::run::{FingerInfo, Row, RunInfo};
 use slipbound_rig::source::Newest;
-use slipbound_rig::{config, gripper, hand_file, sensors, source, wrist};
+use slipbound_rig::{config, gripper, sensors, source, wrist};
 use std::path::PathBuf;
 
 /// Frames of a recording that are read ahead, so that a slow disk does not delay a cycle.
@@ -205,8 +205,8 @@ impl Hardware {
     fn fingers(&self) -> Result<Vec<FingerInfo>, Failure> {
         let fingers: Vec<FingerInfo> = match (&self.hand, &self.sensor) {
             (Some(hand), _) => {
-                let hand = hand_file::load(hand).map_err(Failure::arguments)?;
-                let finger = |f: hand_file::Finger| FingerInfo { name: f.name, mounting: f.mounting, sensor: f.sensor };
+                let hand = config::hand::load(hand).map_err(Failure::arguments)?;
+                let finger = |f: config::hand::FingerConfig| FingerInfo { name: f.name, mounting: f.mounting, sensor: f.sensor };
                 hand.fingers.into_iter().map(finger).collect()
             }
             (None, Some(sensor)) => {
