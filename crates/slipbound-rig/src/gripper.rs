@@ -32,6 +32,7 @@
 
 mod address;
 pub mod check_hold;
+mod clamp;
 pub mod config;
 mod device;
 mod driver;
@@ -47,6 +48,7 @@ pub mod robotiq;
 pub mod wsg50;
 
 pub use address::driver;
+pub use clamp::clamp_to_gripper;
 pub use config::Config;
 pub use device::{Device, open};
 pub use driver::Driver;

@@ -10,7 +10,8 @@
 //! | reports as JSON lines | [`report_json`] |
 //! | pictures of what was found | [`overlay`] |
 //! | Motion-JPEG AVI files | [`avi_writer`] |
-//! | the folder and the page that a closed loop leaves | [`run`] |
+//! | the control loop in real time | [`realtime`] |
+//! | the folder and the page that a closed loop leaves, and its replay | [`run`] |
 //! | grippers by their own protocols | [`gripper`] |
 //! | the arm behind the hand | [`wrist`] |
 //! | the same protocols from the other side, to try all that without hardware | [`emulator`] |
@@ -44,6 +45,7 @@ pub mod emulator;
 pub mod gripper;
 pub mod link;
 pub mod overlay;
+pub mod realtime;
 pub mod report_json;
 pub mod run;
 pub mod source;
