@@ -173,7 +173,7 @@ impl FingerPipeline {
         let found = match self.rest_finder.take().map(RestFinder::find) {
             Some(Ok(found)) => found,
             // Dark so far: the loop waits, nothing is held yet.
-            Some(Err(RestError::NoCalmFrame { .. })) | None => return Ok(()),
+            Some(Err(RestError::NoStationaryFrame { .. })) | None => return Ok(()),
             Some(Err(source)) => return Err(ControlError::Rest { finger: finger(), source }),
         };
         self.rest_kind = Some(found.rest.kind());
