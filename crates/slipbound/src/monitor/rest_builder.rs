@@ -5,6 +5,7 @@
 //! ```
 
 mod choose;
+mod lattice;
 
 pub use choose::{RestChoice, RestLook};
 
@@ -12,10 +13,12 @@ use crate::image::{Frame, SizePx};
 use crate::monitor::cell_map::{CellMap, cover_radius_px};
 use crate::monitor::contact::{illumination, roughness_levels, texture_share};
 use crate::monitor::imprint::{Extra, Imprint};
-use crate::monitor::markers::Detector;
+use crate::monitor::markers::{Detector, RestMarker};
+use crate::monitor::report::Reason;
 use crate::monitor::rest::{Rest, RestError, RestKind};
 use crate::monitor::settings::Settings;
-use crate::sensor::{Sensor, Skin};
+use crate::plane::Vec2;
+use crate::sensor::{Flip, Sensor, Skin};
 use crate::setting::SettingError;
 use choose::Picture;
 
@@ -146,7 +149,9 @@ impl RestBuilder {
         let n = self.frames_count;
         // Deviation: D2 averaged rest
         self.imprint.put_grey(self.grey_sum.iter().map(|sum| ((sum + n / 2) / n) as u8));
-        let markers = self.detector.markers_at_rest(&self.imprint);
+        let all = self.detector.markers_at_rest(&self.imprint);
+        let spacing_px = lattice::spacing_px(&places(&all));
+        let markers = self.on_lattice(all);
         let expected_count = self.settings.rest.markers_min_count;
         if markers.len() < expected_count as usize {
             return Err(RestError::FewMarkers { expected_count, got_count: markers.len() });
@@ -156,7 +161,7 @@ impl RestBuilder {
         if kind == RestKind::InContact && self.sensor.skin == Skin::Smooth {
             illumination(&mut cells, &cells_covered, self.map.columns);
         }
-        Ok(Rest {
+        let mut rest = Rest {
             kind,
             seq: self.seq,
             frames_count: n,
@@ -165,6 +170,53 @@ impl RestBuilder {
             cells,
             cells_covered,
             markers,
-        })
+            refusal: None,
+        };
+        rest.refusal = spacing_px.and_then(|px| self.spacing_refusal(px));
+        Ok(rest)
     }
+
+    /// The markers without those that do not lie on the finger's lattice, which are glare or dirt. A finger has a lattice
+    /// where its file says how the camera sees the gel (then markers stand a pitch apart along both axes of the
+    /// rectified image) and most of its dots are found to lie on one; all dots of any other finger are markers.
+    fn on_lattice(&self, mut markers: Vec<RestMarker>) -> Vec<RestMarker> {
+        if self.sensor.rectification.is_none() {
+            return markers;
+        }
+        if let Some(on) = lattice::on_lattice(&places(&markers), self.sensor.pitch_px) {
+            let mut on = on.into_iter();
+            markers.retain(|_| on.next().unwrap_or(true));
+        }
+        markers
+    }
+
+    /// Why markers so far apart are not this finger's, and with which flip they would be; None when they are. The
+    /// picture taken last is mirrored, so this comes last.
+    fn spacing_refusal(&mut self, got_px: f64) -> Option<Reason> {
+        let expected_px = self.sensor.pitch_px;
+        if !self.settings.rest.check_spacing || lattice::fits(got_px, expected_px) {
+            return None;
+        }
+        let mut now = self.sensor.flip;
+        let mut fitting: Option<(Flip, f64)> = None;
+        let off = |px: f64| libm::fabs(libm::log(px / expected_px));
+        for flip in Flip::ALL.into_iter().filter(|flip| *flip != self.sensor.flip) {
+            // Without a rectification a mirrored picture shows the same distances.
+            if !self.imprint.mirror(now, flip) {
+                break;
+            }
+            now = flip;
+            let spacing_px = lattice::spacing_px(&places(&self.detector.markers_at_rest(&self.imprint)));
+            if let Some(px) = spacing_px.filter(|px| lattice::fits(*px, expected_px)) {
+                if fitting.is_none_or(|(_, best_px)| off(px) < off(best_px)) {
+                    fitting = Some((flip, px));
+                }
+            }
+        }
+        Some(Reason::MarkerSpacing { expected_px, got_px, fitting })
+    }
+}
+
+fn places(markers: &[RestMarker]) -> Vec<Vec2> {
+    markers.iter().map(|m| m.position).collect()
 }
