@@ -1,4 +1,4 @@
-//! A hand made of numbers: two soft fingers on a parallel gripper, a wrist, and what they hold, in lock-step.
+//! A simulated hand: two soft fingers on a parallel gripper, a wrist, and what they hold, in lock-step.
 //!
 //! ```text
 //!   SimGripper --> jaws  --.                         .--> SimCamera 0 (left)
@@ -72,9 +72,9 @@ impl SimHand {
         SimCamera::new(self.0.clone(), finger)
     }
 
-    /// The world between the jaws, for a gripper and a wrist of somebody else: an emulator behind a real wire
-    /// protocol. From then on that one lets time pass, in steps of its own; gripper and wrist of this hand refuse,
-    /// [`SimHand::advance_frame`] does nothing, and the cameras go on.
+    /// The world between the jaws, for a gripper and a wrist outside the simulator: emulators behind a real
+    /// wire protocol. From then on they advance the time, in steps of their own; gripper and wrist of this hand refuse
+    /// commands, [`SimHand::advance_frame`] does nothing, and the cameras go on.
     pub fn plant(&self) -> SimPlant {
         self.0.lock().is_plant = true;
         SimPlant::new(self.0.clone())
@@ -95,8 +95,8 @@ impl SimHand {
         self.0.lock().world.frame()
     }
 
-    /// Lets 1/30 s pass: jaws, wrist and contact in four steps. Pictures are drawn when a camera is asked for the
-    /// first of them. After an error no time passes; cameras, gripper and wrist then say what it was, as
+    /// Advances by 1/30 s: jaws, wrist and contact in four steps. Pictures are rendered when the
+    /// first of them is read. After an error no time passes; cameras, gripper and wrist then return it, as
     /// [`SimHand::error`] does.
     pub fn advance_frame(&self) {
         let mut parts = self.0.lock();

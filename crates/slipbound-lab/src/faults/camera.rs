@@ -5,7 +5,7 @@ use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use std::fmt;
 use std::str::FromStr;
 
-/// What goes wrong.
+/// The kind of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CameraFaultKind {
     /// Frames stop coming.
@@ -16,7 +16,7 @@ pub enum CameraFaultKind {
     Torn,
     /// The light goes out.
     Dark,
-    /// The fingers are taken one for the other, from the start.
+    /// Left and right are exchanged, from the start.
     Swapped,
 }
 
@@ -31,14 +31,14 @@ const NAMES: [(CameraFaultKind, &str); 5] = [
 /// The names of fingers 0 and 1.
 const SIDES: [&str; 2] = ["left", "right"];
 
-/// Latest time from which a fault may be asked for, in s.
+/// Latest time at which a fault may begin, in s.
 const LATEST_S: f64 = 3600.0;
 
 /// Grey level of every pixel when the light is out.
 const DARK_LEVEL: u8 = 2;
 
-/// What goes wrong, when, and with which fingers: `frozen@3`, `lost@2.5:left`. Without a time it is from the start,
-/// without a side it is all fingers.
+/// A fault of the cameras: its kind, when it begins, which finger it affects: `frozen@3`, `lost@2.5:left`. Without a time it begins at the
+/// start, without a side it affects both fingers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFault {
     kind: CameraFaultKind,
@@ -47,27 +47,27 @@ pub struct CameraFault {
 }
 
 impl CameraFault {
-    /// What goes wrong.
+    /// The kind of fault.
     pub fn kind(&self) -> CameraFaultKind {
         self.kind
     }
 
-    /// Whether the fingers are taken one for the other. Pictures are sound then; whoever mounts the fingers swaps them.
+    /// Whether left and right are exchanged. The pictures are unchanged then; the caller exchanges the mountings.
     pub fn swaps_fingers(&self) -> bool {
         self.kind == CameraFaultKind::Swapped
     }
 
-    /// Whether it goes wrong with this finger: 0 left, 1 right.
+    /// Whether it affects this finger: 0 left, 1 right.
     pub fn applies_to(&self, finger: usize) -> bool {
         self.finger.is_none_or(|hit| hit == finger)
     }
 }
 
-/// A text that is no camera fault.
+/// A text that does not describe a camera fault.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("expected lost, frozen, torn, dark or swapped with @SECONDS and :left or :right as wanted, got `{got}`")]
 pub struct CameraFaultError {
-    /// The text.
+    /// The text given.
     pub got: String,
 }
 

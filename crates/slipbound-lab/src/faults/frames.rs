@@ -1,5 +1,5 @@
-//! Faults of single frames, at random. Every frame's fate is drawn from the seed and its number alone, so it does not
-//! depend on who asks when.
+//! Faults of single frames, at random. The faults of a frame are drawn from the seed and its number alone, so they do not
+//! depend on when it is read.
 
 use super::paint::{blur_rows, hide_spots, multiply};
 use super::picture::{copy_picture, encode_again};
@@ -9,7 +9,7 @@ use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound::setting::SettingError;
 
-/// How often what goes wrong. `Faults::default()` is nothing at all.
+/// How often each fault occurs. `Faults::default()` is none at all.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Faults {
     /// Share of frames that never come. Their numbers are left out.
@@ -86,14 +86,14 @@ impl Faults {
     }
 }
 
-/// A source whose frames come with faults.
+/// A source whose frames have faults.
 #[derive(Debug)]
 pub struct Faulty<S> {
     source: S,
     faults: Faults,
     seed: u64,
     silent_count: u32,
-    /// The frame that waits while the source is silent.
+    /// A late frame, delivered after the silence.
     waiting: Option<(FrameBuffer, Next)>,
     /// The picture of the frame before, as it was delivered.
     before: Option<FrameBuffer>,

@@ -10,7 +10,7 @@ use slipbound::plane::Vec2;
 use slipbound::port::{Clock, FrameBuffer, SourceError};
 use slipbound::sensor::{Sensor, Shear};
 
-/// One finger's camera with its own markers, threads and defects, and what it saw last.
+/// The camera of one finger, with its own markers, threads and defects, and its last frame.
 #[derive(Debug)]
 struct FingerCamera {
     renderer: Renderer,

@@ -68,7 +68,7 @@ pub const HAND_KEYS: &[HandKey] = &[
     key("mu", Kind::OfObject(0.05, 2.0), "object", "friction coefficient"),
     key("fingers", Kind::Count(1, 2), "2", "fingers with a camera; there are always two"),
     key("grid", Kind::Word(&["standard", "fast"]), "fast", "cells of the gel: 96x72 or 64x48"),
-    key("camera", Kind::Word(&["gelslim", "gelsight_mini"]), "gelslim", "whose cameras"),
+    key("camera", Kind::Word(&["gelslim", "gelsight_mini"]), "gelslim", "camera model"),
     key("jpeg_quality", Kind::Count(30, 100), "85", "of the frames"),
     key("fault", Kind::Faults, "none", "faults of the cameras, as drop=0.02,torn=0.01"),
     of(&[], number("start_mm", 0.0, 40.0, "4", "opening at the start, beyond the object")),

@@ -20,7 +20,7 @@ pub(super) struct HandParts {
     pub jaws: JawDrive,
     pub wrist: WristDrive,
     pub longest_ns: u64,
-    /// Whether somebody else plays gripper and wrist.
+    /// Whether gripper and wrist are outside the simulator.
     pub is_plant: bool,
 }
 
@@ -40,7 +40,7 @@ impl HandParts {
         self.world.now_ns()
     }
 
-    /// Refuses the use of gripper and wrist while somebody else plays them, and after what stopped the run.
+    /// Refuses gripper and wrist while others drive the plant, and after an error stopped the run.
     pub fn check_usable(&self) -> Result<(), SettingError> {
         if self.is_plant {
             return Err(SettingError {
@@ -78,7 +78,7 @@ impl SharedHand {
     }
 
     /// The parts. Where a thread panicked while it held them they may be half a step ahead of each other: the run is
-    /// stopped then, and every handle says so.
+    /// stopped then, and every handle returns that error.
     pub fn lock(&self) -> MutexGuard<'_, HandParts> {
         self.0.lock().unwrap_or_else(|poisoned| {
             let mut parts = poisoned.into_inner();

@@ -1,4 +1,4 @@
-//! What is exactly known of the hand and of what it holds.
+//! The ground truth of the hand and of the object it holds.
 
 use crate::contact::{Pose, Wrench};
 use crate::plants::{BottleTruth, CapTruth, GroundTruth, ObjectTruth};
@@ -14,7 +14,7 @@ pub struct HandTruth {
     pub angle_rad: f64,
     /// Distance lowered since the start, in mm.
     pub lowered_mm: f64,
-    /// Distance between the fingertips, in mm; None where somebody else plays the gripper.
+    /// Distance between the fingertips, in mm; None where the gripper is outside the simulator.
     pub opening_mm: Option<f64>,
     /// Normal force per finger, in N.
     pub grip_force_n: f64,

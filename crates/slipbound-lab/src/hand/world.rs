@@ -1,4 +1,4 @@
-//! The contact of both fingers with what they hold, stepped in time by whoever plays the gripper and the wrist.
+//! The contact of both fingers with what they hold, stepped in time by the gripper and the wrist.
 
 use super::scene::HandScene;
 use super::truth::HandTruth;
@@ -77,12 +77,12 @@ impl HandWorld {
         self.held.symmetry()
     }
 
-    /// What stopped the run; None while it goes on. Time no longer passes then.
+    /// The error that stopped the run; None while it goes on. Time no longer passes then.
     pub fn error(&self) -> Option<&SettingError> {
         self.error.as_ref()
     }
 
-    /// Stops the run for a reason from outside, unless it has been stopped already.
+    /// Stops the run with an error, unless one has stopped it already.
     pub(super) fn stop(&mut self, error: SettingError) {
         self.error.get_or_insert(error);
     }
@@ -132,7 +132,7 @@ impl HandWorld {
         self.finger.step(&Command { grip: Grip::ForceN(hand.force_n), pose, roll_mm, wrench })?;
         self.steps_count += 1;
         self.now = hand;
-        self.account(before);
+        self.update_truth(before);
         if !gone {
             self.held.after_step(self.finger.truth(), hand, step_s, self.truth.slid_mm);
         }
@@ -140,8 +140,8 @@ impl HandWorld {
         Ok(())
     }
 
-    /// The numbers of a step.
-    fn account(&mut self, before: Pose) {
+    /// Updates the truth after a step.
+    fn update_truth(&mut self, before: Pose) {
         let contact = *self.finger.truth();
         let sliding = Sliding::since(&self.finger, before);
         let truth = &mut self.truth;

@@ -27,7 +27,7 @@ const ABOVE_TABLE_MM: f64 = 60.0;
 /// The arm takes up speed within this time constant, in s: its drive starts at once, a mass does not. Estimate.
 const ARM_LAG_S: f64 = 0.05;
 
-/// Damping of what pulls, in N s/mm, while it pulls: a hand, not a rocket; as in the scene `ramp`. Estimate.
+/// Damping of what pulls, in N s/mm, while it pulls, as a hand would; as in the scene `ramp`. Estimate.
 const PULL_DAMPING_N_S_PER_MM: f64 = 0.03;
 
 /// A drawn pull is at most this share of the weight then: a grip that just holds the weight with a margin meets it.
@@ -136,7 +136,7 @@ impl Bottle {
         }
     }
 
-    /// What will pull at it.
+    /// The pulls drawn for it, with its masses.
     pub fn settings(&self) -> &BottleSettings {
         &self.settings
     }

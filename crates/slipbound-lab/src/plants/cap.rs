@@ -126,7 +126,7 @@ impl HeldObject for Cap {
         self.truth.yields = self.drive_n_mm(contact) > now_n_mm;
         let drive = if self.truth.yields {
             // Where the torque grows it is a spring of this step. Where it falls, which no implicit step can hold,
-            // it is that of the end of the step, judged from the last one.
+            // it is that of the end of the step, estimated from the last one.
             let step_rad = self.step_rad.max(1e-4);
             let next_n_mm = self.thread.torque_n_mm(angle_rad + step_rad);
             Drive::Railed(Rail {

@@ -70,7 +70,7 @@ pub const COMMON_KEYS: &[Key] = &[
     Key { name: "rest_frames", what: "frames before it touches", kind: Kind::Count(1, 3000), default: "12" },
     number("press_s", 0.05, 30.0, "0.3", "time in which it is pressed"),
     number("settle_s", 0.05, 30.0, "0.2", "time between pressing and what follows"),
-    Key { name: "camera", what: "whose camera", kind: Kind::Word(&["gelslim", "gelsight_mini"]), default: "gelslim" },
+    Key { name: "camera", what: "camera model", kind: Kind::Word(&["gelslim", "gelsight_mini"]), default: "gelslim" },
     Key { name: "jpeg_quality", what: "of the frames", kind: Kind::Count(30, 100), default: "85" },
     Key {
         name: "grid",

@@ -1,7 +1,7 @@
 //! What is true of a gripper and of how it may be used: defaults by driver, under a TOML file, under the query of its
 //! address.
 
-use super::Error;
+use super::error::Error;
 use crate::config::{self, Layer};
 use serde::{Deserialize, Serialize};
 use slipbound::setting::SettingError;
@@ -222,11 +222,6 @@ impl Config {
     pub fn admitted_n(&self, force_n: f64) -> Option<f64> {
         (!force_n.is_nan()).then(|| force_n.clamp(self.least_n, self.most_n))
     }
-}
-
-/// Milliseconds in nanoseconds.
-pub(crate) const fn ns(ms: u64) -> u64 {
-    ms * 1_000_000
 }
 
 /// A value of an address as TOML would read it: a number or truth value where it looks like one, else text.

@@ -1,10 +1,14 @@
 //! A made-up run: a cap is screwed on for 10 s, and slips four times. No physics, only numbers of the right size.
 
-use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health};
-use slipbound::monitor::SlipState;
+use slipbound::control::Cycle;
+use slipbound::events::{Sign, SlipEpisodes};
+use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health, Mounting, Side};
+use slipbound::monitor::{Settings, SlipState};
 use slipbound::port::{GripCommand, GripperState, Jaws, WristCommand, WristMotion, WristState};
-use slipbound::task::{Ending, Phase};
-use slipbound_rig::run::{Cycle, Row, RunInfo, Truth};
+use slipbound::task::{Ending, Phase, TaskKind, TaskSettings};
+use slipbound::plant::PlantTruth;
+use slipbound_rig::run::{FingerInfo, Row, RunInfo};
+use slipbound_rig::sensors;
 
 /// Cycles at which it begins to slip.
 pub const SLIPS: [u32; 4] = [126, 183, 228, 264];
@@ -14,16 +18,32 @@ const CAP_RADIUS_MM: f64 = 14.0;
 
 /// Task, controller, fingers.
 pub fn info() -> RunInfo {
-    let settings =
-        "[grip]\nstart_n = 10.0\nmost_n = 60.0\n\n[grip.on_slip]\nstep_n = 10.0\n\n[scene]\nfriction = 0.6\n";
     RunInfo {
-        task: "screw".into(),
-        controller: "on_slip".into(),
+        name: "screw".into(),
+        task: TaskKind::Screw,
         source: "cap of 28 mm, friction 0.6".into(),
         seed: 3,
-        settings: settings.parse().expect("TOML"),
-        fingers: vec!["left".into(), "right".into()],
+        task_settings: TaskSettings::default(),
+        monitor_settings: Settings::default(),
+        notes: "friction = 0.6".parse().expect("TOML"),
+        fingers: vec![finger("left", Side::Left), finger("right", Side::Right)],
     }
+}
+
+/// A finger of this name.
+pub fn finger(name: &str, side: Side) -> FingerInfo {
+    let sensor = sensors::load("gelslim").expect("built in");
+    FingerInfo { name: name.into(), mounting: Mounting::on(side), sensor }
+}
+
+/// Numbers the slips as the loop does.
+pub fn numbered(mut cycles: Vec<Cycle>) -> Vec<Cycle> {
+    let mut slips = SlipEpisodes::default();
+    for cycle in &mut cycles {
+        slips.see(&Sign::of_hand(cycle.time_ns, &cycle.hand));
+        cycle.slips_count = slips.count();
+    }
+    cycles
 }
 
 /// The table below the title.
@@ -48,8 +68,7 @@ pub fn cycles() -> Vec<Cycle> {
     let (mut force_n, mut target_n, mut slid_mm, mut shear_mm, mut angle_rad) = (0.0, 10.0, 0.0, 0.0, 0.0);
     let mut alarms_count = 0;
     let mut pause = 0;
-    (0..300u32)
-        .map(|i| {
+    let cycles = (0..300u32).map(|i| {
             let t_s = f64::from(i) / RATE_HZ;
             let grasping = t_s < 0.8;
             let ending = t_s > 9.7;
@@ -110,10 +129,7 @@ pub fn cycles() -> Vec<Cycle> {
                     jaws: if grasping { Jaws::Closing } else { Jaws::Holding },
                 },
                 wrist: WristState { time_ns, angle_rad, lowered_mm: 0.0, moving },
-                grip_command: GripCommand {
-                    force_n: target_n,
-                    motion: if moving { Motion::Go } else { Motion::Pause },
-                },
+                grip_command: GripCommand::Hold { force_n: target_n },
                 wrist_command: WristCommand::new(match moving {
                     true => WristMotion::Turn { rate_rad_per_s: 0.5, most_rad: 0.1 },
                     false => WristMotion::Pause,
@@ -121,7 +137,7 @@ pub fn cycles() -> Vec<Cycle> {
                 phase,
                 margin: (t_s > 0.8).then_some((1.0 - fraction + 6.0 * noise).clamp(0.0, 1.0)),
                 alarms_count,
-                truth: Some(Truth {
+                truth: Some(PlantTruth {
                     cap_angle_rad: Some((angle_rad - slid_mm / CAP_RADIUS_MM).max(0.0)),
                     torque_n_mm: Some(torque_n_mm),
                     torque_limit_n_mm: Some(2.0 * FRICTION * 60.0 * CAP_RADIUS_MM),
@@ -130,10 +146,11 @@ pub fn cycles() -> Vec<Cycle> {
                     stick_ratio: Some((1.0 - fraction).max(0.0).powf(2.0 / 3.0)),
                     slid_mm: Some(slid_mm),
                     gross: fraction > 1.0,
-                    ..Truth::default()
+                    ..PlantTruth::default()
                 }),
-                trouble: false,
+                slips_count: 0,
+                fault: false,
             }
-        })
-        .collect()
+        });
+    numbered(cycles.collect())
 }

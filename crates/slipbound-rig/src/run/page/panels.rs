@@ -1,6 +1,6 @@
 //! Which plots a run has, by what is known of it.
 
-use super::super::Cycle;
+use slipbound::control::Cycle;
 use slipbound::hand::HandVector;
 use slipbound::plant::PlantTruth;
 

@@ -1,35 +1,35 @@
-//! Lines of text out of bytes as they come.
+//! Lines of text from a stream of bytes.
 
 /// Longest line taken for one, bytes.
 const LONGEST: usize = 256;
 
-/// Finds lines: split, merged, endless. Keeps at most one line's worth.
+/// Splits a stream into lines, however the bytes arrive. Keeps at most one line's worth.
 #[derive(Debug, Default)]
 pub(crate) struct Lines {
-    held: Vec<u8>,
+    buffer: Vec<u8>,
     is_too_long: bool,
 }
 
 impl Lines {
     /// Takes bytes and calls `found` with every line that is now whole, without its end. A line that is too long or
-    /// is no ASCII is told as `None`.
+    /// is not ASCII is reported as `None`.
     pub fn feed(&mut self, bytes: &[u8], mut found: impl FnMut(Option<&str>)) {
         for byte in bytes {
             match byte {
                 b'\n' => {
-                    let line = std::str::from_utf8(&self.held).ok().filter(|line| line.is_ascii());
+                    let line = std::str::from_utf8(&self.buffer).ok().filter(|line| line.is_ascii());
                     found(line.filter(|_| !self.is_too_long).map(str::trim));
                     self.clear();
                 }
-                _ if self.held.len() >= LONGEST => self.is_too_long = true,
-                byte => self.held.push(*byte),
+                _ if self.buffer.len() >= LONGEST => self.is_too_long = true,
+                byte => self.buffer.push(*byte),
             }
         }
     }
 
     /// Forgets what has not become a line.
     pub fn clear(&mut self) {
-        self.held.clear();
+        self.buffer.clear();
         self.is_too_long = false;
     }
 }
@@ -45,7 +45,7 @@ mod tests {
             let (mut lines, mut found) = (Lines::default(), Vec::new());
             for bytes in text.chunks(step) {
                 lines.feed(bytes, |line| found.push(line.map(str::to_owned)));
-                assert!(lines.held.len() <= LONGEST);
+                assert!(lines.buffer.len() <= LONGEST);
             }
             let expected = [Some("POS=1"), Some("FORCE=2"), None, None, Some("ACK HOME")];
             assert_eq!(found, expected.map(|line| line.map(str::to_owned)), "{step}");
