@@ -154,10 +154,10 @@ impl Imprint {
         Ok(())
     }
 
-    /// Makes the grey picture from the camera image taken last as it were with another flip; false where nothing is
-    /// rectified and the picture would only be mirrored.
-    pub(super) fn mirror(&mut self, from: Flip, to: Flip) -> bool {
-        let Some((table, upright)) = &mut self.warp else { return false };
+    /// Makes the grey picture from the camera image taken last as it were with another flip; nothing where nothing
+    /// is rectified: the picture would only be mirrored.
+    pub(super) fn mirror(&mut self, from: Flip, to: Flip) {
+        let Some((table, upright)) = &mut self.warp else { return };
         if from.is_horizontal() != to.is_horizontal() {
             upright.chunks_exact_mut(self.camera_px.width).for_each(<[u8]>::reverse);
         }
@@ -168,7 +168,6 @@ impl Imprint {
         }
         table.apply(upright, &mut self.grey);
         self.flatten();
-        true
     }
 
     /// Replaces the grey picture, by an average of several for one.

@@ -43,7 +43,7 @@ pub enum Reason {
     Torn,
     /// Fewer than half of the markers at rest are in sight.
     MarkersLost,
-    /// The markers at rest do not stand the sensor's pitch apart: this is another finger, or its picture is mirrored in
+    /// The markers at rest do not stand the sensor's pitch apart, in rows and columns: this is another finger, or its picture is mirrored in
     /// another way than the sensor file says. See [`RestSettings::check_spacing`](super::RestSettings).
     MarkerSpacing {
         /// The sensor's pitch in the rectified image, px.
@@ -65,7 +65,10 @@ impl fmt::Display for Reason {
             Reason::Torn => f.write_str("torn frame"),
             Reason::MarkersLost => f.write_str("more than half of the markers are lost"),
             Reason::MarkerSpacing { expected_px, got_px, fitting } => {
-                write!(f, "markers expected {expected_px:.1} px apart (pitch_px of the sensor), got {got_px:.1} px: ")?;
+                write!(
+                    f,
+                    "markers expected on a grid of {expected_px:.1} px (pitch_px of the sensor), got {got_px:.1} px apart: "
+                )?;
                 match fitting {
                     Some((flip, px)) => write!(f, "with flip = \"{flip}\" they stand {px:.1} px apart"),
                     None => f.write_str("is it the right sensor file?"),

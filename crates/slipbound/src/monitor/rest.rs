@@ -23,8 +23,8 @@ pub struct RestSettings {
     pub imprint_levels: f64,
     /// Fewest markers a rest frame must show.
     pub markers_min_count: u32,
-    /// Whether nothing is judged while the markers at rest do not stand the sensor's pitch apart (0.85 to 1.18 of it). Set
-    /// it to false for a finger whose dots are known to be irregular.
+    /// Whether nothing is judged while the markers at rest do not stand the sensor's pitch apart (0.85 to 1.18 of it), or
+    /// would lie on its grid with another flip only. Set it to false for a finger whose dots are known to be irregular.
     pub check_spacing: bool,
 }
 

@@ -149,9 +149,12 @@ impl RestBuilder {
         let n = self.frames_count;
         // Deviation: D2 averaged rest
         self.imprint.put_grey(self.grey_sum.iter().map(|sum| ((sum + n / 2) / n) as u8));
-        let all = self.detector.markers_at_rest(&self.imprint);
-        let spacing_px = lattice::spacing_px(&places(&all));
-        let markers = self.on_lattice(all);
+        let mut markers = self.detector.markers_at_rest(&self.imprint);
+        let spacing_px = lattice::spacing_px(&places(&markers));
+        let on_lattice = self.on_lattice(&markers);
+        let regular = on_lattice.is_some();
+        let mut keep = on_lattice.into_iter().flatten();
+        markers.retain(|_| keep.next().unwrap_or(true));
         let expected_count = self.settings.rest.markers_min_count;
         if markers.len() < expected_count as usize {
             return Err(RestError::FewMarkers { expected_count, got_count: markers.len() });
@@ -172,48 +175,50 @@ impl RestBuilder {
             markers,
             refusal: None,
         };
-        rest.refusal = spacing_px.and_then(|px| self.spacing_refusal(px));
+        rest.refusal = spacing_px.and_then(|px| self.spacing_refusal(px, regular));
         Ok(rest)
     }
 
-    /// The markers without those that do not lie on the finger's lattice, which are glare or dirt. A finger has a lattice
+    /// Which of the markers found lie on the finger's lattice; those that do not are glare or dirt. A finger has a lattice
     /// where its file says how the camera sees the gel (then markers stand a pitch apart along both axes of the
-    /// rectified image) and most of its dots are found to lie on one; all dots of any other finger are markers.
-    fn on_lattice(&self, mut markers: Vec<RestMarker>) -> Vec<RestMarker> {
-        if self.sensor.rectification.is_none() {
-            return markers;
-        }
-        if let Some(on) = lattice::on_lattice(&places(&markers), self.sensor.pitch_px) {
-            let mut on = on.into_iter();
-            markers.retain(|_| on.next().unwrap_or(true));
-        }
-        markers
+    /// rectified image) and most of its dots are found to lie on one. None for any other finger: all its dots are markers.
+    fn on_lattice(&self, markers: &[RestMarker]) -> Option<Vec<bool>> {
+        self.sensor.rectification.as_ref()?;
+        lattice::on_lattice(&places(markers), self.sensor.pitch_px)
     }
 
-    /// Why markers so far apart are not this finger's, and with which flip they would be; None when they are. The
-    /// picture taken last is mirrored, so this comes last.
-    fn spacing_refusal(&mut self, got_px: f64) -> Option<Reason> {
+    /// Why markers that stand so far apart are not this finger's, and with which flip they would be; None when they are.
+    /// Distances alone do not always show a wrong flip: where the markers lie on no lattice but would with another
+    /// flip, they are not this finger's, either. The picture taken last is mirrored, so this comes last.
+    fn spacing_refusal(&mut self, got_px: f64, regular: bool) -> Option<Reason> {
         let expected_px = self.sensor.pitch_px;
-        if !self.settings.rest.check_spacing || lattice::fits(got_px, expected_px) {
+        let fits = lattice::fits(got_px, expected_px);
+        let rectified = self.sensor.rectification.is_some();
+        if !self.settings.rest.check_spacing || (fits && (regular || !rectified)) {
             return None;
         }
+        let fitting = if rectified { self.fitting_flip() } else { None };
+        (!fits || fitting.is_some()).then_some(Reason::MarkerSpacing { expected_px, got_px, fitting })
+    }
+
+    /// The other flip with which most markers lie on the lattice, and how far apart they stand then, px.
+    fn fitting_flip(&mut self) -> Option<(Flip, f64)> {
         let mut now = self.sensor.flip;
-        let mut fitting: Option<(Flip, f64)> = None;
-        let off = |px: f64| libm::fabs(libm::log(px / expected_px));
+        let mut best: Option<(usize, Flip, f64)> = None;
         for flip in Flip::ALL.into_iter().filter(|flip| *flip != self.sensor.flip) {
-            // Without a rectification a mirrored picture shows the same distances.
-            if !self.imprint.mirror(now, flip) {
-                break;
-            }
+            self.imprint.mirror(now, flip);
             now = flip;
-            let spacing_px = lattice::spacing_px(&places(&self.detector.markers_at_rest(&self.imprint)));
-            if let Some(px) = spacing_px.filter(|px| lattice::fits(*px, expected_px)) {
-                if fitting.is_none_or(|(_, best_px)| off(px) < off(best_px)) {
-                    fitting = Some((flip, px));
+            let markers = self.detector.markers_at_rest(&self.imprint);
+            let Some(on) = self.on_lattice(&markers) else { continue };
+            let count = on.iter().filter(|on| **on).count();
+            let spacing_px = lattice::spacing_px(&places(&markers));
+            if let Some(px) = spacing_px.filter(|px| lattice::fits(*px, self.sensor.pitch_px)) {
+                if best.is_none_or(|(most, ..)| count > most) {
+                    best = Some((count, flip, px));
                 }
             }
         }
-        Some(Reason::MarkerSpacing { expected_px, got_px, fitting })
+        best.map(|(_, flip, px)| (flip, px))
     }
 }
 

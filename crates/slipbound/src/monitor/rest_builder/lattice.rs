@@ -72,14 +72,18 @@ fn offsets_pitch(points: &[Vec2], votes: &[bool], pitch_px: f64) -> Vec<Option<f
     let phases: Vec<[Vec2; 2]> = points.iter().map(|p| [phase(p.x), phase(p.y)]).collect();
     let reach_px = VOTERS_PITCH * pitch_px;
     let offset = |i: usize| {
-        let (mut sums, mut count) = ([Vec2::ZERO; 2], 0u32);
+        let (mut sums, mut weights, mut count) = ([Vec2::ZERO; 2], 0.0, 0u32);
         for (j, other) in points.iter().enumerate() {
-            if j != i && votes[j] && (*other - points[i]).length() < reach_px {
-                sums.iter_mut().zip(phases[j]).for_each(|(sum, phase)| *sum += phase);
+            let away_px = (*other - points[i]).length();
+            if j != i && votes[j] && away_px < reach_px {
+                // Near ones say more: over a few pitches a pitch that is a little off adds up.
+                let weight = 1.0 / (1.0 + (away_px / pitch_px) * (away_px / pitch_px));
+                sums.iter_mut().zip(phases[j]).for_each(|(sum, phase)| *sum += phase * weight);
+                weights += weight;
                 count += 1;
             }
         }
-        let agree = |sum: &Vec2| sum.length() >= LEAST_AGREEMENT * f64::from(count);
+        let agree = |sum: &Vec2| sum.length() >= LEAST_AGREEMENT * weights;
         let off = |axis: usize| {
             let (own, lattice) = (phases[i][axis], sums[axis]);
             libm::atan2(lattice.cross(own), lattice.dot(own)) / std::f64::consts::TAU
@@ -109,7 +113,8 @@ mod tests {
         points.extend((0..9).map(|i| Vec2::new(40.0 + 13.0 * f64::from(i), 57.0 + 0.7 * f64::from(i))));
         points.extend((0..13).map(|i| Vec2::new(20.0 + 17.0 * f64::from(i), 235.0)));
         let on = on_lattice(&points, 20.0).expect("a lattice");
-        assert!(on[..markers_count].iter().all(|on| *on), "a marker is left out");
+        let left_out: Vec<Vec2> = (0..markers_count).filter(|i| !on[*i]).map(|i| points[i]).collect();
+        assert_eq!(left_out, [], "markers left out");
         let phantoms = on[markers_count..].iter().filter(|on| **on).count();
         assert!(phantoms <= 2, "{phantoms} highlights taken for markers");
     }
