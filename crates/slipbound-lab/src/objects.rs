@@ -16,7 +16,7 @@ pub use form::Form;
 pub use library::OBJECTS;
 pub use relief::Relief;
 
-use crate::contact::shape::Shape;
+use crate::contact::shape::{Shape, Slope, slope_by_differences};
 use crate::layer::{SoftObject, above_zero};
 use serde::Serialize;
 use slipbound::plane::Vec2;
@@ -77,6 +77,13 @@ impl Shape for ObjectSurface {
             gap_mm + self.relief.depth_at_mm(self.form.unrolled_mm(from_centre, on_skin))
         } else {
             gap_mm
+        }
+    }
+
+    fn slope(&self, from_centre: Vec2, on_skin: Vec2) -> Slope {
+        match self.relief {
+            Relief::Smooth => self.form.shape().slope(from_centre, on_skin),
+            _ => slope_by_differences(self, from_centre, on_skin),
         }
     }
 

@@ -82,6 +82,9 @@ pub struct Rail {
     pub shift_mm: Vec2,
     /// Rotation in rad per unit of r.
     pub turn_rad: f64,
+    /// How far its lowest point rolls over its skin per unit of r, in mm: against the displacement where a round
+    /// profile stays in place while the skin walks. Pressure on the profile then does no work on r.
+    pub roll_mm: Vec2,
     /// Generalised force along r at r = 0, beside that of the gel.
     pub push: f64,
     /// Growth of the force against r, 0 or above.
@@ -184,7 +187,8 @@ impl Body {
     }
 
     /// What one implicit Euler step does to the body: (M/dt^2 + D/dt + K) dd = M v/dt + K (target - pose) + F - n Q,
-    /// hence dd = free - W n Q. `area` turns sums of tractions into forces.
+    /// hence dd = free - W n Q. `area` turns sums of tractions into forces; `on_profile` is the sum over the cells of what
+    /// pressure does in the plane by the profile.
     pub(crate) fn step(
         &self,
         pose: Pose,
@@ -193,6 +197,7 @@ impl Body {
         velocity: Motion,
         dt: f64,
         area: f64,
+        on_profile: Complex64,
     ) -> (Motion, Option<Resistance>) {
         let away =
             Motion { shift: complex(target.position_mm - pose.position_mm), turn: target.turn_rad - pose.turn_rad };
@@ -202,7 +207,7 @@ impl Body {
             Drive::Free(inertia) => (None, None, Some(inertia)),
             Drive::Mounted(mount, inertia) => (Some(mount), None, inertia),
             Drive::Sprung(springs, inertia) => (None, Some(springs), Some(inertia)),
-            Drive::Railed(rail) => return rail.step(away, dt, share),
+            Drive::Railed(rail) => return rail.step(away, dt, share, on_profile),
         };
         let mut stiff = [[0.0; 3]; 3];
         let mut push = [wrench.force_n.x, wrench.force_n.y, wrench.torque_n_mm];
@@ -249,12 +254,13 @@ impl Body {
 }
 
 impl Rail {
-    /// (K + D/dt) r = push - n a . Q and dd = away + a r, with a the direction of the rail. `share` turns sums of
-    /// tractions of one finger into the forces of all.
-    fn step(&self, away: Motion, dt: f64, share: f64) -> (Motion, Option<Resistance>) {
+    /// (K + D/dt) r = push - n a . Q - n roll . S and dd = away + a r, with a the direction of the rail and S what
+    /// pressure does in the plane by the profile. `share` turns sums of tractions of one finger into the forces of all.
+    fn step(&self, away: Motion, dt: f64, share: f64, on_profile: Complex64) -> (Motion, Option<Resistance>) {
         let yields = 1.0 / (self.stiffness + self.damping_s / dt);
         let along = [self.shift_mm.x, self.shift_mm.y, self.turn_rad];
-        let far = self.push * yields;
+        let rolled = self.roll_mm.x * on_profile.re + self.roll_mm.y * on_profile.im;
+        let far = (self.push - share * rolled) * yields;
         let free = Motion { shift: away.shift + complex(self.shift_mm) * far, turn: away.turn + self.turn_rad * far };
         let give = along.map(|row| along.map(|column| row * column * yields * share));
         (free, Some(Resistance { give }))
@@ -264,6 +270,11 @@ impl Rail {
 /// A plane vector as a complex number.
 pub(crate) fn complex(v: Vec2) -> Complex64 {
     Complex64::new(v.x, v.y)
+}
+
+/// A complex number as a plane vector.
+pub(crate) fn plane(z: Complex64) -> Vec2 {
+    Vec2::new(z.re, z.im)
 }
 
 /// A small rigid displacement of the object, or what is conjugate to it: force and torque.
@@ -280,6 +291,18 @@ impl Motion {
     #[inline(always)]
     pub fn at(self, lever: Complex64) -> Complex64 {
         self.shift + Complex64::new(-self.turn * lever.im, self.turn * lever.re)
+    }
+
+    /// Adds a traction at a lever to a load.
+    #[inline(always)]
+    pub fn add(&mut self, lever: Complex64, traction: Complex64) {
+        self.shift += traction;
+        self.turn += lever.re * traction.im - lever.im * traction.re;
+    }
+
+    /// A load that is a sum of tractions over cells of an area in mm2.
+    pub fn wrench(self, area: f64) -> Wrench {
+        Wrench { force_n: plane(self.shift) * area, torque_n_mm: self.turn * area }
     }
 }
 

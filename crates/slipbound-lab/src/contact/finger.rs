@@ -1,6 +1,6 @@
 //! One finger and one object, stepped in time.
 
-use super::body::{Motion, Wrench, complex};
+use super::body::{Motion, complex, plane};
 use super::grid::Region;
 use super::normal::{Grip, Normal};
 use super::response::{Response, Responses};
@@ -41,6 +41,24 @@ struct CreepStep {
     gain: f64,
 }
 
+/// Where an object is on the gel.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    /// From the gel's axes to the object's.
+    back: Complex64,
+    origin: Complex64,
+    roll: Complex64,
+}
+
+impl Place {
+    /// A point of the gel from the object's lowest point, and on its skin, in the object's axes.
+    #[inline(always)]
+    fn of(&self, at: Complex64) -> (Vec2, Vec2) {
+        let skin = self.back * (at - self.origin);
+        (plane(skin - self.roll), plane(skin))
+    }
+}
+
 /// The part of the state that exists only when gel and interface yield differently.
 #[derive(Debug, Clone)]
 struct GelApart {
@@ -70,6 +88,11 @@ pub struct Finger {
     pub(super) traction: Vec<Complex64>,
     /// Traction, and pressure, of the step before the last: loads mostly go on as they went.
     traction_before: Vec<Complex64>,
+    /// Gradient of the gap, and what pressure does in the plane by it.
+    pub(super) slope: Vec<Complex64>,
+    pub(super) push: Vec<Complex64>,
+    /// Sum of the part of `push` that comes from the profile alone.
+    on_profile: Complex64,
     pub(super) bound: Vec<f64>,
     /// Interface compliance; empty when friction has none.
     give: Vec<f64>,
@@ -133,6 +156,9 @@ impl Finger {
             pressure_before: vec![0.0; cells],
             traction: vec![ZERO; cells],
             traction_before: vec![ZERO; cells],
+            slope: vec![ZERO; cells],
+            push: vec![ZERO; cells],
+            on_profile: ZERO,
             bound: vec![0.0; cells],
             give: vec![0.0; if settings.friction.yield_mm > 0.0 { cells } else { 0 }],
             lever: vec![ZERO; cells],
@@ -158,7 +184,7 @@ impl Finger {
         self.find_gap(command);
         self.foresee_pressure();
         self.press(command.grip);
-        self.bound_friction();
+        self.bound_friction(command);
         let (motion, held) = self.hold(command);
         self.displace();
         self.slide(motion);
@@ -169,24 +195,27 @@ impl Finger {
     /// Gap of every cell at zero depth without pressure: the object's height over each piece of gel where that
     /// piece is now, plus what the last tractions and creep add to the depth.
     fn find_gap(&mut self, command: &Command) {
-        let pose = self.truth.pose;
-        let mounting = self.settings.shape_in_object;
-        let (s, c) = (pose.turn_rad + mounting.turn_rad).sin_cos();
-        let back = Complex64::new(c, -s);
-        let (ps, pc) = pose.turn_rad.sin_cos();
-        let origin = complex(pose.position_mm) + Complex64::new(pc, ps) * complex(mounting.position_mm);
-        let roll = back * complex(command.roll_mm);
+        let place = self.place(command);
         for (i, gap) in self.gap.iter_mut().enumerate() {
-            let skin = back * (self.at_rest[i] + self.relative[i] - origin);
-            let centre = skin - roll;
-            *gap = self.shape.gap_mm(Vec2::new(centre.re, centre.im), Vec2::new(skin.re, skin.im))
-                + self.of_traction.depth[i];
+            let (centre, skin) = place.of(self.at_rest[i] + self.relative[i]);
+            *gap = self.shape.gap_mm(centre, skin) + self.of_traction.depth[i];
         }
         if let Some(GelApart { creep: Some(creep), crept, .. }) = &self.apart {
             for (gap, depth) in self.gap.iter_mut().zip(&crept.depth) {
                 *gap += creep.keep * depth;
             }
         }
+    }
+
+    /// Where the object is, as the last step left it.
+    fn place(&self, command: &Command) -> Place {
+        let pose = self.truth.pose;
+        let mounting = self.settings.shape_in_object;
+        let (s, c) = (pose.turn_rad + mounting.turn_rad).sin_cos();
+        let back = Complex64::new(c, -s);
+        let (ps, pc) = pose.turn_rad.sin_cos();
+        let origin = complex(pose.position_mm) + Complex64::new(pc, ps) * complex(mounting.position_mm);
+        Place { back, origin, roll: back * complex(command.roll_mm) }
     }
 
     /// First guess of the pressure: it goes on as it went, in cells that keep some.
@@ -242,19 +271,33 @@ impl Finger {
         }
     }
 
-    /// The contact, and what friction can carry in it. A cell that has left it forgets its traction and slip.
-    fn bound_friction(&mut self) {
+    /// The contact, what pressure does in its plane, and what friction can carry in it. The slope is that of the gap
+    /// that was found, the direction of friction that of the step before. A cell that has left the contact forgets its
+    /// traction and slip.
+    fn bound_friction(&mut self, command: &Command) {
         self.cells.clear();
+        self.on_profile = ZERO;
         let friction = self.settings.friction;
+        let place = self.place(command);
         let mut most = 0.0f64;
         for i in 0..self.pressure.len() {
             self.contact[i] = self.pressure[i] > 0.0;
             if self.contact[i] {
                 self.cells.push(i as u32);
-                self.bound[i] = friction.bound_mpa(self.pressure[i], self.slipped[i]);
+                let used = if self.bound[i] > 0.0 { (self.traction[i] - self.push[i]) / self.bound[i] } else { ZERO };
+                let (centre, skin) = place.of(self.at_rest[i] + self.relative[i]);
+                let slope = self.shape.slope(centre, skin);
+                let by_profile = place.back.conj() * complex(slope.profile);
+                self.slope[i] = by_profile + place.back.conj() * complex(slope.skin);
+                self.push[i] = self.slope[i] * self.pressure[i];
+                self.on_profile += by_profile * self.pressure[i];
+                self.bound[i] =
+                    friction.bound_on_slope_mpa(self.pressure[i], self.slipped[i], plane(self.slope[i]), plane(used));
                 most = most.max(self.bound[i]);
             } else {
                 self.bound[i] = 0.0;
+                self.slope[i] = ZERO;
+                self.push[i] = ZERO;
                 self.traction[i] = ZERO;
                 self.traction_before[i] = ZERO;
                 self.slip[i] = ZERO;
@@ -276,8 +319,15 @@ impl Finger {
     fn hold(&mut self, command: &Command) -> (Motion, Held) {
         let settings = &self.settings;
         let (pose, area) = (self.truth.pose, settings.grid.cell_area_mm2());
-        let (free, resistance) =
-            settings.body.step(pose, command.pose, command.wrench, self.velocity, settings.substep_s, area);
+        let (free, resistance) = settings.body.step(
+            pose,
+            command.pose,
+            command.wrench,
+            self.velocity,
+            settings.substep_s,
+            area,
+            self.on_profile,
+        );
         let Some(window) = self.window else {
             return (free, Held { iterations: 0, converged: true, load: Motion::ZERO });
         };
@@ -293,6 +343,10 @@ impl Finger {
             self.traction_before[i] = last;
             self.lever[i] = self.at_rest[i] + self.relative[i] - origin;
             self.target[i] = self.anchor[i] + free.at(self.lever[i]) - self.of_pressure.shift[i];
+            if !self.give.is_empty() {
+                // Friction alone shears the interface.
+                self.target[i] += self.push[i] * self.give[i];
+            }
             if let Some((keep, crept)) = crept {
                 self.target[i] -= crept.shift[i] * keep;
             }
@@ -301,6 +355,7 @@ impl Finger {
             window,
             stride: settings.grid.width_cells,
             cells: &self.cells,
+            push: &self.push,
             bound: &self.bound,
             target: &self.target,
             lever: &self.lever,
@@ -369,9 +424,11 @@ impl Finger {
     /// Who slid in this step, and how far.
     fn slide(&mut self, motion: Motion) {
         let mut heat = 0.0;
+        let mut load = Motion::ZERO;
         for &i in &self.cells {
             let i = i as usize;
-            let q = self.traction[i];
+            let q = self.traction[i] - self.push[i];
+            load.add(self.lever[i], q);
             let give = if self.give.is_empty() { 0.0 } else { self.give[i] };
             let held = self.anchor[i] + motion.at(self.lever[i]);
             let reached = self.relative[i] + q * give;
@@ -392,7 +449,10 @@ impl Finger {
                 self.anchor[i] = self.relative[i];
             }
         }
-        self.truth.dissipated_n_mm = heat * self.settings.grid.cell_area_mm2();
+        let area = self.settings.grid.cell_area_mm2();
+        self.truth.dissipated_n_mm = heat * area;
+        self.truth.friction = load.wrench(area);
+        self.truth.on_profile_n = plane(self.on_profile * area);
     }
 
     /// The numbers of the step.
@@ -409,10 +469,7 @@ impl Finger {
             truth.pose = command.pose;
         }
         truth.grip_force_n = self.cells.iter().map(|&i| self.pressure[i as usize]).sum::<f64>() * area;
-        truth.wrench = Wrench {
-            force_n: Vec2::new(held.load.shift.re, held.load.shift.im) * area,
-            torque_n_mm: held.load.turn * area,
-        };
+        truth.wrench = held.load.wrench(area);
         let stuck = self.cells.iter().filter(|&&i| self.stick[i as usize]).count();
         truth.contact_cells_count = self.cells.len() as u32;
         truth.contact_area_mm2 = self.cells.len() as f64 * area;

@@ -92,8 +92,14 @@ pub struct Truth {
     pub grip_force_n: f64,
     /// Depth of the object's lowest point below the flat gel, in mm; negative above it.
     pub depth_mm: f64,
-    /// What the object exerts on this finger's gel in the plane; the torque is about the object's reference point.
+    /// What the object exerts on this finger's gel in the plane, by friction and, where its surface is inclined, by
+    /// pressure: what a sensor under the gel reads. The torque is about the object's reference point.
     pub wrench: Wrench,
+    /// The part of it that is friction.
+    pub friction: Wrench,
+    /// Force in N that pressure exerts on the gel in the plane by the object's profile, which a body that rolls in
+    /// place does not feel; what it exerts by relief on the skin is in [`Truth::wrench`] alone.
+    pub on_profile_n: Vec2,
     /// Number of cells under pressure.
     pub contact_cells_count: u32,
     /// Area under pressure in mm2.
