@@ -211,21 +211,6 @@ impl Body {
         };
         let mut stiff = [[0.0; 3]; 3];
         let mut push = [wrench.force_n.x, wrench.force_n.y, wrench.torque_n_mm];
-        if let Some(inertia) = inertia {
-            let m = inertia.mass_kg * TONNES_PER_KG;
-            let (s, c) = pose.turn_rad.sin_cos();
-            let e = inertia.centre_of_mass_mm;
-            let (ex, ey) = (c * e.x - s * e.y, s * e.x + c * e.y);
-            let spin = inertia.gyration_radius_mm * inertia.gyration_radius_mm + e.length_squared();
-            let mass = [[m, 0.0, -m * ey], [0.0, m, m * ex], [-m * ey, m * ex, m * spin]];
-            let v = [velocity.shift.re, velocity.shift.im, velocity.turn];
-            for (row, (line, push)) in mass.iter().zip(&mut push).enumerate() {
-                for (column, &entry) in line.iter().enumerate() {
-                    stiff[row][column] += entry / (dt * dt);
-                    *push += entry * v[column] / dt;
-                }
-            }
-        }
         if let Some(mount) = mount {
             for (i, (k, d, away)) in [
                 (mount.stiffness_n_per_mm, mount.damping_n_s_per_mm, away.shift.re),
@@ -246,10 +231,50 @@ impl Body {
                 }
             }
         }
+        // How far it turns in this step is known when it is solved; a second pass has it, but for what the gel does.
+        let mut turn = velocity.turn * dt;
+        if let Some(inertia) = inertia.filter(|inertia| inertia.centre_of_mass_mm != Vec2::ZERO) {
+            let (mut stiff, mut push) = (stiff, push);
+            inertia.resist(pose.turn_rad, turn, velocity, dt, &mut stiff, &mut push);
+            turn = times(&inverse(&stiff), push)[2];
+        }
+        if let Some(inertia) = inertia {
+            inertia.resist(pose.turn_rad, turn, velocity, dt, &mut stiff, &mut push);
+        }
         let give = inverse(&stiff);
         let free = times(&give, push);
         let give = give.map(|row| row.map(|entry| entry * share));
         (Motion { shift: Complex64::new(free[0], free[1]), turn: free[2] }, Some(Resistance { give }))
+    }
+}
+
+impl Inertia {
+    /// Adds M/dt^2 to the stiffness of a step and M v/dt to what pushes. Force accelerates the centre of mass, torque about
+    /// it the rotation. The centre of mass is carried round the reference point: over a step it moves by turn times its
+    /// lever at half the turn, to third order, so that lever is taken, for this step, `next_rad` far, and for the last one. What the two levers differ by is the centripetal force.
+    fn resist(
+        &self,
+        turn_rad: f64,
+        next_rad: f64,
+        velocity: Motion,
+        dt: f64,
+        stiff: &mut [[f64; 3]; 3],
+        push: &mut [f64; 3],
+    ) {
+        let m = self.mass_kg * TONNES_PER_KG;
+        let spin = m * self.gyration_radius_mm * self.gyration_radius_mm;
+        let lever = |turn: f64| Complex64::from_polar(1.0, turn) * complex(self.centre_of_mass_mm);
+        let (last, e) = (lever(turn_rad - 0.5 * velocity.turn * dt), lever(turn_rad + 0.5 * next_rad));
+        let momentum = velocity.at(last) * m;
+        let mass = [[m, 0.0, -m * e.im], [0.0, m, m * e.re], [-m * e.im, m * e.re, spin + m * e.norm_sqr()]];
+        for (row, line) in mass.iter().enumerate() {
+            for (column, entry) in line.iter().enumerate() {
+                stiff[row][column] += entry / (dt * dt);
+            }
+        }
+        push[0] += momentum.re / dt;
+        push[1] += momentum.im / dt;
+        push[2] += (spin * velocity.turn + e.re * momentum.im - e.im * momentum.re) / dt;
     }
 }
 
