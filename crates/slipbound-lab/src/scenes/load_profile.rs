@@ -5,7 +5,7 @@ use slipbound::plane::Vec2;
 
 /// Grip, motion and load over time, from the first touch.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Course {
+pub struct LoadProfile {
     /// Grip, guided pose, roll.
     pub path: Path,
     /// What pulls at the object beside the path.
