@@ -94,7 +94,7 @@ impl Friction {
     ///
     /// and T <= c + m N for q along e is a bound for |q|: mu p (1 + g^2) / (sqrt(1 + g^2 - (g.e)^2) - mu g.e) for Coulomb's
     /// law, which is tan(arctan mu +- the inclination) for a face that slides up or down, less its slope. Where a slope is
-    /// so steep that the gel would jam, the bound stops at [`JAM_FACTOR`] times that of a cell sliding across the slope.
+    /// so steep that the gel would jam, the bound stops at 1.25 times that of the flat.
     pub fn bound_on_slope_mpa(&self, pressure_mpa: f64, slipped_mm: f64, slope: Vec2, direction: Vec2) -> f64 {
         if pressure_mpa <= 0.0 {
             return 0.0;
@@ -114,9 +114,10 @@ impl Friction {
     }
 }
 
-/// How much more friction a slope may give than the flat, at most: at mu 0.8 that of a slope of 24 degrees. Steeper ones
-/// belong to edges of a cell or two, where a gel on the verge of jamming would snap free from step to step.
-const JAM_FACTOR: f64 = 2.0;
+/// How much more friction a slope may give than the flat, at most: at mu 0.8 that of a slope of 14 degrees. Beyond, at the
+/// rims of a cap, gel would jam, store energy and snap free by turns: at 1.6 a cap pulled along its axis at 20 N and mu 1.2
+/// never slides as a whole, at 1.25 it does.
+const JAM_FACTOR: f64 = 1.25;
 
 #[cfg(test)]
 mod tests {
@@ -126,7 +127,7 @@ mod tests {
     #[test]
     fn an_inclined_face_slides_as_statics_says() {
         let friction = Friction::constant(0.8);
-        for degrees in [0.0f64, 1.0, 5.0, 15.0] {
+        for degrees in [0.0f64, 1.0, 5.0, 12.0] {
             let rise = degrees.to_radians().tan();
             let slope = Vec2::new(rise, 0.0);
             let of = |x: f64, y: f64| friction.bound_on_slope_mpa(0.1, 0.0, slope, Vec2::new(x, y)) / 0.1;

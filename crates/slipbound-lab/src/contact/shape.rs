@@ -109,7 +109,7 @@ pub struct Cylinder {
     pub radius_mm: f64,
     /// Length in mm, above 0.
     pub length_mm: f64,
-    /// Radius of the rounded rims at its ends in mm, 0 or above, at most half the length; bevelled beyond 45 degrees.
+    /// Radius of the rounded rims at its ends in mm, 0 or above, at most half the length; bevelled from 27 degrees on.
     pub edge_radius_mm: f64,
 }
 
@@ -144,7 +144,7 @@ pub struct FlatBox {
     pub length_mm: f64,
     /// Width along the object's y in mm, above 0.
     pub width_mm: f64,
-    /// Radius of the rounded edges in mm, 0 or above, at most half the shorter side; bevelled beyond 45 degrees.
+    /// Radius of the rounded edges in mm, 0 or above, at most half the shorter side; bevelled from 27 degrees on.
     pub edge_radius_mm: f64,
 }
 
@@ -194,6 +194,10 @@ pub fn slope_by_differences<S: Shape + ?Sized>(shape: &S, from_centre: Vec2, on_
     }
 }
 
+/// How steep edges become: 27 degrees. A height field over cells of half a millimetre cannot have steep walls: with 45
+/// degrees the gel at the rim of a cap turns all its pressure aside, jams and snaps free by turns.
+const BEVEL_SLOPE: f64 = 0.5;
+
 /// R - sqrt(R^2 - d^2): an arc of radius R at distance d from its lowest point; infinite beyond its side.
 fn arc(radius: f64, squared: f64) -> f64 {
     let inside = radius * radius - squared;
@@ -203,21 +207,29 @@ fn arc(radius: f64, squared: f64) -> f64 {
     squared / (radius + inside.sqrt()).max(f64::MIN_POSITIVE)
 }
 
-/// The gap beside a face with rounded edges, at a distance past its flat part: an arc down to where it is inclined by 45
-/// degrees, and from there a bevel. A height field over cells of half a millimetre cannot have steeper walls: cells on
-/// them would have all their pressure turned aside. Without a radius the edge is sharp, and there is nothing beside it.
+/// The gap beside a face with rounded edges, at a distance past its flat part: an arc until it is as steep as
+/// [`BEVEL_SLOPE`], and from there a bevel. Without a radius the edge is sharp, and there is nothing beside it.
 fn edge_gap(radius: f64, squared: f64) -> f64 {
-    let bevel = 0.5 * radius * radius;
-    if squared <= bevel || radius == 0.0 {
+    let bevel_from = bevel_from(radius);
+    if squared <= bevel_from * bevel_from || radius == 0.0 {
         return arc(radius, squared);
     }
-    arc(radius, bevel) + squared.sqrt() - bevel.sqrt()
+    arc(radius, bevel_from * bevel_from) + BEVEL_SLOPE * (squared.sqrt() - bevel_from)
 }
 
-/// Its slope over the distance.
+/// Its slope, over the distance.
 fn edge_slope(radius: f64, squared: f64) -> f64 {
-    let bevel = 0.5 * radius * radius;
-    if squared <= bevel || radius == 0.0 { arc_slope(radius, squared) } else { squared.sqrt().recip() }
+    let bevel_from = bevel_from(radius);
+    if squared <= bevel_from * bevel_from || radius == 0.0 {
+        arc_slope(radius, squared)
+    } else {
+        BEVEL_SLOPE / squared.sqrt()
+    }
+}
+
+/// The distance at which an arc is as steep as the bevel.
+fn bevel_from(radius: f64) -> f64 {
+    radius * BEVEL_SLOPE / (1.0 + BEVEL_SLOPE * BEVEL_SLOPE).sqrt()
 }
 
 /// Slope of such an arc over the distance: 1 / sqrt(R^2 - d^2); 0 without an arc and beyond its side.
