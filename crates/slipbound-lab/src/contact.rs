@@ -37,7 +37,7 @@ pub use normal::{Grip, Stop};
 pub use path::{Change, Leg, Path};
 pub use settings::{Command, FingerSettings};
 pub use transform::Planner;
-pub use truth::{Displacement, Event, Events, GROSS_STICK_RATIO, LINEAR_STRAIN, LoadRecord, Truth};
+pub use truth::{Displacement, Event, Events, GROSS_FRICTION_FRACTION, LINEAR_STRAIN, LoadRecord, Truth};
 
 pub(crate) use half_space::half_space_response;
 pub(crate) use normal::Normal;

@@ -180,7 +180,7 @@ impl Finger {
     /// finite, and then changes nothing.
     pub fn step(&mut self, command: &Command) -> Result<&Truth, SettingError> {
         command.check()?;
-        let before = self.truth.stick_ratio;
+        let before = self.truth;
         self.find_gap(command);
         self.foresee_pressure();
         self.press(command.grip);
@@ -188,7 +188,7 @@ impl Finger {
         let (motion, held) = self.hold(command);
         self.displace();
         self.slide(motion);
-        self.account(command, motion, held, before);
+        self.account(command, motion, held, &before);
         Ok(&self.truth)
     }
 
@@ -423,14 +423,17 @@ impl Finger {
 
     /// Who slid in this step, and how far.
     fn slide(&mut self, motion: Motion) {
-        let mut heat = 0.0;
+        let (mut heat, mut done, mut most) = (0.0, 0.0, 0.0);
         let mut load = Motion::ZERO;
         for &i in &self.cells {
             let i = i as usize;
             let q = self.traction[i] - self.push[i];
             load.add(self.lever[i], q);
             let give = if self.give.is_empty() { 0.0 } else { self.give[i] };
-            let held = self.anchor[i] + motion.at(self.lever[i]);
+            let way = motion.at(self.lever[i]);
+            done += q.re * way.re + q.im * way.im;
+            most += self.bound[i] * way.norm();
+            let held = self.anchor[i] + way;
             let reached = self.relative[i] + q * give;
             let slip = held - reached; // of the object over the gel
             let work = q.re * slip.re + q.im * slip.im;
@@ -451,12 +454,13 @@ impl Finger {
         }
         let area = self.settings.grid.cell_area_mm2();
         self.truth.dissipated_n_mm = heat * area;
+        self.truth.friction_used_fraction = (most > 0.0).then(|| done / most);
         self.truth.friction = load.wrench(area);
         self.truth.on_profile_n = plane(self.on_profile * area);
     }
 
     /// The numbers of the step.
-    fn account(&mut self, command: &Command, motion: Motion, held: Held, before: Option<f64>) {
+    fn account(&mut self, command: &Command, motion: Motion, held: Held, before: &Truth) {
         let grid = self.settings.grid;
         let area = grid.cell_area_mm2();
         self.velocity =
@@ -492,7 +496,7 @@ impl Finger {
                 || w.column + w.width_cells == grid.width_cells
                 || w.row + w.height_cells == grid.height_cells
         });
-        truth.events = Events::between(before, truth.stick_ratio);
+        truth.events = Events::between(before, truth);
         truth.tangential_iterations_count = held.iterations;
         truth.converged &= held.converged;
     }

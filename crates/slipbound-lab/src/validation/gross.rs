@@ -30,7 +30,7 @@ pub fn gross_load() -> Vec<Row> {
     for (name, unit, turning, load) in [
         ("shear", "", false, Leg::shear(5.0, 0.0, 1.0)),
         ("shear across", "", false, Leg::shear(0.0, 5.0, 1.0)),
-        ("twist", "mm", true, Leg::twist(1.2, 1.0)),
+        ("twist", "mm", true, Leg::twist(2.0, 1.6)),
     ] {
         for object in ["cap", "sphere", "flat 20 x 15"] {
             if object == "sphere" && name == "shear across" {
