@@ -11,13 +11,14 @@
 //!   displacement, truth        response, strain, truth
 //! ```
 //!
-//! The order is [`Finger::step`]; each box is a file.
+//! The order is that of `increment`; each box is a file.
 
 mod body;
 mod finger;
 mod friction;
 mod grid;
 mod half_space;
+mod increment;
 mod normal;
 mod path;
 mod reading;
