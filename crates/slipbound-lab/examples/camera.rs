@@ -7,10 +7,11 @@ use slipbound::plane::Vec2;
 use slipbound::sensor::{Flip, Sensor};
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use slipbound_lab::contact::{Command, Displacement, Finger, FingerSettings, Grip, Pose, Wrench};
+use slipbound_lab::jpeg::Codec;
 use slipbound_lab::render::{Renderer, Surface};
 use std::path::Path;
 
-type Failure = Box<dyn std::error::Error>;
+type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// The camera's picture of a shape pressed on and shifted.
 fn picture(
@@ -97,8 +98,9 @@ fn main() -> Result<(), Failure> {
         paste(&mut board, board_px, (flat_px, &flat), [left + (size.width - flat_px.width) / 2, size.height]);
     }
     let file = folder.join("camera.jpg");
-    let encoder = jpeg_encoder::Encoder::new_file(&file, 90)?;
-    encoder.encode(&board, board_px.width as u16, board_px.height as u16, jpeg_encoder::ColorType::Rgb)?;
+    let mut jpeg = Vec::new();
+    Codec::new(board_px, 90).encode(&board, &mut jpeg)?;
+    std::fs::write(&file, jpeg)?;
     println!("{}", file.display());
 
     let (flat_px, flat) = rectified(&sensor, &pictures[0]);

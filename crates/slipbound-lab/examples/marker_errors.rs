@@ -4,11 +4,13 @@
 use slipbound::image::{Frame, Pixels, Rgb};
 use slipbound::monitor::{Marker, RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::plane::Vec2;
+use slipbound::port::FrameBuffer;
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use slipbound_lab::contact::{Command, Displacement, Finger, FingerSettings, Grid, Grip, Pose, Wrench};
+use slipbound_lab::jpeg::Codec;
 use slipbound_lab::render::{CameraSettings, Renderer, Surface};
 
-type Failure = Box<dyn std::error::Error>;
+type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 struct Pressed {
     grid: Grid,
@@ -51,11 +53,10 @@ fn photograph(camera: &mut Renderer, surface: &Surface, seed: u64, quality: Opti
     let mut rgb = vec![0; 3 * size.area()];
     camera.render(surface, seed, &mut rgb);
     let Some(quality) = quality else { return Ok(rgb) };
-    let mut jpeg = Vec::new();
-    let mut encoder = jpeg_encoder::Encoder::new(&mut jpeg, quality);
-    encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_2_1); // as a recorded scene
-    encoder.encode(&rgb, size.width as u16, size.height as u16, jpeg_encoder::ColorType::Rgb)?;
-    Ok(zune_jpeg::JpegDecoder::new(std::io::Cursor::new(jpeg)).decode().map_err(|e| format!("{e:?}"))?)
+    let (codec, mut frame) = (Codec::new(size, quality), FrameBuffer::default()); // as a recorded scene
+    codec.encode(&rgb, &mut frame.encoded)?;
+    codec.decode(&mut frame)?;
+    Ok(frame.pixels)
 }
 
 /// Errors of the places of markers, in px of the rectified image.

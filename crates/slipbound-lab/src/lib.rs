@@ -47,7 +47,7 @@
 pub mod contact;
 pub mod faults;
 pub mod hand;
-mod jpeg;
+pub mod jpeg;
 pub mod layer;
 pub mod objects;
 pub mod plants;

@@ -3,8 +3,10 @@
 use slipbound::image::{Frame, Mask, Pixels, Rgb};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::plane::Vec2;
+use slipbound::port::FrameBuffer;
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use slipbound_lab::contact::{Command, Displacement, Finger, FingerSettings, Grid, Grip, Pose, Wrench};
+use slipbound_lab::jpeg::Codec;
 use slipbound_lab::render::{CameraSettings, Renderer, Surface};
 
 /// The gel after a press, and a shift of the object after that.
@@ -53,11 +55,10 @@ fn photograph(camera: &mut Renderer, surface: &Surface, seed: u64) -> Vec<u8> {
     let size = camera.size();
     let mut rgb = vec![0; 3 * size.area()];
     camera.render(surface, seed, &mut rgb);
-    let mut jpeg = Vec::new();
-    let mut encoder = jpeg_encoder::Encoder::new(&mut jpeg, 85);
-    encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_2_1); // as a recorded scene
-    encoder.encode(&rgb, size.width as u16, size.height as u16, jpeg_encoder::ColorType::Rgb).expect("encodes");
-    zune_jpeg::JpegDecoder::new(std::io::Cursor::new(jpeg)).decode().expect("decodes")
+    let (codec, mut frame) = (Codec::new(size, 85), FrameBuffer::default()); // as a recorded scene
+    codec.encode(&rgb, &mut frame.encoded).expect("encodes");
+    codec.decode(&mut frame).expect("decodes");
+    frame.pixels
 }
 
 fn monitor(camera: &mut Renderer) -> SlipMonitor {
