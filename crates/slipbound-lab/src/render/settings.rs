@@ -138,7 +138,7 @@ impl CameraSettings {
                 edge_mm: 0.1,
                 darkness_fraction: 0.62,
             },
-            texture: Texture { thread_mm: 0.5, rest_fraction: 0.03, gain_fraction: 0.55, p_ref_mpa: 0.040 },
+            texture: Texture { thread_mm: 0.5, rest_fraction: 0.10, gain_fraction: 0.48, p_ref_mpa: 0.040 },
             light: Light {
                 background_levels: [
                     [1.3, -11.0, -7.2, 17.0, 21.2, 5.8, -0.9, -12.2, -5.3, 3.4, -6.9, -0.7, 3.6, -5.5, -3.8],
@@ -152,7 +152,7 @@ impl CameraSettings {
             },
             surroundings: Surroundings::Full,
             blur_px: 0.8,
-            noise_levels: 2.75,
+            noise_levels: 0.15,
             glints: true,
             stuck_pixels_count: 6,
         }

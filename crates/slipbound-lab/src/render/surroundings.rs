@@ -69,7 +69,7 @@ impl Surroundings {
 }
 
 /// Levels of the walls (red, green, blue): far, left, right, and the rim at their foot.
-const FAR_LEVELS: [f64; 3] = [92.0, 204.0, 128.0];
+const FAR_LEVELS: [f64; 3] = [96.0, 216.0, 134.0];
 const LEFT_LEVELS: [f64; 3] = [186.0, 92.0, 42.0];
 const RIGHT_LEVELS: [f64; 3] = [48.0, 214.0, 92.0];
 const RIM_LEVELS: [f64; 3] = [196.0, 52.0, 40.0];
@@ -121,18 +121,18 @@ impl<'a> Backdrop<'a> {
                 (at, Vec2::new(random.between(1.0, 3.5), random.between(0.2, 0.5)))
             })
             .collect();
-        // Beside a marker, off the middle, where most objects touch.
-        let mut beside = || {
-            let angle = random.between(0.0, std::f64::consts::TAU);
-            let far = Vec2::new(angle.cos() * 0.62 * half.y, angle.sin() * 0.62 * half.y);
-            let marker = Vec2::new((far.x / pitch_mm).round(), (far.y / pitch_mm).round() + 0.5) * pitch_mm;
+        // Beside markers, off the middle, where most objects touch; the scratch opposite the dirt.
+        let angle = random.between(0.0, std::f64::consts::TAU);
+        let mut beside = |angle: f64| {
+            let far = Vec2::new(angle.cos(), angle.sin()) * (0.62 * half.y / pitch_mm);
+            let marker = Vec2::new(far.x.round(), far.y.round() + 0.5) * pitch_mm;
             let off = random.between(0.0, std::f64::consts::TAU);
-            (marker + Vec2::new(off.cos(), off.sin()) * (0.45 * pitch_mm), random.between(0.0, std::f64::consts::PI))
+            marker + Vec2::new(off.cos(), off.sin()) * (0.45 * pitch_mm)
         };
-        let (patch_mm, _) = beside();
-        let (scratch_mm, along) = beside();
-        let patch = Highlight { at_mm: patch_mm, radius_mm: 0.4 * pitch_mm };
-        let scratch = (scratch_mm, Vec2::new(along.cos(), along.sin()));
+        let patch = Highlight { at_mm: beside(angle), radius_mm: 0.4 * pitch_mm };
+        let middle = beside(angle + std::f64::consts::PI);
+        let along = random.between(0.0, std::f64::consts::PI);
+        let scratch = (middle, Vec2::new(along.cos(), along.sin()));
         Backdrop { settings, kind: settings.surroundings, grain, highlights, lamps_mm, patch, scratch }
     }
 
