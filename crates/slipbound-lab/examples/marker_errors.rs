@@ -8,7 +8,7 @@ use slipbound::port::FrameBuffer;
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use slipbound_lab::contact::{Command, Displacement, Finger, FingerSettings, Grid, Grip, Pose, Wrench};
 use slipbound_lab::jpeg::Codec;
-use slipbound_lab::render::{CameraSettings, Renderer, Surface};
+use slipbound_lab::render::{CameraSettings, Renderer, Surface, Surroundings};
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
@@ -143,7 +143,12 @@ fn main() -> Result<(), Failure> {
         s.light.glare_levels = [0.0; 3];
         s.glints = false;
         s.stuck_pixels_count = 0;
+        s.surroundings = Surroundings::Housing;
     };
+    let housing: Change = |s| s.surroundings = Surroundings::Housing;
+    let walls: Change = |s| s.surroundings = Surroundings::Walls;
+    let glare: Change = |s| s.surroundings = Surroundings::Glare;
+    let dirt: Change = |s| s.surroundings = Surroundings::Dirt;
     let even_light: Change = |s| {
         for (levels, middle) in s.light.background_levels.iter_mut().zip([60.0, 120.0, 100.0]) {
             *levels = [0.0; 15];
@@ -156,7 +161,11 @@ fn main() -> Result<(), Failure> {
         ("no weave", vec![no_weave], q),
         ("no shading", vec![no_shade], q),
         ("no JPEG", vec![plain], None),
-        ("no glare", vec![no_glare], q),
+        ("no glare, scratches, stuck pixels, walls", vec![no_glare], q),
+        ("all, in a dark housing", vec![housing], q),
+        ("all, walls alone", vec![walls], q),
+        ("all, walls and highlights", vec![glare], q),
+        ("all, walls and dirt", vec![dirt], q),
         ("only geometry", vec![no_weave, no_shade, no_noise, no_glare, even_light], None),
         ("only weave", vec![no_shade, no_noise, no_glare, even_light], None),
         ("only shading", vec![no_weave, no_noise, no_glare, even_light], None),

@@ -90,28 +90,29 @@ impl ImageBuffer for Paired<'_> {
     }
 }
 
-/// JFIF's Y, Cb and Cr of the first `count` of some pixels, in 65536ths; the sums round to the nearest.
+/// JFIF's Y, Cb and Cr of the first `count` of some pixels, rounded to the nearest.
 #[inline(always)]
 fn convert(pixels: &[u8], count: usize, [luma, blue, red, _]: &mut [Vec<u8>; 4]) {
-    const HALF: i32 = 1 << 15;
-    const MIDDLE: i32 = 128 << 16;
-    let mut planes = [[0i32; CHUNK_PX]; 3];
+    // Added to a number from 0 to 255.5, this leaves the nearest whole number in the lowest bits of the sum.
+    const WHOLE: f32 = (1 << 23) as f32;
+    let mut planes = [[0.0f32; CHUNK_PX]; 3];
     for (i, pixel) in pixels[..3 * CHUNK_PX].chunks_exact(3).enumerate() {
         for c in 0..3 {
-            planes[c][i] = i32::from(pixel[c]);
+            planes[c][i] = f32::from(pixel[c]);
         }
     }
     let [r, g, b] = planes;
     let (mut y, mut cb, mut cr) = ([0u8; CHUNK_PX], [0u8; CHUNK_PX], [0u8; CHUNK_PX]);
     for i in 0..CHUNK_PX {
-        y[i] = ((19_595 * r[i] + 38_470 * g[i] + 7_471 * b[i] + HALF) >> 16) as u8;
+        y[i] = (0.299 * r[i] + 0.587 * g[i] + 0.114 * b[i] + WHOLE).to_bits() as u8;
     }
     for i in (0..CHUNK_PX).step_by(2) {
+        // Of two pixels. 255.5, of pure blue or red, would be rounded up.
         let (r, g, b) = (r[i] + r[i + 1], g[i] + g[i + 1], b[i] + b[i + 1]);
-        // Half of what is between -1 and 1 in 65536ths is lost to whole numbers at the upper end: 255.5 is cut.
-        let blue = (-11_059 * r - 21_709 * g + 32_768 * b + 2 * (MIDDLE + HALF)) >> 17;
-        let red = (32_768 * r - 27_439 * g - 5_329 * b + 2 * (MIDDLE + HALF)) >> 17;
-        (cb[i], cr[i]) = (blue.min(255) as u8, red.min(255) as u8);
+        let blue = 128.0 - 0.084_368 * r - 0.165_632 * g + 0.25 * b;
+        let red = 128.0 + 0.25 * r - 0.209_344 * g - 0.040_656 * b;
+        let held = |level: f32| if level < 255.0 { level } else { 255.0 };
+        (cb[i], cr[i]) = ((held(blue) + WHOLE).to_bits() as u8, (held(red) + WHOLE).to_bits() as u8);
         (cb[i + 1], cr[i + 1]) = (cb[i], cr[i]);
     }
     luma.extend_from_slice(&y[..count]);

@@ -7,7 +7,7 @@ use slipbound::port::FrameBuffer;
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use slipbound_lab::contact::{Command, Displacement, Finger, FingerSettings, Grid, Grip, Pose, Wrench};
 use slipbound_lab::jpeg::Codec;
-use slipbound_lab::render::{CameraSettings, Renderer, Surface};
+use slipbound_lab::render::{CameraSettings, Renderer, Surface, Surroundings};
 
 /// The gel after a press, and a shift of the object after that.
 struct Pressed {
@@ -248,4 +248,41 @@ fn the_same_seeds_give_the_same_bytes() {
     assert!(picture(3, 5) == picture(3, 5));
     assert!(picture(3, 5) != picture(3, 6), "another frame has other noise");
     assert!(picture(3, 5) != picture(4, 5), "another skin has other dots");
+}
+
+#[test]
+fn surroundings_are_as_bright_as_a_real_finger_and_leave_the_skin_alone() {
+    let untouched = Pressed::untouched();
+    let mut dark_share = Vec::new();
+    let mut pictures = Vec::new();
+    let dots = Renderer::gelslim(5).markers_at_rest_mm().to_vec();
+    for kind in Surroundings::ALL {
+        assert_eq!(Surroundings::named(kind.name()), Some(kind));
+        let mut camera = Renderer::gelslim(5).with_surroundings(kind);
+        assert_eq!(camera.markers_at_rest_mm(), dots, "{}: dots of another skin", kind.name());
+        let rgb = photograph(&mut camera, &untouched.surface(), 1);
+        let size = camera.size();
+        let dark = rgb.chunks_exact(3).filter(|pixel| pixel.iter().all(|&level| level < 30)).count();
+        dark_share.push(dark as f64 / size.area() as f64);
+        // Farther from every dot than a pitch.
+        let places: Vec<Vec2> = (0..dots.len()).map(|i| camera.marker_px(i, &untouched.surface())).collect();
+        let mut outside: Vec<u8> = (0..size.area())
+            .filter(|i| {
+                let at = Vec2::new((i % size.width) as f64, (i / size.width) as f64);
+                places.iter().all(|place| (*place - at).length() > 35.0)
+            })
+            .map(|i| rgb[3 * i + 1])
+            .collect();
+        outside.sort_unstable();
+        let median = outside[outside.len() / 2];
+        println!("{}: {:.3} below 30, median green outside the dots {median}", kind.name(), dark_share[pictures.len()]);
+        if kind != Surroundings::Housing {
+            assert!((185..=205).contains(&median), "{}: median green {median}", kind.name());
+        }
+        pictures.push(rgb);
+    }
+    // On released frames one pixel of a thousand is below 30.
+    assert!(dark_share[0] > 0.2 && dark_share[1..].iter().all(|&share| share < 0.002), "{dark_share:?}");
+    assert!(pictures.windows(2).all(|pair| pair[0] != pair[1]), "two kinds look the same");
+    assert_eq!(Surroundings::named("none"), None);
 }
