@@ -5,7 +5,7 @@
 
 use slipbound::monitor::Settings;
 use slipbound_lab::objects::OBJECTS;
-use slipbound_lab::protocol::{FORCES_N, Judged, Push, Verdict, judge, pushes};
+use slipbound_lab::protocol::{FORCES_N, Push, RuleOutcome, Verdict, evaluate, pushes};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 fn argument(name: &str, default: u64) -> u64 {
@@ -34,12 +34,12 @@ struct Counts {
 }
 
 impl Counts {
-    fn add(&mut self, judged: &Judged) {
+    fn add(&mut self, outcome: &RuleOutcome) {
         self.trials += 1;
-        self.gripping += u32::from(judged.alarm_while_gripping);
-        self.frames += judged.frames_count;
-        self.unsure += judged.unsure_count;
-        match judged.verdict {
+        self.gripping += u32::from(outcome.alarm_while_gripping);
+        self.frames += outcome.frames_count;
+        self.unsure += outcome.unsure_count;
+        match outcome.verdict {
             Verdict::InTime(fraction) => {
                 self.right += 1;
                 self.fractions.push(fraction);
@@ -83,14 +83,14 @@ fn main() {
         .collect();
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut results: Vec<(usize, Vec<Judged>)> = std::thread::scope(|scope| {
+    let mut results: Vec<(usize, Vec<RuleOutcome>)> = std::thread::scope(|scope| {
         let work = || {
             let mut done = Vec::new();
             loop {
                 let at = next.fetch_add(1, Ordering::Relaxed);
                 let Some((_, push)) = trials.get(at) else { return done };
-                match judge(push, &rules) {
-                    Ok(judged) => done.push((at, judged)),
+                match evaluate(push, &rules) {
+                    Ok(outcomes) => done.push((at, outcomes)),
                     Err(error) => eprintln!("{}: {error}", push.trial),
                 }
             }
@@ -107,10 +107,10 @@ fn main() {
         println!("|---|---|---|---|---|---|---|---|---|");
         let table = |name: &str, of: &dyn Fn(usize, &Push) -> bool| {
             let mut counts = Counts::default();
-            for (at, judged) in &results {
+            for (at, outcomes) in &results {
                 let (object, push) = &trials[*at];
                 if of(*object, push) {
-                    counts.add(&judged[rule]);
+                    counts.add(&outcomes[rule]);
                 }
             }
             println!("{}", counts.row(name));

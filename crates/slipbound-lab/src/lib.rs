@@ -1,10 +1,10 @@
-//! A finger made of numbers: the contact of a soft, bonded gel pad with an object, with exact truth of what
+//! Simulated soft fingers: the contact of a soft, bonded gel pad with an object, with exact truth of what
 //! sticks and what slips.
 //!
 //! ```text
 //!        object  (pose, roll, force, wrench)
 //!      ~~~~~\_______/~~~~~      shape:     how high the object is above the flat gel
-//!      =====gel surface=====    contact:   who touches (normal), who sticks (tangential)
+//!      =====gel surface=====    contact:   what touches (normal), what sticks (tangential)
 //!           gel, h mm           layer:     how the gel yields
 //!      #####rigid lens######
 //! ```
@@ -42,13 +42,15 @@
 //! assert!(world.gross().is_some(), "it slid in the end");
 //! ```
 //!
-//! Two such fingers on a gripper and a wrist, holding a cap, a bottle or a tool, are a [`hand`] that commands move.
+//! Two such fingers on a gripper and a wrist, holding a cap, a bottle or a tool, are a [`hand`] that
+//! takes commands; [`score`] rates what a run did.
 
 pub mod contact;
 pub mod faults;
 pub mod hand;
 pub mod jpeg;
 pub mod layer;
+pub mod lockstep;
 pub mod objects;
 pub mod plants;
 pub mod protocol;
@@ -56,5 +58,7 @@ pub mod random;
 pub mod record;
 pub mod render;
 pub mod scenes;
+pub mod score;
+pub mod trials;
 pub mod validation;
 pub mod world;

@@ -10,93 +10,20 @@
 
 mod form;
 mod library;
+mod object;
 mod relief;
 
 pub use form::Form;
 pub use library::OBJECTS;
+pub use object::{Object, ObjectSurface};
 pub use relief::Relief;
-
-use crate::contact::shape::Shape;
-use crate::layer::{SoftObject, above_zero};
-use serde::Serialize;
-use slipbound::plane::Vec2;
-use slipbound::setting::SettingError;
-
-/// An object to be held.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Object {
-    /// What it is called in scenes.
-    pub name: &'static str,
-    /// The part that faces the pad, without its relief.
-    pub form: Form,
-    /// What is cut into the form.
-    pub relief: Relief,
-    /// How it gives; None for what is rigid beside the gel.
-    pub softness: Option<SoftObject>,
-    /// Friction coefficient on the gel when a scene names none.
-    pub mu: f64,
-    /// Mass in kg; of the bottle, empty.
-    pub mass_kg: f64,
-    /// Radius of gyration about the point that is held, in mm.
-    pub gyration_radius_mm: f64,
-    /// What its surface looks like.
-    pub texture: &'static str,
-    /// What to know before trusting it.
-    pub note: &'static str,
-}
-
-impl Object {
-    /// The object of a name; the error lists the names.
-    pub fn named(name: &str) -> Result<&'static Object, SettingError> {
-        OBJECTS.iter().find(|object| object.name == name).ok_or_else(|| SettingError {
-            key: "object".into(),
-            got: name.into(),
-            expected: format!("one of {}", OBJECTS.map(|object| object.name).join(", ")),
-        })
-    }
-
-    /// Its surface, to be pressed on the gel.
-    pub fn surface(&self) -> ObjectSurface {
-        ObjectSurface { form: self.form, relief: self.relief }
-    }
-}
-
-/// A form with its relief as one height field.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ObjectSurface {
-    /// Without the relief.
-    pub form: Form,
-    /// What is cut into it.
-    pub relief: Relief,
-}
-
-impl Shape for ObjectSurface {
-    fn gap_mm(&self, from_centre: Vec2, on_skin: Vec2) -> f64 {
-        let gap_mm = self.form.shape().gap_mm(from_centre, on_skin);
-        if gap_mm.is_finite() {
-            gap_mm + self.relief.depth_at_mm(self.form.unrolled_mm(from_centre, on_skin))
-        } else {
-            gap_mm
-        }
-    }
-
-    fn half_size_mm(&self) -> Vec2 {
-        self.form.shape().half_size_mm()
-    }
-
-    fn check(&self) -> Result<(), SettingError> {
-        self.form.shape().check()?;
-        for (key, value) in self.relief.lengths_mm() {
-            above_zero(key, value)?;
-        }
-        Ok(())
-    }
-}
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contact::shape::Shape;
     use crate::contact::{Finger, FingerSettings, Friction};
+    use slipbound::plane::Vec2;
 
     #[test]
     fn every_object_fits_on_the_pad_and_has_sound_numbers() {

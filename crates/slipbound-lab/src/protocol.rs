@@ -74,7 +74,7 @@ fn position(object: &str) -> u64 {
     OBJECTS.iter().position(|known| known.name == object).unwrap_or(0) as u64
 }
 
-/// What a rule made of a trial.
+/// How a rule's alarm compares with the truth of a trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
     /// An alarm at this load fraction, between [`FALSE_BELOW_FRACTION`] and 1: in time.
@@ -89,23 +89,23 @@ pub enum Verdict {
     Quiet,
 }
 
-/// What came of a trial for one rule.
+/// The outcome of a trial for one rule.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Judged {
+pub struct RuleOutcome {
     /// Whether the alarm was right.
     pub verdict: Verdict,
     /// Frames under load, from the end of the grip on.
     pub frames_count: u32,
-    /// Of these, frames the rule did not judge or was unsure of.
+    /// Of these, frames the rule did not decide or was unsure of.
     pub unsure_count: u32,
     /// Whether it raised an alarm while the object was being gripped. The paper's reference is taken after that, so
     /// it is counted apart.
     pub alarm_while_gripping: bool,
 }
 
-/// Runs a trial and lets every rule look at the same frames. A rule starts anew from the last frame before the load,
+/// Runs a trial and evaluates every rule on the same frames. A rule starts anew from the last frame before the load,
 /// as the paper takes its reference once the object is held.
-pub fn judge(push: &Push, rules: &[Settings]) -> Result<Vec<Judged>, SourceError> {
+pub fn evaluate(push: &Push, rules: &[Settings]) -> Result<Vec<RuleOutcome>, SourceError> {
     let mut world = World::new(&push.trial)?;
     let sensor = world.sensor();
     let rest_frames = push.trial.number("rest_frames") as u64;
@@ -128,30 +128,30 @@ pub fn judge(push: &Push, rules: &[Settings]) -> Result<Vec<Judged>, SourceError
     for (rest, rule) in rests.into_iter().zip(rules) {
         monitors.push(SlipMonitor::new(&sensor, rule, rest.build(RestKind::Unloaded)?)?);
     }
-    let none = Judged { verdict: Verdict::Quiet, frames_count: 0, unsure_count: 0, alarm_while_gripping: false };
-    let mut judged = vec![(none, None); rules.len()];
+    let none = RuleOutcome { verdict: Verdict::Quiet, frames_count: 0, unsure_count: 0, alarm_while_gripping: false };
+    let mut outcomes = vec![(none, None); rules.len()];
     while world.next(&mut frame)? == Next::Frame {
-        for (monitor, (judged, alarm)) in monitors.iter_mut().zip(&mut judged) {
+        for (monitor, (outcome, alarm)) in monitors.iter_mut().zip(&mut outcomes) {
             let state = monitor.step(&frame.frame()?, None).state;
             let alarms = matches!(state, SlipState::Incipient | SlipState::Gross);
             if frame.seq < load_from {
-                judged.alarm_while_gripping |= alarms;
+                outcome.alarm_while_gripping |= alarms;
                 if frame.seq + 1 == load_from {
                     monitor.rebase(frame.seq);
                 }
                 continue;
             }
-            judged.frames_count += 1;
-            judged.unsure_count += u32::from(!alarms && state != SlipState::Stick);
+            outcome.frames_count += 1;
+            outcome.unsure_count += u32::from(!alarms && state != SlipState::Stick);
             if alarms && alarm.is_none() {
                 *alarm = Some((world.truth().load.unwrap_or(0.0), world.truth().time_ns as f64 * 1e-9));
             }
         }
     }
     let gross = world.gross();
-    Ok(judged
+    Ok(outcomes
         .into_iter()
-        .map(|(judged, alarm)| {
+        .map(|(outcome, alarm)| {
             let verdict = match (push.slips, alarm, gross) {
                 (false, None, _) => Verdict::Quiet,
                 (false, Some(_), _) => Verdict::False,
@@ -162,7 +162,7 @@ pub fn judge(push: &Push, rules: &[Settings]) -> Result<Vec<Judged>, SourceError
                 // It never slid as a whole, by our definition: any alarm is in time for what did not come.
                 (true, Some((load, _)), None) => Verdict::InTime(load.min(1.0)),
             };
-            Judged { verdict, ..judged }
+            RuleOutcome { verdict, ..outcome }
         })
         .collect())
 }

@@ -1,4 +1,4 @@
-//! A trial as a folder that can be replayed, judged and made again.
+//! A trial as a folder that can be replayed, scored and made again.
 //!
 //! ```text
 //!   FOLDER/frame_000000.jpg ...   frames, named by their numbers
@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 /// Why a trial was not recorded.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
-    /// The trial cannot be.
+    /// The trial is refused.
     #[error(transparent)]
     Setting(#[from] SettingError),
     /// There is something in the folder already.
@@ -54,7 +54,7 @@ pub enum RecordError {
         /// Why.
         source: SourceError,
     },
-    /// Whoever asked for it did not want to go on.
+    /// The caller stopped it.
     #[error("interrupted after {frames_count} frames; what was written is kept, but there is no truth.jsonl")]
     Interrupted {
         /// Frames written.
@@ -95,7 +95,7 @@ pub fn read_scene(path: &Path) -> Result<Trial, RecordError> {
     Ok(file.trial)
 }
 
-/// Runs a trial and writes it to a folder. `go_on` is asked after every frame.
+/// Runs a trial and writes it to a folder. `go_on` is called after every frame; false stops.
 pub fn record(
     trial: &Trial,
     folder: &Path,
@@ -106,9 +106,9 @@ pub fn record(
     let mut rest = Vec::new();
     world.photograph_rest(&mut rest).map_err(|source| RecordError::Frame { frame: 0, source })?;
     write(&folder.join("rest/rest.jpg"), &rest)?;
-    write(&folder.join("sensor.toml"), as_toml(&world.sensor()).as_bytes())?;
+    write_toml(&folder.join("sensor.toml"), &world.sensor())?;
     let file = SceneFile { software_version: env!("CARGO_PKG_VERSION").into(), trial: trial.clone() };
-    write(&folder.join("scene.toml"), as_toml(&file).as_bytes())?;
+    write_toml(&folder.join("scene.toml"), &file)?;
 
     let (mut truths, mut torn_count) = (Vec::new(), 0);
     let mut source = Faulty::new(world, trial.faults().unwrap_or_default(), trial.seed);
@@ -179,6 +179,8 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
     fs::write(path, bytes).map_err(|source| RecordError::Write { path: path.to_owned(), source })
 }
 
-fn as_toml(value: &impl Serialize) -> String {
-    toml::to_string(value).expect("sensors and trials have only what TOML can write")
+fn write_toml(path: &Path, value: &impl Serialize) -> Result<(), RecordError> {
+    let text = toml::to_string(value)
+        .map_err(|error| RecordError::Write { path: path.to_owned(), source: io::Error::other(error) })?;
+    write(path, text.as_bytes())
 }

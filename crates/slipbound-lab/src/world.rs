@@ -1,8 +1,8 @@
 //! One finger, one object, one camera, stepped through a trial: frames as a camera would deliver them, and the truth.
 //!
 //! ```text
-//!   Trial --> Course --> Finger (contact, 120 steps a second) --> Renderer (30 frames a second) --> JPEG --> frame
-//!                          `--------------------------------------------------> FrameTruth
+//!   Trial --> LoadProfile --> Finger (contact, 120 steps a second) --> Renderer (30 frames a second) --> JPEG --> frame
+//!                               `--------------------------------------------------> FrameTruth
 //! ```
 //!
 //! Frame n shows the finger at n/30 s by the world's own clock ([`Clock::Device`]). The exposure has no length, so
@@ -23,7 +23,7 @@ use crate::contact::{Command, Displacement, Drive, Event, Finger, FingerSettings
 use crate::jpeg::Codec;
 use crate::random::Random;
 use crate::render::{Renderer, Surface};
-use crate::scenes::{Course, Pull, Trial};
+use crate::scenes::{LoadProfile, Pull, Trial};
 use gross::GrossWatch;
 use slipbound::plane::Vec2;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
@@ -44,7 +44,7 @@ const LAST_SLIDE_MM: f64 = 3.0;
 #[derive(Debug)]
 pub struct World {
     trial: Trial,
-    course: Course,
+    profile: LoadProfile,
     start: Pose,
     finger: Finger,
     camera: Renderer,
@@ -66,7 +66,7 @@ pub struct World {
 impl World {
     /// The world of a trial, before its first frame. Refuses what the scene, the object or the contact cannot be.
     pub fn new(trial: &Trial) -> Result<Self, SettingError> {
-        let course = trial.course()?;
+        let profile = trial.load_profile()?;
         let object = trial.object();
         let grid = if trial.word("grid") == "fast" { Grid::fast() } else { Grid::standard() };
         let settings = FingerSettings {
@@ -89,16 +89,16 @@ impl World {
         };
         let size = camera.size();
         let rest_frames = trial.number("rest_frames") as u64;
-        let moving_frames = (course.path.seconds_s() * FRAME_RATE_HZ as f64 - 1e-9).ceil() as u64;
+        let moving_frames = (profile.path.seconds_s() * FRAME_RATE_HZ as f64 - 1e-9).ceil() as u64;
         let mut world = World {
-            gross: GrossWatch::new(course.load_from_s),
+            gross: GrossWatch::new(profile.load_from_s),
             frames_count: rest_frames + moving_frames,
             codec: Codec::new(size, trial.number("jpeg_quality") as u8),
             rgb: vec![0; 3 * size.area()],
             displacement: vec![Displacement::default(); grid.cells_count()],
             truth: FrameTruth::default(),
             trial: trial.clone(),
-            course,
+            profile,
             start,
             finger,
             camera,
@@ -197,11 +197,11 @@ impl World {
         let off = Command { grip: Grip::ForceN(0.0), pose: self.start, roll_mm: Vec2::ZERO, wrench: Wrench::default() };
         self.finger.step(&off)?;
         self.finger.step(&off)?; // a second time, for the first left it with a velocity
-        self.set_drive(self.course.drive)
+        self.set_drive(self.profile.drive)
     }
 
     fn set_drive(&mut self, drive: Drive) -> Result<(), SettingError> {
-        let fingers_count = self.course.fingers_count;
+        let fingers_count = self.profile.fingers_count;
         self.finger.set_body(crate::contact::Body { drive, fingers_count })
     }
 
@@ -218,16 +218,16 @@ impl World {
     fn substep(&mut self) -> Result<(), SettingError> {
         self.steps_count += 1;
         let now_s = self.path_s(self.steps_count);
-        let mut command = self.course.path.at(now_s);
+        let mut command = self.profile.path.at(now_s);
         command.pose.position_mm += self.start.position_mm;
         command.pose.turn_rad += self.start.turn_rad;
-        let since_s = self.course.load_from_s.map(|from_s| now_s - from_s).filter(|&since_s| since_s > 1e-9);
+        let since_s = self.profile.load_from_s.map(|from_s| now_s - from_s).filter(|&since_s| since_s > 1e-9);
         if let Some(since_s) = since_s {
             command.wrench = self.pull(since_s)?;
         }
         self.finger.step(&command)?;
-        if since_s.is_some() && self.course.pull == Pull::None {
-            self.load = load::along(&self.finger.truth().wrench, self.course.along);
+        if since_s.is_some() && self.profile.pull == Pull::None {
+            self.load = load::along(&self.finger.truth().wrench, self.profile.along);
         }
         let time_s = self.clock_s(now_s);
         self.note_events(time_s);
@@ -239,7 +239,7 @@ impl World {
 
     /// The wrench that acts beside the path, at a time since it began.
     fn pull(&mut self, since_s: f64) -> Result<Wrench, SettingError> {
-        let pull = self.course.pull;
+        let pull = self.profile.pull;
         if pull != Pull::None {
             self.load = pull.load(since_s);
         }
@@ -255,7 +255,7 @@ impl World {
                 })
             }
             Pull::Weight { direction_rad, .. } => {
-                if let (Drive::Free(mut inertia), Some(mass_kg)) = (self.course.drive, pull.mass_kg(since_s)) {
+                if let (Drive::Free(mut inertia), Some(mass_kg)) = (self.profile.drive, pull.mass_kg(since_s)) {
                     inertia.mass_kg = mass_kg;
                     self.set_drive(Drive::Free(inertia))?;
                 }
@@ -273,7 +273,7 @@ impl World {
 
     /// Whether an object that nothing holds back has left the place where it let go.
     fn has_slid_away(&self) -> bool {
-        let pulled = self.course.pull != Pull::None;
+        let pulled = self.profile.pull != Pull::None;
         pulled
             && self.gross.found().is_some_and(|gross| {
                 (self.finger.truth().pose.position_mm - gross.pose.position_mm).length() > LAST_SLIDE_MM
@@ -292,7 +292,7 @@ impl World {
         let time_ns = (frame * 1_000_000_000 + FRAME_RATE_HZ / 2) / FRAME_RATE_HZ;
         let mut truth = FrameTruth::of(&self.finger, frame, time_ns, markers);
         truth.friction_used_fraction = self.gross.friction_used_fraction();
-        truth.load = self.course.load_from_s.map(|_| self.load);
+        truth.load = self.profile.load_from_s.map(|_| self.load);
         truth.events.clone_from(&self.events);
         truth
     }
@@ -334,6 +334,6 @@ impl FrameSource for World {
 
     /// Known where nothing can slide away.
     fn frames_count(&self) -> Option<u64> {
-        (self.course.pull == Pull::None).then_some(self.frames_count)
+        (self.profile.pull == Pull::None).then_some(self.frames_count)
     }
 }

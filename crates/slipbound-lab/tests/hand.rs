@@ -1,9 +1,6 @@
-//! The simulated hand against statics: caps, and later bottles and tools, held by two soft fingers.
+//! The simulated hand against statics: caps, bottles and tools, held by two soft fingers.
 
-#[allow(unused_imports)]
-use slipbound::port::{
-    FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Next, Wrist, WristCommand, WristMotion,
-};
+use slipbound::plant::Plant;
 use slipbound_lab::hand::{HandScene, HandTruth, HandWorld};
 
 const DEG: f64 = std::f64::consts::PI / 180.0;

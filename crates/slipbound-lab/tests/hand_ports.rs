@@ -1,12 +1,10 @@
 //! The simulated hand through its ports: scenes as text, cameras, gripper, wrist, and the plant for somebody else.
 
-use slipbound::plant::{JawCommand, JawDrive, JawSettings};
 use slipbound::plane::Vec2;
-use slipbound::port::{
-    FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Next, Wrist, WristCommand, WristMotion,
-};
+use slipbound::plant::{JawCommand, JawDrive, JawSettings, Plant};
+use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Next, Wrist, WristCommand, WristMotion};
 use slipbound_lab::faults::{Faults, Faulty};
-use slipbound_lab::hand::{HAND_TASKS, HandScene, SimHand};
+use slipbound_lab::hand::{HAND_TASKS, HandScene, SimCamera, SimGripper, SimHand, SimPlant, SimWrist};
 use slipbound_lab::objects::OBJECTS;
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
@@ -15,7 +13,7 @@ fn hand(scene: &str) -> SimHand {
     SimHand::new(&HandScene::parse(scene).expect("a sound scene")).expect("a sound hand")
 }
 
-fn go(force_n: f64) -> GripCommand {
+fn hold(force_n: f64) -> GripCommand {
     GripCommand::Hold { force_n }
 }
 
@@ -62,7 +60,7 @@ fn cameras_see_the_same_twist_and_a_scene_is_the_same_bytes() {
 fn a_pull_down_goes_the_same_way_in_both_pictures_and_a_turn_the_other() {
     // A tool held off its middle turns about the closing direction: the fingers see it from its two sides.
     let hand = hand("place?off_mm=20");
-    hand.gripper().command(go(10.0)).expect("taken over");
+    hand.gripper().command(hold(10.0)).expect("taken over");
     for _ in 0..30 {
         hand.advance_frame();
     }
@@ -88,7 +86,7 @@ fn a_tilted_tool_is_seen_from_its_two_sides_and_a_cap_alike() {
     // Markers lie in 20 rows of 21; row r of one finger is row 19 - r of the other when that one sees the mirror image.
     for (scene, mirrored) in [("place?tilt_deg=30", true), ("screw?thread_mm_per_turn=8&seal_deg=2", false)] {
         let hand = hand(scene);
-        hand.gripper().command(go(15.0)).expect("taken over");
+        hand.gripper().command(hold(15.0)).expect("taken over");
         let mut wrist = hand.wrist();
         for n in 0..45 {
             let turn = WristMotion::Turn { rate_rad_per_s: 20.0 * DEG, most_rad: 1.0 };
@@ -146,7 +144,7 @@ fn every_object_can_be_lifted_and_put_down_and_round_ones_turned() {
                 continue;
             };
             let hand = SimHand::new(&scene).expect("a sound hand");
-            hand.gripper().command(go(10.0)).expect("taken over");
+            hand.gripper().command(hold(10.0)).expect("taken over");
             for _ in 0..6 {
                 hand.advance_frame();
             }
@@ -160,12 +158,12 @@ fn every_object_can_be_lifted_and_put_down_and_round_ones_turned() {
 fn commands_that_cannot_be_are_refused_and_change_nothing() {
     let hand = hand("screw?fingers=1");
     let (mut gripper, mut wrist) = (hand.gripper(), hand.wrist());
-    gripper.command(go(20.0)).expect("taken over");
+    gripper.command(hold(20.0)).expect("taken over");
     for _ in 0..40 {
         hand.advance_frame();
     }
     for force_n in [f64::NAN, f64::INFINITY, -1.0] {
-        let error = gripper.command(go(force_n)).expect_err("refused").to_string();
+        let error = gripper.command(hold(force_n)).expect_err("refused").to_string();
         assert!(error.contains("expected a finite force of 0 N or above, got"), "{error}");
     }
     let spin = WristCommand::new(WristMotion::Turn { rate_rad_per_s: f64::NAN, most_rad: 1.0 });
@@ -190,7 +188,7 @@ fn commands_that_cannot_be_are_refused_and_change_nothing() {
 fn a_bottle_that_fell_is_lost() {
     let hand = hand("lift?start_kg=1.5&mu=0.3&fingers=1");
     let (mut gripper, mut wrist) = (hand.gripper(), hand.wrist());
-    gripper.command(go(5.0)).expect("taken over");
+    gripper.command(hold(5.0)).expect("taken over");
     for _ in 0..60 {
         let up = WristMotion::Lower { rate_mm_per_s: -30.0, most_mm: 50.0 };
         if gripper.poll().expect("a state").jaws == Jaws::Holding {
@@ -239,7 +237,7 @@ fn the_gel_of_a_sensor_is_known() {
 #[test]
 fn a_plant_driven_by_somebody_else_shows_and_tells_the_same() {
     let own = hand("screw?fingers=1&seed=2");
-    own.gripper().command(go(15.0)).expect("taken over");
+    own.gripper().command(hold(15.0)).expect("taken over");
     let other = hand("screw?fingers=1&seed=2");
     let mut plant = other.plant();
     let mut jaws = JawDrive::new(JawSettings { stroke_mm: 32.0, ..JawSettings::default() }).expect("valid");
@@ -259,5 +257,90 @@ fn a_plant_driven_by_somebody_else_shows_and_tells_the_same() {
         assert_eq!((a.seq, a.time_ns, a.encoded == b.encoded), (n, b.time_ns, true));
     }
     assert!(other.truth().grip_force_n > 10.0 && other.truth().opening_mm.is_none());
-    assert!(other.gripper().command(go(1.0)).is_err());
+    assert!(other.gripper().command(hold(1.0)).is_err());
+}
+
+/// A hand whose every part is owned by a thread of its own makes the same bytes as one in lock-step on one thread: what
+/// counts is the order of the calls, which channels keep here.
+#[test]
+fn every_part_of_a_hand_can_be_owned_by_a_thread() {
+    const fn is_send<T: Send>() {}
+    const _: () = {
+        is_send::<SimHand>();
+        is_send::<SimCamera>();
+        is_send::<SimGripper>();
+        is_send::<SimWrist>();
+        is_send::<SimPlant>();
+    };
+    let scene = "screw?seed=2";
+    let turn = WristCommand::new(WristMotion::Turn { rate_rad_per_s: 20.0 * DEG, most_rad: 0.1 });
+    let run = |parts: &mut dyn FnMut(&SimHand) -> [Vec<u8>; 2]| {
+        let hand = hand(scene);
+        for _ in 0..14 {
+            hand.advance_frame();
+        }
+        let bytes = parts(&hand);
+        (bytes, hand.truth())
+    };
+    let alone = run(&mut |hand| {
+        let (mut frame, mut bytes) = (FrameBuffer::default(), [Vec::new(), Vec::new()]);
+        let (mut gripper, mut wrist, mut cameras) = (hand.gripper(), hand.wrist(), [hand.camera(0), hand.camera(1)]);
+        for _ in 0..20 {
+            gripper.command(hold(15.0)).expect("taken over");
+            wrist.command(turn).expect("taken over");
+            for (camera, bytes) in cameras.iter_mut().zip(&mut bytes) {
+                assert_eq!(camera.next(&mut frame).expect("a frame"), Next::Frame);
+                bytes.extend_from_slice(&frame.encoded);
+            }
+            hand.advance_frame();
+        }
+        bytes
+    });
+    let apart = run(&mut |hand| {
+        // A round is done by every part at once; the barrier lets time pass only between rounds.
+        let barrier = std::sync::Barrier::new(5);
+        let (mut gripper, mut wrist) = (hand.gripper(), hand.wrist());
+        let cameras = [hand.camera(0), hand.camera(1)];
+        let round = |part: &mut dyn FnMut()| {
+            for _ in 0..20 {
+                part();
+                barrier.wait();
+                barrier.wait();
+            }
+        };
+        std::thread::scope(|scope| {
+            let round = &round;
+            scope.spawn(move || round(&mut || gripper.command(hold(15.0)).expect("taken over")));
+            scope.spawn(move || round(&mut || wrist.command(turn).expect("taken over")));
+            let cameras = cameras.map(|mut camera| {
+                scope.spawn(move || {
+                    let (mut frame, mut bytes) = (FrameBuffer::default(), Vec::new());
+                    round(&mut || {
+                        assert_eq!(camera.next(&mut frame).expect("a frame"), Next::Frame);
+                        bytes.extend_from_slice(&frame.encoded);
+                    });
+                    bytes
+                })
+            });
+            let hand = hand.clone();
+            let barrier = &barrier;
+            scope.spawn(move || {
+                for _ in 0..20 {
+                    barrier.wait();
+                    hand.advance_frame();
+                    barrier.wait();
+                }
+            });
+            cameras.map(|camera| camera.join().expect("no panic"))
+        })
+    });
+    assert!(alone.0 == apart.0 && alone.1 == apart.1);
+    assert!(alone.1.grip_force_n > 10.0, "{:?}", alone.1);
+    // The plant, too, for a gripper that an emulator plays.
+    let mut plant = hand(scene).plant();
+    let thread = std::thread::spawn(move || {
+        plant.advance_to(100_000_000);
+        plant.width_mm()
+    });
+    assert_eq!(thread.join().expect("no panic"), Some(28.0));
 }

@@ -20,6 +20,7 @@ mod ffmpeg;
 mod folder;
 mod jpeg;
 mod natural;
+mod newest;
 mod picture;
 mod riff;
 
@@ -27,6 +28,7 @@ pub use avi::Avi;
 pub use error::Error;
 pub use ffmpeg::Ffmpeg;
 pub use folder::Folder;
+pub use newest::{Arrivals, Newest};
 pub use riff::Rate;
 
 use slipbound::port::FrameSource;

@@ -1,21 +1,138 @@
-//! From a verdict per frame to the few moments worth a line: slip begins, slip ends.
+//! From a verdict per frame to the few events worth a line: slip begins, slip ends.
+//!
+//! ```text
+//!   signs of slip:   . . x x . x . . . . . . . x x ...
+//!   episodes:            |-- 1 --|<- 0.2 s ->| |- 2 ...
+//! ```
+//!
+//! One rule for recordings, closed loops and replays, so that all number slips alike: a slip is over after 0.2 s without
+//! a sign of it, or when contact is lost.
 
+use crate::hand::HandReport;
 use crate::monitor::{SlipKind, SlipReport, SlipState};
 use serde::Serialize;
 
-/// A slip is over after this many frames in a row without a new sign of it: a third of a second at 30 Hz, the
-/// time in which the reference, taken anew at each sign, would show the next one.
-const QUIET_FRAMES_COUNT: u32 = 10;
+/// A slip is over after this time without a sign of it. It is less than a controller needs for a step and its pause,
+/// so that the next slip is one of its own.
+const QUIET_NS: u64 = 200_000_000;
 
-/// A moment worth a line.
+/// The same where frames have no time: 0.2 s at 30 Hz.
+const QUIET_FRAMES_COUNT: u64 = 6;
+
+/// What one frame or one cycle says of slip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sign {
+    /// Number of the frame.
+    pub seq: u64,
+    /// Its time, ns; None where it is not known.
+    pub time_ns: Option<u64>,
+    /// Whether it shows slip.
+    pub slips: bool,
+    /// Whether nothing is touched any more.
+    pub contact_lost: bool,
+}
+
+impl Sign {
+    /// What a finger's report says.
+    pub fn of_finger(report: &SlipReport) -> Self {
+        Sign { seq: report.seq, time_ns: report.time_ns, ..Sign::of_state(report.state) }
+    }
+
+    /// What the hand says in a cycle.
+    pub fn of_hand(now_ns: u64, hand: &HandReport) -> Self {
+        Sign { seq: hand.seq, time_ns: Some(now_ns), ..Sign::of_state(hand.state) }
+    }
+
+    fn of_state(state: SlipState) -> Self {
+        let slips = matches!(state, SlipState::Incipient | SlipState::Gross);
+        Sign { seq: 0, time_ns: None, slips, contact_lost: state == SlipState::NoContact }
+    }
+}
+
+/// A slip from the first sign of it to the last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Episode {
+    /// Its number, from 1.
+    pub number: u32,
+    /// Number and time of the first frame that showed it.
+    pub first: (u64, Option<u64>),
+    /// Number and time of the last frame that showed it.
+    pub last: (u64, Option<u64>),
+    /// Frames that showed it.
+    pub frames_count: u32,
+}
+
+/// What a sign changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Change {
+    /// The slip that is over.
+    pub ended: Option<Episode>,
+    /// The slip that begins.
+    pub began: Option<Episode>,
+}
+
+/// Folds signs into episodes.
+#[derive(Debug, Clone, Default)]
+pub struct SlipEpisodes {
+    running: Option<Episode>,
+    count: u32,
+}
+
+impl SlipEpisodes {
+    /// Slips that have begun so far.
+    pub fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// Takes the next sign; says what it ends and begins.
+    pub fn see(&mut self, sign: &Sign) -> Change {
+        let mut change = Change::default();
+        if self.running.is_some_and(|running| sign.contact_lost || is_over(&running, sign)) {
+            change.ended = self.running.take();
+        }
+        if !sign.slips {
+            return change;
+        }
+        let now = (sign.seq, sign.time_ns);
+        match &mut self.running {
+            Some(running) => {
+                running.last = now;
+                running.frames_count += 1;
+            }
+            None => {
+                self.count += 1;
+                self.running = Some(Episode { number: self.count, first: now, last: now, frames_count: 1 });
+                change.began = self.running;
+            }
+        }
+        change
+    }
+
+    /// Ends what still runs when the recording or the loop is over.
+    pub fn end(&mut self) -> Option<Episode> {
+        self.running.take()
+    }
+}
+
+/// Whether a slip that was last seen then is over now.
+fn is_over(running: &Episode, sign: &Sign) -> bool {
+    match (running.last.1, sign.time_ns) {
+        (Some(last_ns), Some(now_ns)) => now_ns.saturating_sub(last_ns) >= QUIET_NS,
+        _ => sign.seq.saturating_sub(running.last.0) >= QUIET_FRAMES_COUNT,
+    }
+}
+
+/// An event worth a line.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "event")]
 pub enum SlipEvent {
     /// Part of the contact began to slip.
     Begins {
+        /// The slip's number, from 1.
+        slip: u32,
         /// Number of the frame that shows it.
         seq: u64,
-        /// Time of that frame.
+        /// Time of that frame, ns.
         time_ns: Option<u64>,
         /// What kind of motion slips.
         kind: Option<SlipKind>,
@@ -24,27 +141,21 @@ pub enum SlipEvent {
     },
     /// It came to rest, or contact was lost.
     Ends {
+        /// The slip's number.
+        slip: u32,
         /// Number of the last frame that showed slip.
         seq: u64,
-        /// Time of that frame.
+        /// Time of that frame, ns.
         time_ns: Option<u64>,
         /// Frames that showed slip.
         frames_count: u32,
     },
 }
 
-/// Folds reports into events.
+/// Folds the reports of one finger into events.
 #[derive(Debug, Clone, Default)]
 pub struct SlipEvents {
-    running: Option<Running>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Running {
-    last_seq: u64,
-    last_time_ns: Option<u64>,
-    frames_count: u32,
-    quiet_frames_count: u32,
+    episodes: SlipEpisodes,
 }
 
 impl SlipEvents {
@@ -53,39 +164,26 @@ impl SlipEvents {
         SlipEvents::default()
     }
 
-    /// Takes the next report; says what it begins or ends.
-    pub fn see(&mut self, report: &SlipReport) -> Option<SlipEvent> {
-        let slips = matches!(report.state, SlipState::Incipient | SlipState::Gross);
-        match (&mut self.running, slips) {
-            (None, false) => None,
-            (None, true) => {
-                let (last_seq, last_time_ns) = (report.seq, report.time_ns);
-                self.running = Some(Running { last_seq, last_time_ns, frames_count: 1, quiet_frames_count: 0 });
-                let (seq, time_ns) = (report.seq, report.time_ns);
-                let (kind, direction_rad) = (report.slip.kind, report.slip.direction_rad);
-                Some(SlipEvent::Begins { seq, time_ns, kind, direction_rad })
-            }
-            (Some(running), true) => {
-                running.last_seq = report.seq;
-                running.last_time_ns = report.time_ns;
-                running.frames_count += 1;
-                running.quiet_frames_count = 0;
-                None
-            }
-            (Some(running), false) => {
-                running.quiet_frames_count += 1;
-                let over = running.quiet_frames_count >= QUIET_FRAMES_COUNT || report.state == SlipState::NoContact;
-                if over { self.end() } else { None }
-            }
-        }
+    /// Takes the next report; says what it ends and what it begins, in this order.
+    pub fn see(&mut self, report: &SlipReport) -> impl Iterator<Item = SlipEvent> + use<> {
+        let change = self.episodes.see(&Sign::of_finger(report));
+        let begins = change.began.map(|slip| SlipEvent::Begins {
+            slip: slip.number,
+            seq: report.seq,
+            time_ns: report.time_ns,
+            kind: report.slip.kind,
+            direction_rad: report.slip.direction_rad,
+        });
+        change.ended.map(ends).into_iter().chain(begins)
     }
 
     /// Ends what still runs when the recording is over.
     pub fn end(&mut self) -> Option<SlipEvent> {
-        self.running.take().map(|r| SlipEvent::Ends {
-            seq: r.last_seq,
-            time_ns: r.last_time_ns,
-            frames_count: r.frames_count,
-        })
+        self.episodes.end().map(ends)
     }
+}
+
+fn ends(slip: Episode) -> SlipEvent {
+    let (seq, time_ns) = slip.last;
+    SlipEvent::Ends { slip: slip.number, seq, time_ns, frames_count: slip.frames_count }
 }

@@ -16,7 +16,7 @@
 
 use crate::monitor::{Reason, SlipKind, SlipReport, SlipState};
 use crate::plane::Vec2;
-use crate::setting::{SettingError, within};
+use crate::setting::{SettingError, named, within};
 use serde::{Deserialize, Serialize};
 
 /// Most fingers a hand can have.
@@ -34,6 +34,10 @@ pub enum Side {
     /// Its gel looks against Z.
     Right,
 }
+
+const SIDES: [(Side, &str); 2] = [(Side::Left, "left"), (Side::Right, "right")];
+
+named!(Side, "side", SIDES);
 
 /// How a finger sits in the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -66,6 +66,8 @@
 //! |---|---|
 //! | [`monitor`] | the steps in order; settings, reports, the rest frame |
 //! | [`events`] | from verdicts to "slip begins", "slip ends" |
+//! | [`finger_pipeline`] | a finger of the loop: source, rest frame, monitor |
+//! | [`control`] | the control loop around a task, its record of a cycle, and the port of those who look on |
 //! | [`hand`] | the reports of several fingers as one, in the frame of the hand |
 //! | [`grip`] | controllers: hand report in, grip command out; the paper's law and ours |
 //! | [`task`] | screw, unscrew, place, lift: state machines over commands, for simulation and hardware alike |
@@ -81,7 +83,9 @@
 //! [`monitor::SlipMonitor`] is. The same frames and settings give the same bytes on any machine.
 
 pub mod calibrate;
+pub mod control;
 pub mod events;
+pub mod finger_pipeline;
 pub mod grip;
 pub mod hand;
 pub mod image;

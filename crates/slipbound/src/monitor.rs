@@ -1,11 +1,14 @@
 //! The slip monitor: the four steps of the paper in their order, one frame at a time.
 
+mod cell_map;
 mod contact;
 mod imprint;
 mod markers;
 mod motion;
 mod report;
 mod rest;
+mod rest_builder;
+mod settings;
 mod slip;
 
 pub use contact::ContactSettings;
@@ -13,32 +16,16 @@ pub use imprint::{Illumination, ImprintSettings};
 pub use markers::{Finder, MarkerSettings};
 pub use motion::{Fit, MotionSettings, fit_most, fit_rigid, fit_similarity};
 pub use report::*;
-pub use rest::{Rest, RestBuilder, RestChoice, RestError, RestKind, RestLook, RestSettings};
+pub use rest::{Rest, RestError, RestKind, RestSettings};
+pub use rest_builder::{RestBuilder, RestChoice, RestLook};
+pub use settings::Settings;
 pub use slip::{RigidField, SlipSettings};
 
 use crate::image::{Frame, Gray, Mask};
 use crate::port::GripSample;
-use crate::sensor::{Polarity, Sensor};
+use crate::sensor::Sensor;
 use crate::setting::SettingError;
-use serde::{Deserialize, Serialize};
-
-/// The settings of every step. `Settings::default()` is what we ship, [`Settings::paper`] the paper as written.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Settings {
-    /// How the rest frame is made.
-    pub rest: RestSettings,
-    /// Step 0.
-    pub imprint: ImprintSettings,
-    /// Step 1.
-    pub contact: ContactSettings,
-    /// Step 2.
-    pub markers: MarkerSettings,
-    /// Step 3.
-    pub motion: MotionSettings,
-    /// Step 4.
-    pub slip: SlipSettings,
-}
+use serde::Serialize;
 
 /// The steps of the method, for a [`Probe`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -56,7 +43,7 @@ pub enum Step {
     Slip,
 }
 
-/// Looks on while a frame is judged: timing, debug pictures, tests. Called after each step.
+/// Observes each step of a frame: for timing, debug pictures and tests. Called after each step.
 pub trait Probe {
     /// `step` has just been done; the monitor's views show its result.
     fn after(&mut self, step: Step, monitor: &SlipMonitor);
@@ -64,58 +51,6 @@ pub trait Probe {
 
 impl Probe for () {
     fn after(&mut self, _: Step, _: &SlipMonitor) {}
-}
-
-impl Settings {
-    /// The paper as written. Where the default differs, ARCHITECTURE.md says why ("Deviations from the paper").
-    pub fn paper() -> Self {
-        Settings {
-            rest: RestSettings { average_count: 1, ..RestSettings::default() },
-            imprint: ImprintSettings { illumination: Illumination::Gaussian, ..ImprintSettings::default() },
-            contact: ContactSettings {
-                hide_rest_edges: false,
-                dilate_pitch: 25.0 / 15.2,
-                ..ContactSettings::default()
-            },
-            markers: MarkerSettings {
-                finder: Finder::Threshold,
-                predict: false,
-                match_within_pitch: 7.0 / 15.2,
-                ask_neighbours: false,
-                ..MarkerSettings::default()
-            },
-            motion: MotionSettings { fit: Fit::Similarity, ..MotionSettings::default() },
-            slip: SlipSettings {
-                field: RigidField::SmallAngle,
-                full_slip_fraction: 1000.0,
-                regrip_n: 1e6,
-                ..SlipSettings::default()
-            },
-        }
-    }
-
-    /// Checks every setting, and that the finger can be watched with them.
-    pub(crate) fn check_for(&self, sensor: &Sensor) -> Result<(), SettingError> {
-        self.check()?;
-        if self.markers.finder == Finder::Threshold && sensor.polarity == Polarity::Bright {
-            return Err(SettingError {
-                key: "markers.finder".into(),
-                got: "threshold, on a finger with bright markers".into(),
-                expected: "edges: the paper's threshold finds dark markers only".into(),
-            });
-        }
-        Ok(())
-    }
-
-    /// Checks every setting; the error names the first one that cannot be.
-    pub fn check(&self) -> Result<(), SettingError> {
-        self.rest.check()?;
-        self.imprint.check()?;
-        self.contact.check()?;
-        self.markers.check()?;
-        self.motion.check()?;
-        self.slip.check()
-    }
 }
 
 /// Judges the frames of one finger. All memory is made by [`SlipMonitor::new`].
@@ -136,12 +71,13 @@ pub struct SlipMonitor {
 }
 
 impl SlipMonitor {
-    /// A monitor for a finger whose rest frame is known. Fails when a setting or a fact of the sensor cannot be.
+    /// A monitor for a finger whose rest frame is known. Fails when a setting or a fact of the sensor is invalid.
     pub fn new(sensor: &Sensor, settings: &Settings, rest: Rest) -> Result<Self, SettingError> {
         settings.check_for(sensor)?;
         let sensor = sensor.at_size(rest.size)?;
         sensor.check()?;
-        let imprint = imprint::Imprint::new(&sensor, settings, false);
+        let extra = imprint::Extra { flat: settings.markers.finder_needs_flat(), cells: false };
+        let imprint = imprint::Imprint::new(&sensor, &settings.imprint, extra);
         Ok(SlipMonitor {
             contact: contact::Contact::new(&sensor, &settings.contact, &imprint, &rest),
             markers: markers::Markers::new(&sensor, &settings.markers, &rest),
@@ -163,7 +99,7 @@ impl SlipMonitor {
         self.step_probed(frame, grip, &mut ())
     }
 
-    /// The same, with somebody looking on.
+    /// The same, with a probe called after each step.
     pub fn step_probed(&mut self, frame: &Frame<'_>, grip: Option<GripSample>, probe: &mut dyn Probe) -> SlipReport {
         if let Some(seq) = self.rebase_from.take() {
             self.rebase(seq);

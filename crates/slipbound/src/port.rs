@@ -4,12 +4,8 @@
 mod gripper;
 mod wrist;
 
-pub use gripper::{
-    DriverEvent, GripCommand, GripSample, Gripper, GripperError, GripperErrorKind, GripperState, Jaws,
-};
-pub use wrist::{
-    LONGEST_TIME_TO_LIVE_NS, Wrist, WristCommand, WristError, WristErrorKind, WristMotion, WristState,
-};
+pub use gripper::{DriverEvent, GripCommand, GripSample, Gripper, GripperError, GripperErrorKind, GripperState, Jaws};
+pub use wrist::{LONGEST_TIME_TO_LIVE_NS, Wrist, WristCommand, WristError, WristErrorKind, WristMotion, WristState};
 
 use crate::image::{Frame, Gray, ImageError, Pixels, Rgb, SizePx};
 use serde::{Deserialize, Serialize};
@@ -124,5 +120,15 @@ pub trait FrameSource {
     /// How many frames there are in all, where that is known before the end.
     fn frames_count(&self) -> Option<u64> {
         None
+    }
+}
+
+impl<T: FrameSource + ?Sized> FrameSource for Box<T> {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        (**self).next(into)
+    }
+
+    fn frames_count(&self) -> Option<u64> {
+        (**self).frames_count()
     }
 }

@@ -10,8 +10,8 @@ pub use rectification::{Distortion, Rectification};
 
 use crate::image::SizePx;
 use crate::plane::Vec2;
-use serde::{Deserialize, Serialize};
 use crate::setting::{SettingError, within};
+use serde::{Deserialize, Serialize};
 
 /// Whether markers are darker or brighter than the gel around them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,7 +23,7 @@ pub enum Polarity {
     Bright,
 }
 
-/// A mirror image to undo before anything else.
+/// How the camera mirrors its image; undone before anything else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Flip {
@@ -81,7 +81,7 @@ pub struct Sensor {
     pub polarity: Polarity,
     /// Distance between neighbouring markers in the rectified image.
     pub pitch_px: f64,
-    /// The same distance on the gel in mm; None where nobody measured it, and then no millimetre is reported.
+    /// The same distance on the gel in mm; None where it was not measured; then no millimetre is reported.
     #[serde(default)]
     pub pitch_mm: Option<f64>,
     /// Diameter of a marker in the rectified image.
@@ -90,7 +90,7 @@ pub struct Sensor {
     pub skin: Skin,
     /// How sharp the untouched finger looks by itself (its light, its glare, its scratches), as
     /// [`crate::monitor::RestLook::sharpness`] measures it: grey levels for a smooth skin, a share of the image for fabric.
-    /// None where nobody measured it.
+    /// None where it was not measured.
     #[serde(default)]
     pub bare_sharpness: Option<f64>,
     /// Edge thresholds from top to bottom; needed for a fabric skin only.
@@ -103,7 +103,7 @@ pub struct Sensor {
     /// contact's and no dot there is a marker.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub defects_px: Vec<[usize; 4]>,
-    /// How stiff the skin is against shear; None where nobody measured it, and then no tangential force is reported.
+    /// How stiff the skin is against shear; None where it was not measured; then no tangential force is reported.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shear: Option<Shear>,
 }
@@ -123,7 +123,7 @@ pub struct Shear {
 }
 
 impl Sensor {
-    /// Checks every fact; the error names the first key that cannot be.
+    /// Checks every fact; the error names the first invalid key.
     pub fn check(&self) -> Result<(), SettingError> {
         let bad = |key: &str, got: String, expected: &str| {
             Err(SettingError { key: key.into(), got, expected: expected.into() })
@@ -237,13 +237,13 @@ impl Sensor {
     }
 
     /// The tangential force behind a sum of marker displacements in rectified px, in newtons; None for a finger
-    /// whose shear stiffness nobody measured.
+    /// whose shear stiffness was not measured.
     pub fn shear_force_n(&self, displacement_sum_px: Vec2) -> Option<Vec2> {
         self.shear.as_ref().map(|s| displacement_sum_px * (s.stiffness_n_per_pitch / self.pitch_px))
     }
 
     /// Shear traction per displacement of the gel's surface in MPa/mm = N/mm2 per mm, for a wide layer its shear modulus
-    /// over its thickness; None for a finger whose shear stiffness or pitch in mm nobody measured.
+    /// over its thickness; None for a finger whose shear stiffness or pitch in mm was not measured.
     pub fn shear_stiffness_mpa_per_mm(&self) -> Option<f64> {
         let (shear, pitch_mm) = (self.shear.as_ref()?, self.pitch_mm?);
         Some(shear.stiffness_n_per_pitch / (pitch_mm * pitch_mm * pitch_mm))

@@ -29,3 +29,46 @@ pub(crate) fn within(key: &str, value: f64, low: f64, high: f64) -> Result<(), S
     }
     Err(SettingError { key: key.into(), got: value.to_string(), expected: format!("a number from {low} to {high}") })
 }
+
+/// The names of a kind: `NAMES`, `Display` and `FromStr`, from a table of variants and names.
+macro_rules! named {
+    ($kind:ty, $key:literal, $table:ident) => {
+        impl $kind {
+            /// Every name, in the order of the variants.
+            pub const NAMES: [&'static str; $table.len()] = {
+                let mut names = [""; $table.len()];
+                let mut i = 0;
+                while i < names.len() {
+                    names[i] = $table[i].1;
+                    i += 1;
+                }
+                names
+            };
+
+            /// Its name, as in files and on the command line.
+            pub fn name(self) -> &'static str {
+                $table.iter().find(|(kind, _)| *kind == self).map_or("", |(_, name)| name)
+            }
+        }
+
+        impl std::fmt::Display for $kind {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.pad(self.name())
+            }
+        }
+
+        impl std::str::FromStr for $kind {
+            type Err = $crate::setting::SettingError;
+
+            fn from_str(text: &str) -> Result<Self, Self::Err> {
+                let found = $table.iter().find(|(_, name)| *name == text);
+                found.map(|(kind, _)| *kind).ok_or_else(|| $crate::setting::SettingError {
+                    key: $key.into(),
+                    got: format!("`{text}`"),
+                    expected: format!("one of {}", Self::NAMES.join(", ")),
+                })
+            }
+        }
+    };
+}
+pub(crate) use named;

@@ -5,7 +5,7 @@
 
 #![allow(clippy::disallowed_macros)] // a test may print what failed
 
-use slipbound::calibrate::{Given, calibrate};
+use slipbound::calibrate::{KnownFacts, calibrate};
 use slipbound::image::{Frame, Gray, Pixels, SizePx};
 use slipbound::plane::{Homography, Vec2};
 use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
@@ -177,8 +177,8 @@ fn draw(cover: &mut [f64], size: SizePx, truth: &Truth, centre: Vec2, diameter_p
     }
 }
 
-fn given() -> Given {
-    Given {
+fn known() -> KnownFacts {
+    KnownFacts {
         name: "drawn".into(),
         description: String::new(),
         serial: None,
@@ -291,7 +291,7 @@ fn dots_on_no_grid_are_refused_with_the_reason() {
                 for polarity in [Polarity::Dark, Polarity::Bright] {
                     let (grey, size) = cloud(seed, kind, dots_count, polarity);
                     let what = format!("seed {seed}, {dots_count} {polarity:?} dots, {kind:?}");
-                    match calibrate(&[frame(&grey, size)], &given()) {
+                    match calibrate(&[frame(&grey, size)], &known()) {
                         Ok(c) => panic!("{what}: a grid of {} dots, {:.3} pitch", c.markers.len(), c.residual_pitch),
                         Err(e) => {
                             println!("{what}: {e}");
@@ -325,7 +325,7 @@ enum Tally {
 
 fn tally(seed: u64) -> Tally {
     let finger = finger(seed);
-    match calibrate(&[frame(&finger.grey, finger.size)], &given()) {
+    match calibrate(&[frame(&finger.grey, finger.size)], &known()) {
         Err(e) => {
             println!("{}: refused: {e}", finger.what);
             Tally::Refused

@@ -1,6 +1,8 @@
 //! Controllers and tasks against made-up hands: the paper's law, the bounds nobody gets past, endings on evidence.
 
-use slipbound::grip::{GripController, GripLimits, Guard, Law, MarginSettings, OnSlipSettings};
+use slipbound::grip::{
+    ArmMotion, GripController, GripDecision, GripLimits, Guard, Law, MarginSettings, OnSlipSettings,
+};
 use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
@@ -48,11 +50,11 @@ fn gripper(force_n: f64) -> GripperState {
 }
 
 /// Runs a controller over hands, with a gripper that does at once what it is told; the commands as text.
-fn commands(law: Law, limits: GripLimits, hands: &[HandReport]) -> Vec<GripCommand> {
+fn commands(law: Law, limits: GripLimits, hands: &[HandReport]) -> Vec<GripDecision> {
     let mut controller = law.controller(&limits).expect("valid");
     let mut force_n = limits.start_n;
     let step = |(i, hand): (usize, &HandReport)| {
-        let command = controller.command(i as u64 * FRAME_NS, hand, &gripper(force_n));
+        let command = controller.decide(i as u64 * FRAME_NS, hand, &gripper(force_n));
         force_n = command.force_n;
         command
     };
@@ -71,9 +73,9 @@ fn the_papers_law_pauses_adds_ten_newtons_and_goes_on_up_to_sixty() {
     let told = commands(Law::OnSlip(OnSlipSettings::default()), GripLimits::default(), &hands);
     let forces: Vec<f64> = told.iter().step_by(10).map(|c| c.force_n).collect();
     assert_eq!(forces, [20.0, 30.0, 40.0, 50.0, 60.0, 60.0, 60.0, 60.0]);
-    let picture: String = told[..20].iter().map(|c| if c.motion == Motion::Go { '.' } else { '#' }).collect();
+    let picture: String = told[..20].iter().map(|c| if c.arm == ArmMotion::Go { '.' } else { '#' }).collect();
     assert_eq!(picture, "####......####......", "paused until the force has stood for 0.1 s");
-    assert!(told[50..].iter().all(|c| c.motion == Motion::Go), "at the largest force there is nothing to wait for");
+    assert!(told[50..].iter().all(|c| c.arm == ArmMotion::Go), "at the largest force there is nothing to wait for");
 }
 
 #[test]
@@ -107,7 +109,7 @@ fn a_blind_hand_keeps_its_force_and_the_arm_waits_after_three_frames() {
         let mut hands = vec![hand(SlipState::Stick); 3];
         hands.extend([hand(SlipState::Unjudged); 6]);
         let told = commands(law, limits, &hands);
-        let picture: String = told.iter().map(|c| if c.motion == Motion::Go { '.' } else { '#' }).collect();
+        let picture: String = told.iter().map(|c| if c.arm == ArmMotion::Go { '.' } else { '#' }).collect();
         assert_eq!(picture, ".....####", "{law:?}");
         assert_eq!(told[8].force_n, blind_force_n.unwrap_or(10.0), "{law:?}");
     }
@@ -118,8 +120,8 @@ fn a_gripper_that_lost_the_part_or_stopped_is_told_to_keep_its_force() {
     for jaws in [Jaws::Lost, Jaws::Nothing, Jaws::Stopped] {
         let mut controller = Law::OnSlip(OnSlipSettings::default()).controller(&GripLimits::default()).expect("valid");
         let state = GripperState { jaws, ..gripper(10.0) };
-        let command = controller.command(0, &hand(SlipState::Incipient), &state);
-        assert_eq!(command, GripCommand::Hold { force_n: 10.0 });
+        let command = controller.decide(0, &hand(SlipState::Incipient), &state);
+        assert_eq!(command, GripDecision { force_n: 10.0, arm: ArmMotion::Pause });
     }
 }
 
@@ -127,8 +129,8 @@ fn a_gripper_that_lost_the_part_or_stopped_is_told_to_keep_its_force() {
 struct Mad(std::vec::IntoIter<f64>);
 
 impl GripController for Mad {
-    fn command(&mut self, _: u64, _: &HandReport, _: &GripperState) -> GripCommand {
-        GripCommand::Hold { force_n: self.0.next().unwrap_or(f64::NAN) }
+    fn decide(&mut self, _: u64, _: &HandReport, _: &GripperState) -> GripDecision {
+        GripDecision { force_n: self.0.next().unwrap_or(f64::NAN), arm: ArmMotion::Go }
     }
 
     fn alarms_count(&self) -> u32 {
@@ -145,7 +147,7 @@ fn a_controller_that_asks_for_what_cannot_be_never_lets_go() {
     let asked = vec![30.0, f64::NAN, f64::INFINITY, 1e9, -5.0, 0.0, f64::NEG_INFINITY];
     let mut guard = Guard::new(Box::new(Mad(asked.into_iter())), GripLimits::default());
     let told: Vec<f64> =
-        (0..7).map(|i| guard.command(i * FRAME_NS, &hand(SlipState::Stick), &gripper(30.0)).force_n).collect();
+        (0..7).map(|i| guard.decide(i * FRAME_NS, &hand(SlipState::Stick), &gripper(30.0)).force_n).collect();
     assert_eq!(told, [30.0, 30.0, 30.0, 60.0, 5.0, 5.0, 5.0]);
 }
 
@@ -217,10 +219,11 @@ impl Bench {
         let mut report = if self.slip { hand(SlipState::Incipient) } else { hand(SlipState::Stick) };
         report.shear_mm = Some(HandVector { around: shear_mm, ..HandVector::default() });
         let wrist = WristState { time_ns: self.now_ns, angle_rad: self.angle_rad, lowered_mm: 0.0, moving: true };
-        let moment = Observation { now_ns: self.now_ns, hand: &report, gripper: &gripper(self.force_n), wrist: &wrist };
-        let step = self.task.step(&observation);
-        if self.follows {
-            self.force_n = step.grip.force_n;
+        let gripper = gripper(self.force_n);
+        let step =
+            self.task.step(&Observation { now_ns: self.now_ns, hand: &report, gripper: &gripper, wrist: &wrist });
+        if let (GripCommand::Hold { force_n }, true) = (step.grip, self.follows) {
+            self.force_n = force_n;
         }
         if let WristMotion::Turn { rate_rad_per_s, most_rad } = step.wrist.motion {
             assert!(step.wrist.time_to_live_ns <= 200_000_000 && most_rad <= 0.2 * rate_rad_per_s.abs() + 1e-12);
@@ -317,9 +320,11 @@ fn laid_down(follows: bool) -> (Option<Ending>, bool) {
         let state = GripperState { jaws, ..gripper(force_n) };
         let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm, moving: true };
         let step = task.step(&Observation { now_ns, hand: &report, gripper: &state, wrist: &wrist });
-        released = step.grip.motion == Motion::Release;
-        if follows || step.grip.force_n > force_n {
-            force_n = step.grip.force_n;
+        released = step.grip == GripCommand::Release;
+        if let GripCommand::Hold { force_n: asked_n } = step.grip
+            && (follows || asked_n > force_n)
+        {
+            force_n = asked_n;
         }
         if let WristMotion::Lower { rate_mm_per_s, .. } = step.wrist.motion {
             lowered_mm += rate_mm_per_s * FRAME_NS as f64 * 1e-9;

@@ -1,5 +1,7 @@
 use super::*;
-use slipbound::port::Clock;
+use crate::jpeg::Codec;
+use slipbound::image::SizePx;
+use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
 
 const SIZE: SizePx = SizePx::new(64, 48);
 
@@ -107,4 +109,58 @@ fn faults_out_of_range_are_refused_by_name() {
         assert_eq!(Faults::parse(text).expect_err("refused").to_string(), expected);
     }
     assert!(Faults::parse("gremlins=1").expect_err("unknown").to_string().contains("drop, late, stale, torn"));
+}
+
+#[test]
+fn camera_faults_are_text_and_read_back() {
+    for (text, kind, finger) in [
+        ("lost@2.5:left", CameraFaultKind::Lost, Some(0)),
+        ("frozen@3:right", CameraFaultKind::Frozen, Some(1)),
+        ("torn@0", CameraFaultKind::Torn, None),
+        ("dark@1", CameraFaultKind::Dark, None),
+        ("swapped@0", CameraFaultKind::Swapped, None),
+    ] {
+        let fault: CameraFault = text.parse().expect(text);
+        assert_eq!((fault.to_string().as_str(), fault.kind()), (text, kind));
+        assert_eq!(fault.swaps_fingers(), kind == CameraFaultKind::Swapped);
+        assert_eq!([0, 1].map(|n| fault.applies_to(n)), [0, 1].map(|n| finger.is_none_or(|hit| hit == n)), "{text}");
+    }
+    assert_eq!("swapped".parse::<CameraFault>().expect("from the start").to_string(), "swapped@0");
+    for text in ["fire@2", "lost@-1", "lost@4000", "lost@NaN", "lost@2:middle", "lost@", ""] {
+        let error = text.parse::<CameraFault>().expect_err(text).to_string();
+        let expected = "expected lost, frozen, torn, dark or swapped with @SECONDS and :left or :right as wanted, got";
+        assert_eq!(error, format!("{expected} `{text}`"));
+    }
+}
+
+/// The first 90 frames, 3 s, through a camera fault: what came, then number and pixels of the last frame's buffer.
+fn through(fault: Option<&str>) -> Vec<(Next, FrameBuffer)> {
+    let fault = fault.map(|text| text.parse().expect("a sound fault"));
+    let mut source = CameraFaults::new(Plain { next: 0, count: 90 }, fault);
+    let mut frame = FrameBuffer::default();
+    (0..90).map(|_| (source.next(&mut frame).expect("no failure"), frame.clone())).collect()
+}
+
+#[test]
+fn a_camera_fault_begins_at_its_time_and_stays() {
+    let sound = through(None);
+    for (text, expected) in [("lost@1", Next::Silent), ("torn@1", Next::Torn { reason: "cut off".into() })] {
+        let seen = through(Some(text));
+        // Frame 30 is just before 1 s: 30 x 33.333333 ms.
+        assert!(seen[..=30].iter().all(|(next, _)| *next == Next::Frame), "{text}");
+        assert!(seen[31..].iter().all(|(next, _)| *next == expected), "{text}");
+    }
+    let frozen = through(Some("frozen@1"));
+    assert!((31..90).all(|n| frozen[n].1.seq == n as u64 && frozen[n].1.pixels == sound[30].1.pixels));
+    assert!((31..90).all(|n| frozen[n].1.encoded == sound[30].1.encoded), "what is recorded is what was seen");
+    let dark = through(Some("dark@1"));
+    assert!((31..90).all(|n| dark[n].1.pixels.iter().all(|level| *level == 2)), "{:?}", dark[31].1.pixels[0]);
+    assert!(dark[31].1.encoded != sound[31].1.encoded, "what is recorded is what was seen");
+    assert_eq!(through(Some("swapped"))[50].1.pixels, sound[50].1.pixels, "the pictures themselves are sound");
+}
+
+#[test]
+fn a_camera_frozen_from_the_start_shows_its_first_picture() {
+    let (seen, sound) = (through(Some("frozen")), through(None));
+    assert!(seen.iter().all(|(next, frame)| *next == Next::Frame && frame.pixels == sound[0].1.pixels));
 }

@@ -10,9 +10,9 @@ use slipbound::plane::Vec2;
 use slipbound::port::{Clock, FrameBuffer, SourceError};
 use slipbound::sensor::{Sensor, Shear};
 
-/// One finger's camera with its own markers, threads and defects, and what it saw last.
+/// The camera of one finger, with its own markers, threads and defects, and its last frame.
 #[derive(Debug)]
-struct Eye {
+struct FingerCamera {
     renderer: Renderer,
     codec: Codec,
     grid: Grid,
@@ -27,7 +27,7 @@ struct Eye {
 /// The cameras of a hand: one or two.
 #[derive(Debug)]
 pub(super) struct Cameras {
-    eyes: Vec<Eye>,
+    fingers: Vec<FingerCamera>,
     /// Of the gel against shear.
     stiffness_mpa_per_mm: f64,
     /// The frame that the pictures show; None before the first.
@@ -39,14 +39,14 @@ impl Cameras {
         let settings = world.finger().settings();
         let cells_count = settings.grid.cells_count();
         let quality = scene.number("jpeg_quality").map_or(85, |quality| quality as u8);
-        let eyes = (0..scene.fingers_count()).map(|finger| {
+        let fingers = (0..scene.fingers_count()).map(|finger| {
             let seed = Random::of(scene.seed(), finger as u64).next_u64();
             let renderer = match scene.word("camera") {
                 "gelsight_mini" => Renderer::gelsight_mini(seed),
                 _ => Renderer::gelslim(seed),
             };
             let size = renderer.size();
-            Eye {
+            FingerCamera {
                 codec: Codec::new(size, quality),
                 grid: settings.grid,
                 seed,
@@ -59,13 +59,13 @@ impl Cameras {
             }
         });
         let stiffness_mpa_per_mm = settings.gel.shear_modulus_mpa() / settings.gel.thickness_mm;
-        Cameras { eyes: eyes.collect(), stiffness_mpa_per_mm, drawn: None }
+        Cameras { fingers: fingers.collect(), stiffness_mpa_per_mm, drawn: None }
     }
 
     /// The facts of a finger; those of the last one beyond it.
     pub fn sensor(&self, finger: usize) -> Sensor {
-        let eye = &self.eyes[finger.min(self.eyes.len() - 1)];
-        let sensor = eye.renderer.sensor();
+        let camera = &self.fingers[finger.min(self.fingers.len() - 1)];
+        let sensor = camera.renderer.sensor();
         let shear = sensor.pitch_mm.map(|pitch_mm| Shear {
             stiffness_n_per_pitch: self.stiffness_mpa_per_mm * pitch_mm * pitch_mm * pitch_mm,
             provenance: "simulator: shear modulus over thickness of the gel".into(),
@@ -75,10 +75,10 @@ impl Cameras {
 
     /// Displacement in the plane of every marker of a finger, in its own frame, in mm.
     pub fn marker_shifts_mm(&mut self, finger: usize, world: &HandWorld) -> Vec<Vec2> {
-        let Some(eye) = self.eyes.get_mut(finger) else { return Vec::new() };
-        world.show(finger, &mut eye.displacement, &mut eye.pressure_mpa);
-        let surface = eye.surface();
-        eye.renderer.markers_at_rest_mm().iter().map(|&rest_mm| surface.displacement_at(rest_mm).shift_mm).collect()
+        let Some(camera) = self.fingers.get_mut(finger) else { return Vec::new() };
+        world.show(finger, &mut camera.displacement, &mut camera.pressure_mpa);
+        let surface = camera.surface();
+        camera.renderer.markers_at_rest_mm().iter().map(|&rest_mm| surface.displacement_at(rest_mm).shift_mm).collect()
     }
 
     /// Draws the present frame of all fingers, each on a thread of its own, unless that is done.
@@ -87,40 +87,40 @@ impl Cameras {
             return;
         }
         self.drawn = Some(frame);
-        for (finger, eye) in self.eyes.iter_mut().enumerate() {
-            world.show(finger, &mut eye.displacement, &mut eye.pressure_mpa);
+        for (finger, camera) in self.fingers.iter_mut().enumerate() {
+            world.show(finger, &mut camera.displacement, &mut camera.pressure_mpa);
         }
         let time_ns = world.now_ns();
-        if let [eye] = &mut self.eyes[..] {
-            return eye.draw(frame, time_ns);
+        if let [camera] = &mut self.fingers[..] {
+            return camera.draw(frame, time_ns);
         }
         std::thread::scope(|scope| {
-            for eye in &mut self.eyes {
-                scope.spawn(move || eye.draw(frame, time_ns));
+            for camera in &mut self.fingers {
+                scope.spawn(move || camera.draw(frame, time_ns));
             }
         });
     }
 
     /// The picture of a finger drawn last, into a recycled buffer.
     pub fn deliver(&self, finger: usize, into: &mut FrameBuffer) -> Result<(), SourceError> {
-        let eye = self
-            .eyes
+        let camera = self
+            .fingers
             .get(finger)
-            .ok_or_else(|| format!("camera: expected finger 0 to {}, got {finger}", self.eyes.len() - 1))?;
-        if let Some(failed) = &eye.failed {
+            .ok_or_else(|| format!("camera: expected finger 0 to {}, got {finger}", self.fingers.len() - 1))?;
+        if let Some(failed) = &camera.failed {
             return Err(failed.clone().into());
         }
         // Field by field, so that the buffer keeps its memory.
-        into.encoded.clone_from(&eye.frame.encoded);
-        into.pixels.clone_from(&eye.frame.pixels);
-        (into.format, into.size) = (eye.frame.format, eye.frame.size);
-        (into.seq, into.time_ns, into.clock) = (eye.frame.seq, eye.frame.time_ns, eye.frame.clock);
+        into.encoded.clone_from(&camera.frame.encoded);
+        into.pixels.clone_from(&camera.frame.pixels);
+        (into.format, into.size) = (camera.frame.format, camera.frame.size);
+        (into.seq, into.time_ns, into.clock) = (camera.frame.seq, camera.frame.time_ns, camera.frame.clock);
         into.label.clear();
         Ok(())
     }
 }
 
-impl Eye {
+impl FingerCamera {
     fn surface(&self) -> Surface<'_> {
         Surface { grid: &self.grid, displacement: &self.displacement, pressure_mpa: &self.pressure_mpa }
     }

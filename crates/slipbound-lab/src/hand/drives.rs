@@ -3,7 +3,8 @@
 use super::{Inner, SimHand};
 use slipbound::plant::{JawCommand, Plant};
 use slipbound::port::{
-    GripCommand, Gripper, GripperError, GripperErrorKind, GripperState, Jaws, Wrist, WristCommand, WristError, WristErrorKind, WristState,
+    GripCommand, Gripper, GripperError, GripperErrorKind, GripperState, Jaws, Wrist, WristCommand, WristError,
+    WristErrorKind, WristState,
 };
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -42,7 +43,8 @@ impl Gripper for SimGripper {
             GripCommand::Release => JawCommand::MoveTo { opening_mm: hand.jaws.settings().stroke_mm },
             GripCommand::Hold { force_n } if force_n.is_finite() && force_n >= 0.0 => JawCommand::Grasp { force_n },
             GripCommand::Hold { force_n } => {
-                let text = format!("gripper of the simulator: expected a finite force of 0 N or above, got {force_n} N");
+                let text =
+                    format!("gripper of the simulator: expected a finite force of 0 N or above, got {force_n} N");
                 return Err(GripperError::new(GripperErrorKind::Value, text));
             }
         };

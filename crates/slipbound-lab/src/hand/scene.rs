@@ -4,7 +4,7 @@ use crate::contact::shape::Shape;
 use crate::contact::{FingerSettings, Friction, Grid};
 use crate::faults::Faults;
 use crate::objects::{Form, Object, ObjectSurface};
-use crate::plants::{Bottle, BottleSettings, Cap, Held, Thread, Tool, ToolSettings};
+use crate::plants::{Bottle, BottleSettings, Cap, HeldObject, Thread, Tool, ToolSettings};
 use crate::random::Random;
 use crate::scenes::{Key, Kind, Value, number};
 use crate::world::{FRAME_RATE_HZ, SUBSTEPS_COUNT};
@@ -68,7 +68,7 @@ pub const HAND_KEYS: &[HandKey] = &[
     key("mu", Kind::OfObject(0.05, 2.0), "object", "friction coefficient"),
     key("fingers", Kind::Count(1, 2), "2", "fingers with a camera; there are always two"),
     key("grid", Kind::Word(&["standard", "fast"]), "fast", "cells of the gel: 96x72 or 64x48"),
-    key("camera", Kind::Word(&["gelslim", "gelsight_mini"]), "gelslim", "whose eyes"),
+    key("camera", Kind::Word(&["gelslim", "gelsight_mini"]), "gelslim", "camera model"),
     key("jpeg_quality", Kind::Count(30, 100), "85", "of the frames"),
     key("fault", Kind::Faults, "none", "faults of the cameras, as drop=0.02,torn=0.01"),
     of(&[], number("start_mm", 0.0, 40.0, "4", "opening at the start, beyond the object")),
@@ -282,7 +282,7 @@ impl HandScene {
     }
 
     /// What is held, at rest.
-    pub(super) fn held(&self) -> Result<Box<dyn Held>, SettingError> {
+    pub(super) fn held(&self) -> Result<Box<dyn HeldObject>, SettingError> {
         Ok(match self.task {
             "place" => Box::new(Tool::new(self.tool()?)),
             "lift" => Box::new(Bottle::new(self.bottle()?)),
@@ -324,11 +324,11 @@ impl HandScene {
             most_kg: self.set_number("most_kg")?,
             fill_kg_per_s,
             fill_after_s,
-            jerks: Vec::new(),
+            pulses: Vec::new(),
             gyration_radius_mm: object.gyration_radius_mm,
             radius_mm,
         };
-        bottle.draw_jerks(pulls_count, self.number("pull_n"), &mut random);
+        bottle.draw_pulses(pulls_count, self.number("pull_n"), &mut random);
         Ok(bottle)
     }
 

@@ -1,8 +1,9 @@
-//! What is exactly known of the hand and of what it holds.
+//! The ground truth of the hand and of the object it holds.
 
 use crate::contact::{Pose, Wrench};
-use crate::plants::{BottleTruth, CapTruth, GroundTruth};
+use crate::plants::{BottleTruth, CapTruth, GroundTruth, ObjectTruth};
 use serde::Serialize;
+use slipbound::plant::PlantTruth;
 
 /// What is true at the end of a step, and what has added up since the start.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -13,7 +14,7 @@ pub struct HandTruth {
     pub angle_rad: f64,
     /// Distance lowered since the start, in mm.
     pub lowered_mm: f64,
-    /// Distance between the fingertips, in mm; None where somebody else plays the gripper.
+    /// Distance between the fingertips, in mm; None where the gripper is outside the simulator.
     pub opening_mm: Option<f64>,
     /// Normal force per finger, in N.
     pub grip_force_n: f64,
@@ -60,4 +61,62 @@ pub struct HandTruth {
     pub bottle: Option<BottleTruth>,
     /// Of a tool and the ground.
     pub ground: Option<GroundTruth>,
+}
+
+impl HandTruth {
+    /// Takes over what is true of the object that is held.
+    pub(super) fn set_object(&mut self, truth: ObjectTruth) {
+        match truth {
+            ObjectTruth::Cap(cap) => self.cap = Some(cap),
+            ObjectTruth::Bottle(bottle) => self.bottle = Some(bottle),
+            ObjectTruth::Ground(ground) => self.ground = Some(ground),
+        }
+    }
+
+    /// The record of a cycle, as a run folder keeps it. The margin is 1 - required / applied force, at least -1, and
+    /// None while nothing is pressed; torques are without their sign.
+    pub fn record(&self) -> PlantTruth {
+        let used_fraction = (self.grip_force_n > 0.0).then(|| self.required_n / self.grip_force_n);
+        PlantTruth {
+            cap_angle_rad: self.cap.map(|cap| cap.angle_rad),
+            torque_n_mm: self.cap.map(|cap| cap.torque_n_mm.abs()),
+            torque_limit_n_mm: self.cap.map(|cap| cap.limit_n_mm.abs()),
+            load_n: self.bottle.map(|bottle| bottle.load_n),
+            required_n: Some(self.required_n),
+            margin: used_fraction.map(|used| (1.0 - used).max(-1.0)),
+            stick_ratio: self.stick_ratio,
+            slid_mm: Some(self.slid_mm),
+            gross: self.gross,
+            ground_force_n: self.ground.map(|ground| ground.force_n),
+            mass_kg: self.bottle.map(|bottle| bottle.mass_kg),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_record_of_a_cycle_has_what_is_known_and_leaves_out_the_rest() {
+        let cap = CapTruth { angle_rad: 0.3, torque_n_mm: -250.0, limit_n_mm: 420.0, ..CapTruth::default() };
+        let mut truth = HandTruth { grip_force_n: 20.0, required_n: 12.0, slid_mm: 0.4, ..HandTruth::default() };
+        truth.set_object(ObjectTruth::Cap(cap));
+        let record = truth.record();
+        assert_eq!((record.cap_angle_rad, record.torque_n_mm), (Some(0.3), Some(250.0)));
+        assert_eq!((record.torque_limit_n_mm, record.required_n), (Some(420.0), Some(12.0)));
+        assert!((record.margin.expect("something is pressed") - 0.4).abs() < 1e-12);
+        assert_eq!((record.load_n, record.ground_force_n, record.mass_kg), (None, None, None));
+
+        let slides = HandTruth { required_n: 90.0, ..truth.clone() };
+        assert_eq!(slides.record().margin, Some(-1.0), "no further below than that");
+        assert_eq!(HandTruth { grip_force_n: 0.0, ..truth }.record().margin, None, "nothing is pressed");
+
+        let mut lifted = HandTruth::default();
+        lifted.set_object(ObjectTruth::Bottle(BottleTruth { load_n: 5.0, mass_kg: 0.5, ..BottleTruth::default() }));
+        assert_eq!((lifted.record().load_n, lifted.record().mass_kg), (Some(5.0), Some(0.5)));
+        let mut placed = HandTruth::default();
+        placed.set_object(ObjectTruth::Ground(GroundTruth { force_n: 2.0, ..GroundTruth::default() }));
+        assert_eq!(placed.record().ground_force_n, Some(2.0));
+    }
 }

@@ -1,11 +1,9 @@
-//! The contact of both fingers with what they hold, stepped in time by whoever plays the gripper and the wrist.
+//! The contact of both fingers with what they hold, stepped in time by the gripper and the wrist.
 
 use super::scene::HandScene;
 use super::truth::HandTruth;
-use crate::contact::{
-    Body, Command, Displacement, Drive, Finger, GROSS_STICK_RATIO, Grip, LINEAR_STRAIN, Pose, Wrench,
-};
-use crate::plants::{Ask, FINGERS_COUNT, HandPlace, Held, Symmetry};
+use crate::contact::{Body, Command, Displacement, Finger, GROSS_STICK_RATIO, Grip, LINEAR_STRAIN, Pose, Wrench};
+use crate::plants::{ContactInput, FINGERS_COUNT, HandState, HeldObject, Symmetry};
 use crate::world::{FRAME_RATE_HZ, GROSS_FRICTION_FRACTION, SUBSTEPS_COUNT, Sliding};
 use slipbound::plane::Vec2;
 use slipbound::plant::Plant;
@@ -24,12 +22,13 @@ const LOADED_FRACTION: f64 = 0.5;
 #[derive(Debug)]
 pub struct HandWorld {
     finger: Finger,
-    held: Box<dyn Held>,
+    held: Box<dyn HeldObject>,
     width_mm: f64,
     mu: f64,
     steps_count: u64,
-    now: HandPlace,
-    asked: HandPlace,
+    now: HandState,
+    /// Where gripper and wrist are to be at the end of the next call of `advance_to`.
+    target: HandState,
     truth: HandTruth,
     error: Option<SettingError>,
 }
@@ -40,8 +39,12 @@ impl HandWorld {
         let (settings, surface) = scene.contact()?;
         let held = scene.held()?;
         let mut finger = Finger::new(settings, surface)?;
-        let off =
-            Command { grip: Grip::ForceN(0.0), pose: held.start(), roll_mm: Vec2::ZERO, wrench: Wrench::default() };
+        let off = Command {
+            grip: Grip::ForceN(0.0),
+            pose: held.start_pose(),
+            roll_mm: Vec2::ZERO,
+            wrench: Wrench::default(),
+        };
         finger.step(&off)?;
         finger.step(&off)?; // a second time, for the first left it with a velocity
         let mut world = HandWorld {
@@ -49,13 +52,13 @@ impl HandWorld {
             width_mm: scene.width_mm(),
             mu: scene.mu(),
             steps_count: 0,
-            now: HandPlace::default(),
-            asked: HandPlace::default(),
-            truth: HandTruth { converged: true, pose: held.start(), ..HandTruth::default() },
+            now: HandState::default(),
+            target: HandState::default(),
+            truth: HandTruth { converged: true, pose: held.start_pose(), ..HandTruth::default() },
             error: None,
             held,
         };
-        world.held.tell(&mut world.truth);
+        world.truth.set_object(world.held.truth());
         Ok(world)
     }
 
@@ -74,9 +77,14 @@ impl HandWorld {
         self.held.symmetry()
     }
 
-    /// What stopped the run; None while it goes on. Time no longer passes then.
+    /// The error that stopped the run; None while it goes on. Time no longer passes then.
     pub fn error(&self) -> Option<&SettingError> {
         self.error.as_ref()
+    }
+
+    /// Stops the run with an error, unless one has stopped it already.
+    pub(super) fn stop(&mut self, error: SettingError) {
+        self.error.get_or_insert(error);
     }
 
     /// Time of the last step, in ns since the start.
@@ -109,35 +117,31 @@ impl HandWorld {
         }
     }
 
-    fn step(&mut self, hand: HandPlace) -> Result<(), SettingError> {
+    fn step(&mut self, hand: HandState) -> Result<(), SettingError> {
         let step_s = self.finger.settings().substep_s;
         let gone = self.held.is_gone();
-        let hand = if gone { HandPlace { force_n: 0.0, ..hand } } else { hand };
+        let hand = if gone { HandState { force_n: 0.0, ..hand } } else { hand };
         let before = self.finger.truth().pose;
-        let ask = if gone {
-            Ask { drive: Drive::Guided, pose: before, roll_mm: Vec2::ZERO, wrench: Wrench::default() }
+        let input = if gone {
+            ContactInput::guided(before)
         } else {
-            self.held.ask(self.finger.truth(), hand, step_s)
+            self.held.contact_input(self.finger.truth(), hand, step_s)
         };
-        self.finger.set_body(Body { drive: ask.drive, fingers_count: FINGERS_COUNT })?;
-        self.finger.step(&Command {
-            grip: Grip::ForceN(hand.force_n),
-            pose: ask.pose,
-            roll_mm: ask.roll_mm,
-            wrench: ask.wrench,
-        })?;
+        self.finger.set_body(Body { drive: input.drive, fingers_count: FINGERS_COUNT })?;
+        let ContactInput { pose, roll_mm, wrench, .. } = input;
+        self.finger.step(&Command { grip: Grip::ForceN(hand.force_n), pose, roll_mm, wrench })?;
         self.steps_count += 1;
         self.now = hand;
-        self.account(before);
+        self.update_truth(before);
         if !gone {
-            self.held.took(self.finger.truth(), hand, step_s, self.truth.slid_mm);
+            self.held.after_step(self.finger.truth(), hand, step_s, self.truth.slid_mm);
         }
-        self.held.tell(&mut self.truth);
+        self.truth.set_object(self.held.truth());
         Ok(())
     }
 
-    /// The numbers of a step.
-    fn account(&mut self, before: Pose) {
+    /// Updates the truth after a step.
+    fn update_truth(&mut self, before: Pose) {
         let contact = *self.finger.truth();
         let sliding = Sliding::since(&self.finger, before);
         let truth = &mut self.truth;
@@ -193,12 +197,12 @@ impl Plant for HandWorld {
 
     /// A force that is no number or below 0 stops the run.
     fn press(&mut self, force_n: f64) {
-        self.asked.force_n = force_n;
+        self.target.force_n = force_n;
     }
 
     fn place_wrist(&mut self, angle_rad: f64, lowered_mm: f64) {
-        self.asked.angle_rad = angle_rad;
-        self.asked.lowered_mm = lowered_mm;
+        self.target.angle_rad = angle_rad;
+        self.target.lowered_mm = lowered_mm;
     }
 
     /// In whole steps of 1/120 s; what is left of the time waits for the next call. The wrist gets to its place
@@ -210,8 +214,8 @@ impl Plant for HandWorld {
         }
         while left > 0 && self.error.is_none() {
             let share = 1.0 / left as f64;
-            let (now, to) = (self.now, self.asked);
-            let hand = HandPlace {
+            let (now, to) = (self.now, self.target);
+            let hand = HandState {
                 angle_rad: now.angle_rad + (to.angle_rad - now.angle_rad) * share,
                 lowered_mm: now.lowered_mm + (to.lowered_mm - now.lowered_mm) * share,
                 force_n: to.force_n,

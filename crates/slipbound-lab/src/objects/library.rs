@@ -1,7 +1,10 @@
 //! The entries.
 
-use super::{Form, Object, Relief};
+use super::form::Form;
+use super::object::Object;
+use super::relief::Relief;
 use crate::layer::SoftObject;
+use slipbound::setting::SettingError;
 
 const PLAIN: Object = Object {
     name: "",
@@ -130,3 +133,14 @@ pub const OBJECTS: [Object; 11] = [
         ..PLAIN
     },
 ];
+
+impl Object {
+    /// The object of a name; the error lists the names.
+    pub fn named(name: &str) -> Result<&'static Object, SettingError> {
+        OBJECTS.iter().find(|object| object.name == name).ok_or_else(|| SettingError {
+            key: "object".into(),
+            got: name.into(),
+            expected: format!("one of {}", OBJECTS.map(|object| object.name).join(", ")),
+        })
+    }
+}

@@ -9,10 +9,10 @@
 //!
 //! Filling and pulls count from the moment the bottle has left the table.
 
-use super::ground::{Feet, LOST_AFTER_MM, difference, sum, weight, weight_n};
-use super::{Ask, HandPlace, Held, Symmetry};
+use super::held::{ContactInput, HandState, HeldObject, Symmetry};
+use super::support::{Feet, LOST_AFTER_MM, difference, sum, weight, weight_n};
+use super::truth::{BottleTruth, ObjectTruth};
 use crate::contact::{Drive, Inertia, Pose, Springs, Truth};
-use crate::hand::HandTruth;
 use crate::random::Random;
 use serde::Serialize;
 use slipbound::plane::Vec2;
@@ -27,7 +27,7 @@ const ABOVE_TABLE_MM: f64 = 60.0;
 /// The arm takes up speed within this time constant, in s: its drive starts at once, a mass does not. Estimate.
 const ARM_LAG_S: f64 = 0.05;
 
-/// Damping of what pulls, in N s/mm, while it pulls: a hand, not a rocket; as in the scene `ramp`. Estimate.
+/// Damping of what pulls, in N s/mm, while it pulls, as a hand would; as in the scene `ramp`. Estimate.
 const PULL_DAMPING_N_S_PER_MM: f64 = 0.03;
 
 /// A drawn pull is at most this share of the weight then: a grip that just holds the weight with a margin meets it.
@@ -35,7 +35,7 @@ const PULL_OF_WEIGHT_FRACTION: f64 = 0.5;
 
 /// A pull at the bottle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Jerk {
+pub struct PullPulse {
     /// When it begins, in s since the bottle left the table.
     pub from_s: f64,
     /// How long it lasts, in s.
@@ -48,7 +48,7 @@ pub struct Jerk {
     pub swells: bool,
 }
 
-impl Jerk {
+impl PullPulse {
     fn force_n(&self, since_s: f64) -> Vec2 {
         let share = (since_s - self.from_s) / self.lasts_s;
         if !(0.0..1.0).contains(&share) {
@@ -72,7 +72,7 @@ pub struct BottleSettings {
     /// When filling begins, in s since the bottle left the table.
     pub fill_after_s: f64,
     /// What pulls.
-    pub jerks: Vec<Jerk>,
+    pub pulses: Vec<PullPulse>,
     /// Radius of gyration about the grip, in mm.
     pub gyration_radius_mm: f64,
     /// Radius of its bottom, in mm.
@@ -88,35 +88,16 @@ impl BottleSettings {
 
     /// Draws pulls: steps or half sines of 50 to 200 ms and 2 to 10 N in any direction, each in its own part of the
     /// first 6 s. `peak_n` replaces the drawn force; without it a pull stays below half of the weight then.
-    pub(crate) fn draw_jerks(&mut self, count: usize, peak_n: Option<f64>, random: &mut Random) {
+    pub(crate) fn draw_pulses(&mut self, count: usize, peak_n: Option<f64>, random: &mut Random) {
         let part_s = 5.4 / count.max(1) as f64;
         for n in 0..count {
             let from_s = 0.6 + part_s * (n as f64 + random.between(0.1, 0.9));
             let (lasts_s, direction_rad) = (random.between(0.05, 0.2), random.between(0.0, TAU));
             let drawn_n = random.between(2.0, 10.0).min(PULL_OF_WEIGHT_FRACTION * weight_n(self.mass_kg(from_s)));
             let swells = random.fraction() < 0.5;
-            self.jerks.push(Jerk { from_s, lasts_s, direction_rad, peak_n: peak_n.unwrap_or(drawn_n), swells });
+            self.pulses.push(PullPulse { from_s, lasts_s, direction_rad, peak_n: peak_n.unwrap_or(drawn_n), swells });
         }
     }
-}
-
-/// What is true of a bottle.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct BottleTruth {
-    /// Its mass, in kg.
-    pub mass_kg: f64,
-    /// What pulls at it beside pads and table, in N: weight, inertia of the hand's motion, pull.
-    pub load_n: f64,
-    /// The pull alone, in N.
-    pub pull_n: f64,
-    /// What the table bears, in N.
-    pub table_n: f64,
-    /// How far its bottom is above the table, in mm; negative where the table gives.
-    pub above_table_mm: f64,
-    /// When it left the table, in s since the start; None while it has not.
-    pub lifted_at_s: Option<f64>,
-    /// Whether it slid out of the fingers: more than 15 mm, or let go in the air. Nothing changes after that.
-    pub dropped: bool,
 }
 
 /// A bottle.
@@ -155,7 +136,7 @@ impl Bottle {
         }
     }
 
-    /// What will pull at it.
+    /// The pulls drawn for it, with its masses.
     pub fn settings(&self) -> &BottleSettings {
         &self.settings
     }
@@ -166,8 +147,8 @@ impl Bottle {
     }
 }
 
-impl Held for Bottle {
-    fn start(&self) -> Pose {
+impl HeldObject for Bottle {
+    fn start_pose(&self) -> Pose {
         Pose::default()
     }
 
@@ -175,7 +156,7 @@ impl Held for Bottle {
         Symmetry::Mirrored
     }
 
-    fn ask(&mut self, contact: &Truth, hand: HandPlace, step_s: f64) -> Ask {
+    fn contact_input(&mut self, contact: &Truth, hand: HandState, step_s: f64) -> ContactInput {
         self.time_s += step_s;
         let mass_kg = self.settings.mass_kg(self.since_s());
         let inertia =
@@ -190,7 +171,7 @@ impl Held for Bottle {
         self.speed_mm_per_s += gain_mm_per_s;
         let inertia_n = -mass_kg * 1e-3 * gain_mm_per_s / step_s;
         let since_s = self.since_s();
-        let pull_n = self.settings.jerks.iter().fold(Vec2::ZERO, |sum, jerk| sum + jerk.force_n(since_s));
+        let pull_n = self.settings.pulses.iter().fold(Vec2::ZERO, |sum, pulse| sum + pulse.force_n(since_s));
         if pull_n != Vec2::ZERO {
             let damping = PULL_DAMPING_N_S_PER_MM;
             springs = Springs { damping: [[damping, 0.0, 0.0], [0.0, damping, 0.0], [0.0; 3]], ..springs };
@@ -199,10 +180,10 @@ impl Held for Bottle {
         self.truth.mass_kg = mass_kg;
         self.truth.pull_n = pull_n.length();
         self.truth.load_n = (pull_n + Vec2::new(weight_n(mass_kg) + inertia_n, 0.0)).length();
-        Ask { drive: Drive::Sprung(springs, inertia), pose: Pose::default(), roll_mm: Vec2::ZERO, wrench }
+        ContactInput { drive: Drive::Sprung(springs, inertia), pose: Pose::default(), roll_mm: Vec2::ZERO, wrench }
     }
 
-    fn took(&mut self, contact: &Truth, hand: HandPlace, _step_s: f64, slid_mm: f64) {
+    fn after_step(&mut self, contact: &Truth, hand: HandState, _step_s: f64, slid_mm: f64) {
         self.moved = difference(contact.pose, self.pose);
         self.pose = contact.pose;
         let [a, b] = self.feet.gaps_mm(contact.pose, hand.lowered_mm);
@@ -221,7 +202,7 @@ impl Held for Bottle {
         self.truth.dropped
     }
 
-    fn tell(&self, truth: &mut HandTruth) {
-        truth.bottle = Some(self.truth);
+    fn truth(&self) -> ObjectTruth {
+        ObjectTruth::Bottle(self.truth)
     }
 }

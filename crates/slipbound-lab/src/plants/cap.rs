@@ -11,10 +11,9 @@
 //! carry less, the cap stands, and it never springs back. As it turns it moves along X by its pitch, which shears the
 //! pads unless the wrist follows.
 
-use super::{Ask, FINGERS_COUNT, HandPlace, Held, Symmetry};
+use super::held::{ContactInput, FINGERS_COUNT, HandState, HeldObject, Symmetry};
+use super::truth::{CapTruth, ObjectTruth};
 use crate::contact::{Drive, Pose, Rail, Truth, Wrench};
-use crate::hand::HandTruth;
-use serde::Serialize;
 use slipbound::plane::Vec2;
 use std::f64::consts::TAU;
 
@@ -76,21 +75,6 @@ impl Thread {
     }
 }
 
-/// What is true of a cap.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct CapTruth {
-    /// How far it has been turned in the sense of the task, in rad, 0 or above.
-    pub angle_rad: f64,
-    /// Torque about X that both pads exert on it, in N mm, positive in the sense of the task.
-    pub torque_n_mm: f64,
-    /// Torque that the thread holds against, in N mm.
-    pub thread_n_mm: f64,
-    /// Largest torque that friction can carry at the present force, 2 mu P R, in N mm.
-    pub limit_n_mm: f64,
-    /// Whether it turned in the last step.
-    pub yields: bool,
-}
-
 /// A cap in its thread.
 #[derive(Debug, Clone)]
 pub struct Cap {
@@ -116,7 +100,7 @@ impl Cap {
     }
 
     /// Where it is over the pads while it stands.
-    fn pose(&self, hand: HandPlace) -> Pose {
+    fn pose(&self, hand: HandState) -> Pose {
         let by_hand_mm = Vec2::new(-hand.lowered_mm, self.radius_mm * hand.angle_rad);
         Pose { position_mm: by_hand_mm + self.along_mm() * self.truth.angle_rad, turn_rad: 0.0 }
     }
@@ -127,8 +111,8 @@ impl Cap {
     }
 }
 
-impl Held for Cap {
-    fn start(&self) -> Pose {
+impl HeldObject for Cap {
+    fn start_pose(&self) -> Pose {
         Pose::default()
     }
 
@@ -136,13 +120,13 @@ impl Held for Cap {
         Symmetry::Same
     }
 
-    fn ask(&mut self, contact: &Truth, hand: HandPlace, _step_s: f64) -> Ask {
+    fn contact_input(&mut self, contact: &Truth, hand: HandState, _step_s: f64) -> ContactInput {
         let angle_rad = self.truth.angle_rad;
         let now_n_mm = self.thread.torque_n_mm(angle_rad);
         self.truth.yields = self.drive_n_mm(contact) > now_n_mm;
         let drive = if self.truth.yields {
             // Where the torque grows it is a spring of this step. Where it falls, which no implicit step can hold,
-            // it is that of the end of the step, judged from the last one.
+            // it is that of the end of the step, estimated from the last one.
             let step_rad = self.step_rad.max(1e-4);
             let next_n_mm = self.thread.torque_n_mm(angle_rad + step_rad);
             Drive::Railed(Rail {
@@ -157,10 +141,10 @@ impl Held for Cap {
         };
         // The round profile stays between the pads whatever the cap does; only its skin walks.
         let roll_mm = Vec2::new(0.0, -contact.pose.position_mm.y);
-        Ask { drive, pose: self.pose(hand), roll_mm, wrench: Wrench::default() }
+        ContactInput { drive, pose: self.pose(hand), roll_mm, wrench: Wrench::default() }
     }
 
-    fn took(&mut self, contact: &Truth, hand: HandPlace, _step_s: f64, _slid_mm: f64) {
+    fn after_step(&mut self, contact: &Truth, hand: HandState, _step_s: f64, _slid_mm: f64) {
         let along_mm = self.along_mm();
         let turned_mm = contact.pose.position_mm - self.pose(hand).position_mm;
         // It never springs back: what the step took back is undone by the next one.
@@ -173,7 +157,7 @@ impl Held for Cap {
         self.truth.limit_n_mm = f64::from(FINGERS_COUNT) * self.mu * contact.grip_force_n * self.radius_mm;
     }
 
-    fn tell(&self, truth: &mut HandTruth) {
-        truth.cap = Some(self.truth);
+    fn truth(&self) -> ObjectTruth {
+        ObjectTruth::Cap(self.truth)
     }
 }

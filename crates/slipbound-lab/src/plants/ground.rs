@@ -10,11 +10,10 @@
 //!
 //! A stand holds the tool until the pads have had it for a while; then it gives way, evenly.
 
-use super::{Ask, HandPlace, Held, Symmetry};
-use crate::contact::{Drive, Inertia, Pose, Springs, Truth, Wrench};
-use crate::hand::HandTruth;
-use crate::scenes::GRAVITY_MM_PER_S2;
-use serde::Serialize;
+use super::held::{ContactInput, HandState, HeldObject, Symmetry};
+use super::support::{Feet, LOST_AFTER_MM, difference, sum, weight, weight_n};
+use super::truth::{GroundTruth, ObjectTruth};
+use crate::contact::{Drive, Inertia, Pose, Truth};
 use slipbound::plane::Vec2;
 
 /// Stiffness of the ground under a foot, in N/mm. Estimate.
@@ -28,109 +27,6 @@ const STAND_S: f64 = 0.15;
 
 /// Time in which it gives way, in s.
 const HANDOVER_S: f64 = 0.2;
-
-/// Way over the pads after which something held is no longer held, in mm.
-pub(super) const LOST_AFTER_MM: f64 = 15.0;
-
-/// Weight in N of a mass in kg.
-pub(super) fn weight_n(mass_kg: f64) -> f64 {
-    mass_kg * GRAVITY_MM_PER_S2 * 1e-3
-}
-
-/// Two feet over a flat ground that pushes back as springs do and pulls at nothing.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Feet {
-    /// Where they are on the object, in mm.
-    pub feet_mm: [Vec2; 2],
-    /// Stiffness under each, in N/mm.
-    pub stiffness_n_per_mm: f64,
-    /// How far below the start of the hand the ground is, in mm.
-    pub ground_mm: f64,
-}
-
-impl Feet {
-    /// From the object's reference point, with the object turned as it is.
-    fn levers_mm(&self, turn_rad: f64) -> [Vec2; 2] {
-        let (s, c) = turn_rad.sin_cos();
-        self.feet_mm.map(|foot| Vec2::new(c * foot.x - s * foot.y, s * foot.x + c * foot.y))
-    }
-
-    /// How far the feet are above the ground, in mm; negative where the springs give.
-    pub fn gaps_mm(&self, pose: Pose, lowered_mm: f64) -> [f64; 2] {
-        let down_mm = pose.position_mm.x + lowered_mm;
-        self.levers_mm(pose.turn_rad).map(|lever| self.ground_mm - down_mm - lever.x)
-    }
-
-    /// What the ground pushes with under each foot, in N.
-    pub fn forces_n(&self, pose: Pose, lowered_mm: f64) -> [f64; 2] {
-        self.gaps_mm(pose, lowered_mm).map(|gap_mm| (-gap_mm).max(0.0) * self.stiffness_n_per_mm)
-    }
-
-    /// The springs of a step and their force where the object now is. A foot counts when it is going to be on the
-    /// ground at the end of the step: moving over the pads as it did in the last one (`moved`), or falling. One that
-    /// stands counts for a step more, whatever it did last: let go too early it would fall into the ground. Guessed
-    /// wrong, it comes down, or leaves, a step late.
-    pub fn springs(&self, contact: &Truth, moved: Pose, lowered_mm: f64, step_s: f64) -> (Springs, Wrench) {
-        let (mut springs, mut push) = (Springs::default(), Wrench::default());
-        let pose = contact.pose;
-        let falls_mm = if contact.contact_cells_count == 0 { GRAVITY_MM_PER_S2 * step_s * step_s } else { 0.0 };
-        let gaps_mm = self.gaps_mm(pose, lowered_mm);
-        for (lever, gap_mm) in self.levers_mm(pose.turn_rad).into_iter().zip(gaps_mm) {
-            let sinks_mm = moved.position_mm.x - lever.y * moved.turn_rad + falls_mm;
-            if gap_mm > sinks_mm.max(0.0) {
-                continue;
-            }
-            let k = self.stiffness_n_per_mm;
-            let along = [1.0, 0.0, -lever.y]; // how the foot goes down as the object moves
-            for (i, row) in springs.stiffness.iter_mut().enumerate() {
-                for (j, entry) in row.iter_mut().enumerate() {
-                    *entry += k * along[i] * along[j];
-                }
-            }
-            push.force_n.x += k * gap_mm;
-            push.torque_n_mm -= k * gap_mm * lever.y;
-        }
-        (springs, push)
-    }
-}
-
-/// The weight of an object about its reference point.
-pub(super) fn weight(inertia: &Inertia, turn_rad: f64) -> Wrench {
-    let (s, c) = turn_rad.sin_cos();
-    let e = inertia.centre_of_mass_mm;
-    let force_n = weight_n(inertia.mass_kg);
-    Wrench { force_n: Vec2::new(force_n, 0.0), torque_n_mm: -(s * e.x + c * e.y) * force_n }
-}
-
-pub(super) fn sum(a: Wrench, b: Wrench) -> Wrench {
-    Wrench { force_n: a.force_n + b.force_n, torque_n_mm: a.torque_n_mm + b.torque_n_mm }
-}
-
-pub(super) fn difference(now: Pose, before: Pose) -> Pose {
-    Pose { position_mm: now.position_mm - before.position_mm, turn_rad: now.turn_rad - before.turn_rad }
-}
-
-/// What is true of a tool and the ground.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct GroundTruth {
-    /// Weight of the tool, in N.
-    pub weight_n: f64,
-    /// What the ground pushes with, in N.
-    pub force_n: f64,
-    /// The most it pushed with while the pads held the tool, in N.
-    pub peak_force_n: f64,
-    /// How far its feet are above the ground, in mm: at Y = -L, then at +L. Negative where the springs give.
-    pub feet_gap_mm: [f64; 2],
-    /// How it is turned about Z, in rad, positive from X to Y; 0 lies flat.
-    pub tilt_rad: f64,
-    /// Whether the stand still carries some of it.
-    pub on_stand: bool,
-    /// Larger of the gaps under its feet when the pads let go of it, 0 or above, in mm: how deep it fell until both
-    /// stood. None until then.
-    pub free_drop_mm: Option<f64>,
-    /// Whether it slid out of the fingers.
-    pub dropped: bool,
-}
 
 /// A tool and the ground.
 #[derive(Debug, Clone)]
@@ -199,8 +95,8 @@ impl Tool {
     }
 }
 
-impl Held for Tool {
-    fn start(&self) -> Pose {
+impl HeldObject for Tool {
+    fn start_pose(&self) -> Pose {
         self.start
     }
 
@@ -208,20 +104,20 @@ impl Held for Tool {
         Symmetry::Mirrored
     }
 
-    fn ask(&mut self, contact: &Truth, hand: HandPlace, step_s: f64) -> Ask {
+    fn contact_input(&mut self, contact: &Truth, hand: HandState, step_s: f64) -> ContactInput {
         let share = self.handed_over();
-        let mut ask = Ask { drive: Drive::Guided, pose: self.start, roll_mm: Vec2::ZERO, wrench: Wrench::default() };
+        let mut input = ContactInput::guided(self.start);
         if share == 0.0 {
-            ask.pose.position_mm.x -= hand.lowered_mm;
-            return ask;
+            input.pose.position_mm.x -= hand.lowered_mm;
+            return input;
         }
         let (springs, push) = self.feet.springs(contact, self.moved, hand.lowered_mm, step_s);
-        ask.drive = Drive::Sprung(springs, self.inertia);
-        ask.wrench = sum(push, weight(&self.inertia, contact.pose.turn_rad).scaled(share));
-        ask
+        input.drive = Drive::Sprung(springs, self.inertia);
+        input.wrench = sum(push, weight(&self.inertia, contact.pose.turn_rad).scaled(share));
+        input
     }
 
-    fn took(&mut self, contact: &Truth, hand: HandPlace, step_s: f64, slid_mm: f64) {
+    fn after_step(&mut self, contact: &Truth, hand: HandState, step_s: f64, slid_mm: f64) {
         let touches = contact.contact_cells_count > 0;
         let free = self.handed_over() > 0.0;
         let truth = &mut self.truth;
@@ -249,7 +145,7 @@ impl Held for Tool {
         self.truth.dropped
     }
 
-    fn tell(&self, truth: &mut HandTruth) {
-        truth.ground = Some(self.truth);
+    fn truth(&self) -> ObjectTruth {
+        ObjectTruth::Ground(self.truth)
     }
 }

@@ -1,9 +1,10 @@
 //! The parameters of scenes: names with units, meanings, ranges.
 
-use super::trial::Value;
 use crate::faults::Faults;
 use crate::objects::Object;
+use serde::{Deserialize, Serialize};
 use slipbound::setting::SettingError;
+use std::fmt;
 
 /// A parameter.
 #[derive(Debug, Clone, Copy)]
@@ -35,6 +36,25 @@ pub enum Kind {
     Faults,
 }
 
+/// The value of a parameter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Value {
+    /// A number, in the unit its key names.
+    Number(f64),
+    /// A word.
+    Word(String),
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Value::Number(number) => write!(f, "{number}"),
+            Value::Word(word) => f.write_str(word),
+        }
+    }
+}
+
 pub(crate) const fn number(name: &'static str, low: f64, high: f64, default: &'static str, what: &'static str) -> Key {
     Key { name, what, kind: Kind::Number(low, high), default }
 }
@@ -50,7 +70,7 @@ pub const COMMON_KEYS: &[Key] = &[
     Key { name: "rest_frames", what: "frames before it touches", kind: Kind::Count(1, 3000), default: "12" },
     number("press_s", 0.05, 30.0, "0.3", "time in which it is pressed"),
     number("settle_s", 0.05, 30.0, "0.2", "time between pressing and what follows"),
-    Key { name: "camera", what: "whose eye", kind: Kind::Word(&["gelslim", "gelsight_mini"]), default: "gelslim" },
+    Key { name: "camera", what: "camera model", kind: Kind::Word(&["gelslim", "gelsight_mini"]), default: "gelslim" },
     Key { name: "jpeg_quality", what: "of the frames", kind: Kind::Count(30, 100), default: "85" },
     Key {
         name: "grid",
@@ -82,18 +102,6 @@ pub const SCENE_KEYS: &[Key] = &[
 ];
 
 impl Key {
-    /// The key of a name among those a scene takes.
-    pub(super) fn of(scene: &super::Scene, name: &str) -> Result<&'static Key, SettingError> {
-        scene.keys().find(|key| key.name == name).ok_or_else(|| {
-            let names: Vec<&str> = std::iter::once("seed").chain(scene.keys().map(|key| key.name)).collect();
-            SettingError {
-                key: name.into(),
-                got: format!("a key that the scene {} does not take", scene.name),
-                expected: format!("one of {}", names.join(", ")),
-            }
-        })
-    }
-
     /// Reads a value; refuses what is out of range.
     pub(crate) fn read(&self, text: &str) -> Result<Value, SettingError> {
         let refuse = |expected: String| SettingError { key: self.name.into(), got: text.into(), expected };

@@ -1,6 +1,8 @@
 //! The scenes.
 
-use super::{Course, Pull, Scene, Trial};
+use super::load_profile::{LoadProfile, Pull};
+use super::parameters::Parameters;
+use super::scene::Scene;
 use crate::contact::{Drive, Inertia, Leg, Mount, Path};
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
@@ -17,48 +19,48 @@ const PULL_DAMPING_N_MM_S_PER_RAD: f64 = 1.0;
 
 /// All scenes.
 pub const SCENES: [Scene; 11] = [
-    Scene { name: "press", what: "pressed and held", defaults: &[("hold_s", "1")], course: press },
+    Scene { name: "press", what: "pressed and held", defaults: &[("hold_s", "1")], profile: press },
     Scene {
         name: "press_release",
         what: "pressed, held, let go",
         defaults: &[("hold_s", "0.5")],
-        course: press_release,
+        profile: press_release,
     },
     Scene {
         name: "shear",
         what: "pressed, then moved sideways; most objects slide",
         defaults: &[("distance_mm", "3"), ("direction_deg", "0"), ("speed_mm_per_s", "3")],
-        course: shear,
+        profile: shear,
     },
     Scene {
         name: "twist",
         what: "pressed, then turned; most objects slide",
         defaults: &[("angle_deg", "50"), ("speed_deg_per_s", "20")],
-        course: twist,
+        profile: twist,
     },
     Scene {
         name: "shear_and_twist",
         what: "pressed, then moved and turned together",
         defaults: &[("distance_mm", "2.5"), ("direction_deg", "0"), ("angle_deg", "15"), ("speed_mm_per_s", "2.5")],
-        course: shear_and_twist,
+        profile: shear_and_twist,
     },
     Scene {
         name: "roll",
         what: "pressed, then rolled over the pad without being pulled",
         defaults: &[("distance_mm", "3"), ("direction_deg", "90"), ("speed_mm_per_s", "3")],
-        course: roll,
+        profile: roll,
     },
     Scene {
         name: "quiet_grip_steps",
         what: "gripped harder step by step, nothing pulls",
         defaults: &[("force_n", "10"), ("step_n", "10"), ("most_n", "60"), ("hold_s", "0.5")],
-        course: quiet_grip_steps,
+        profile: quiet_grip_steps,
     },
     Scene {
         name: "vibration",
         what: "held while the hand shakes, too little to slide",
         defaults: &[("distance_mm", "0.03"), ("direction_deg", "0"), ("frequency_hz", "8"), ("hold_s", "2")],
-        course: vibration,
+        profile: vibration,
     },
     Scene {
         name: "ramp",
@@ -70,7 +72,7 @@ pub const SCENES: [Scene; 11] = [
             ("peak_fraction", "1.3"),
             ("hold_s", "0.5"),
         ],
-        course: ramp,
+        profile: ramp,
     },
     Scene {
         name: "fill",
@@ -85,7 +87,7 @@ pub const SCENES: [Scene; 11] = [
             ("most_kg", "1.5"),
             ("hold_s", "1"),
         ],
-        course: fill,
+        profile: fill,
     },
     Scene {
         name: "tape_push",
@@ -97,19 +99,30 @@ pub const SCENES: [Scene; 11] = [
             ("speed_mm_per_s", "2.5"),
             ("arm_n_per_mm", "20"),
         ],
-        course: tape_push,
+        profile: tape_push,
     },
 ];
 
+impl Scene {
+    /// The scene of a name; the error lists the names.
+    pub fn named(name: &str) -> Result<&'static Scene, SettingError> {
+        SCENES.iter().find(|scene| scene.name == name).ok_or_else(|| SettingError {
+            key: "scene".into(),
+            got: name.into(),
+            expected: format!("one of {}", SCENES.map(|scene| scene.name).join(", ")),
+        })
+    }
+}
+
 /// The legs that begin every scene, and when they end.
-fn begin(trial: &Trial) -> (Vec<Leg>, f64) {
-    let (press_s, settle_s) = (trial.number("press_s"), trial.number("settle_s"));
-    (vec![Leg::press(trial.number("force_n"), press_s), Leg::hold(settle_s)], press_s + settle_s)
+fn begin(set: &Parameters) -> (Vec<Leg>, f64) {
+    let (press_s, settle_s) = (set.number("press_s"), set.number("settle_s"));
+    (vec![Leg::press(set.number("force_n"), press_s), Leg::hold(settle_s)], press_s + settle_s)
 }
 
 /// A guided object that nothing loads.
-fn unloaded(legs: Vec<Leg>) -> Result<Course, SettingError> {
-    Ok(Course {
+fn unloaded(legs: Vec<Leg>) -> Result<LoadProfile, SettingError> {
+    Ok(LoadProfile {
         path: Path::new(legs)?,
         pull: Pull::None,
         drive: Drive::Guided,
@@ -120,63 +133,63 @@ fn unloaded(legs: Vec<Leg>) -> Result<Course, SettingError> {
 }
 
 /// A guided object moved after pressing.
-fn moved(trial: &Trial, shift_mm: Vec2, turn_rad: f64, seconds_s: f64) -> Result<Course, SettingError> {
-    let (mut legs, begin_s) = begin(trial);
+fn moved(set: &Parameters, shift_mm: Vec2, turn_rad: f64, seconds_s: f64) -> Result<LoadProfile, SettingError> {
+    let (mut legs, begin_s) = begin(set);
     legs.push(Leg::shear_and_twist(shift_mm.x, shift_mm.y, turn_rad, seconds_s));
     legs.push(Leg::hold(TAIL_S));
-    Ok(Course { load_from_s: Some(begin_s), along: (shift_mm, turn_rad), ..unloaded(legs)? })
+    Ok(LoadProfile { load_from_s: Some(begin_s), along: (shift_mm, turn_rad), ..unloaded(legs)? })
 }
 
-fn direction_rad(trial: &Trial) -> f64 {
-    trial.number("direction_deg").to_radians()
+fn direction_rad(set: &Parameters) -> f64 {
+    set.number("direction_deg").to_radians()
 }
 
 /// `distance_mm` towards `direction_deg`, and the time it takes at the speed asked for.
-fn way(trial: &Trial) -> (Vec2, f64) {
-    let (s, c) = direction_rad(trial).sin_cos();
-    let distance_mm = trial.number("distance_mm");
-    let seconds_s = (distance_mm / trial.number("speed_mm_per_s")).max(1.0 / 30.0);
+fn way(set: &Parameters) -> (Vec2, f64) {
+    let (s, c) = direction_rad(set).sin_cos();
+    let distance_mm = set.number("distance_mm");
+    let seconds_s = (distance_mm / set.number("speed_mm_per_s")).max(1.0 / 30.0);
     (Vec2::new(c, s) * distance_mm, seconds_s)
 }
 
-fn press(trial: &Trial) -> Result<Course, SettingError> {
-    let (mut legs, _) = begin(trial);
-    legs.push(Leg::hold(trial.number("hold_s")));
+fn press(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let (mut legs, _) = begin(set);
+    legs.push(Leg::hold(set.number("hold_s")));
     unloaded(legs)
 }
 
-fn press_release(trial: &Trial) -> Result<Course, SettingError> {
-    let (mut legs, _) = begin(trial);
-    legs.extend([Leg::hold(trial.number("hold_s")), Leg::release(trial.number("press_s")), Leg::hold(TAIL_S)]);
+fn press_release(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let (mut legs, _) = begin(set);
+    legs.extend([Leg::hold(set.number("hold_s")), Leg::release(set.number("press_s")), Leg::hold(TAIL_S)]);
     unloaded(legs)
 }
 
-fn shear(trial: &Trial) -> Result<Course, SettingError> {
-    let (shift_mm, seconds_s) = way(trial);
-    moved(trial, shift_mm, 0.0, seconds_s)
+fn shear(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let (shift_mm, seconds_s) = way(set);
+    moved(set, shift_mm, 0.0, seconds_s)
 }
 
-fn twist(trial: &Trial) -> Result<Course, SettingError> {
-    let angle_deg = trial.number("angle_deg");
-    let seconds_s = (angle_deg.abs() / trial.number("speed_deg_per_s")).max(1.0 / 30.0);
-    moved(trial, Vec2::ZERO, angle_deg.to_radians(), seconds_s)
+fn twist(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let angle_deg = set.number("angle_deg");
+    let seconds_s = (angle_deg.abs() / set.number("speed_deg_per_s")).max(1.0 / 30.0);
+    moved(set, Vec2::ZERO, angle_deg.to_radians(), seconds_s)
 }
 
-fn shear_and_twist(trial: &Trial) -> Result<Course, SettingError> {
-    let (shift_mm, seconds_s) = way(trial);
-    moved(trial, shift_mm, trial.number("angle_deg").to_radians(), seconds_s)
+fn shear_and_twist(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let (shift_mm, seconds_s) = way(set);
+    moved(set, shift_mm, set.number("angle_deg").to_radians(), seconds_s)
 }
 
-fn roll(trial: &Trial) -> Result<Course, SettingError> {
-    let (shift_mm, seconds_s) = way(trial);
-    let (mut legs, _) = begin(trial);
+fn roll(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let (shift_mm, seconds_s) = way(set);
+    let (mut legs, _) = begin(set);
     legs.extend([Leg::roll(shift_mm.x, shift_mm.y, seconds_s), Leg::hold(TAIL_S)]);
     unloaded(legs)
 }
 
-fn quiet_grip_steps(trial: &Trial) -> Result<Course, SettingError> {
-    let (mut legs, _) = begin(trial);
-    let (mut force_n, most_n) = (trial.number("force_n"), trial.number("most_n"));
+fn quiet_grip_steps(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let (mut legs, _) = begin(set);
+    let (mut force_n, most_n) = (set.number("force_n"), set.number("most_n"));
     if most_n < force_n {
         return Err(SettingError {
             key: "most_n".into(),
@@ -185,36 +198,36 @@ fn quiet_grip_steps(trial: &Trial) -> Result<Course, SettingError> {
         });
     }
     while force_n < most_n {
-        force_n = (force_n + trial.number("step_n")).min(most_n);
-        legs.extend([Leg::hold(trial.number("hold_s")), Leg::press(force_n, 0.1)]);
+        force_n = (force_n + set.number("step_n")).min(most_n);
+        legs.extend([Leg::hold(set.number("hold_s")), Leg::press(force_n, 0.1)]);
     }
-    legs.push(Leg::hold(trial.number("hold_s")));
+    legs.push(Leg::hold(set.number("hold_s")));
     unloaded(legs)
 }
 
-fn vibration(trial: &Trial) -> Result<Course, SettingError> {
-    let (mut legs, _) = begin(trial);
-    let (s, c) = direction_rad(trial).sin_cos();
-    let far_mm = Vec2::new(c, s) * trial.number("distance_mm");
+fn vibration(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let (mut legs, _) = begin(set);
+    let (s, c) = direction_rad(set).sin_cos();
+    let far_mm = Vec2::new(c, s) * set.number("distance_mm");
     // Back and forth in straight legs: a triangle of the frequency asked for, from the middle to the middle.
-    let quarter_s = 0.25 / trial.number("frequency_hz");
+    let quarter_s = 0.25 / set.number("frequency_hz");
     let there = |way: f64, seconds_s: f64| Leg::shear(way * far_mm.x, way * far_mm.y, seconds_s);
-    for _ in 0..(trial.number("hold_s") / (4.0 * quarter_s)).ceil() as u32 {
+    for _ in 0..(set.number("hold_s") / (4.0 * quarter_s)).ceil() as u32 {
         legs.extend([there(1.0, quarter_s), there(-2.0, 2.0 * quarter_s), there(1.0, quarter_s)]);
     }
     unloaded(legs)
 }
 
 /// The object as a body, with the mass the scene gives it.
-fn inertia(trial: &Trial) -> Inertia {
-    let object = trial.object();
+fn inertia(set: &Parameters) -> Inertia {
+    let object = set.object();
     Inertia { mass_kg: object.mass_kg, gyration_radius_mm: object.gyration_radius_mm, centre_of_mass_mm: Vec2::ZERO }
 }
 
-fn ramp(trial: &Trial) -> Result<Course, SettingError> {
-    let (mut legs, begin_s) = begin(trial);
-    let (ramp_s, peak_fraction) = (trial.number("ramp_s"), trial.number("peak_fraction"));
-    legs.push(Leg::hold(ramp_s * peak_fraction + trial.number("hold_s")));
+fn ramp(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let (mut legs, begin_s) = begin(set);
+    let (ramp_s, peak_fraction) = (set.number("ramp_s"), set.number("peak_fraction"));
+    legs.push(Leg::hold(ramp_s * peak_fraction + set.number("hold_s")));
     let mount = Mount {
         stiffness_n_per_mm: 0.0,
         stiffness_n_mm_per_rad: 0.0,
@@ -222,43 +235,48 @@ fn ramp(trial: &Trial) -> Result<Course, SettingError> {
         damping_n_mm_s_per_rad: PULL_DAMPING_N_MM_S_PER_RAD,
     };
     let pull = Pull::Ramp {
-        direction_rad: direction_rad(trial),
-        twist_fraction: trial.number("twist_fraction"),
+        direction_rad: direction_rad(set),
+        twist_fraction: set.number("twist_fraction"),
         ramp_s,
         peak_fraction,
     };
-    Ok(Course {
+    Ok(LoadProfile {
         pull,
-        drive: Drive::Mounted(mount, Some(inertia(trial))),
+        drive: Drive::Mounted(mount, Some(inertia(set))),
         load_from_s: Some(begin_s),
         ..unloaded(legs)?
     })
 }
 
-fn fill(trial: &Trial) -> Result<Course, SettingError> {
-    let (mut legs, begin_s) = begin(trial);
-    let inertia = inertia(trial);
-    let (lift_s, fill_kg_per_s, most_kg) =
-        (trial.number("lift_s"), trial.number("fill_kg_per_s"), trial.number("most_kg"));
+fn fill(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let (mut legs, begin_s) = begin(set);
+    let inertia = inertia(set);
+    let (lift_s, fill_kg_per_s, most_kg) = (set.number("lift_s"), set.number("fill_kg_per_s"), set.number("most_kg"));
     let filling_s = ((most_kg - inertia.mass_kg) / fill_kg_per_s).max(0.0);
-    legs.push(Leg::hold(lift_s + filling_s + trial.number("hold_s")));
+    legs.push(Leg::hold(lift_s + filling_s + set.number("hold_s")));
     let pull =
-        Pull::Weight { direction_rad: direction_rad(trial), lift_s, mass_kg: inertia.mass_kg, fill_kg_per_s, most_kg };
-    Ok(Course { pull, drive: Drive::Free(inertia), fingers_count: 2, load_from_s: Some(begin_s), ..unloaded(legs)? })
+        Pull::Weight { direction_rad: direction_rad(set), lift_s, mass_kg: inertia.mass_kg, fill_kg_per_s, most_kg };
+    Ok(LoadProfile {
+        pull,
+        drive: Drive::Free(inertia),
+        fingers_count: 2,
+        load_from_s: Some(begin_s),
+        ..unloaded(legs)?
+    })
 }
 
-fn tape_push(trial: &Trial) -> Result<Course, SettingError> {
-    let (shift_mm, seconds_s) = way(trial);
-    let (mut legs, begin_s) = begin(trial);
+fn tape_push(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let (shift_mm, seconds_s) = way(set);
+    let (mut legs, begin_s) = begin(set);
     let there = |way: f64| Leg::shear(way * shift_mm.x, way * shift_mm.y, seconds_s);
     legs.extend([there(1.0), Leg::hold(TAIL_S), there(-1.0), Leg::hold(TAIL_S)]);
-    let stiffness_n_per_mm = trial.number("arm_n_per_mm");
+    let stiffness_n_per_mm = set.number("arm_n_per_mm");
     let mount = Mount {
         stiffness_n_per_mm,
         stiffness_n_mm_per_rad: 1000.0 * stiffness_n_per_mm,
         damping_n_s_per_mm: 0.01,
         damping_n_mm_s_per_rad: 10.0,
     };
-    let drive = Drive::Mounted(mount, Some(inertia(trial)));
-    Ok(Course { drive, load_from_s: Some(begin_s), along: (shift_mm, 0.0), ..unloaded(legs)? })
+    let drive = Drive::Mounted(mount, Some(inertia(set)));
+    Ok(LoadProfile { drive, load_from_s: Some(begin_s), along: (shift_mm, 0.0), ..unloaded(legs)? })
 }

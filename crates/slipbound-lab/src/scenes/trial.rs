@@ -1,6 +1,9 @@
 //! A scene with all its parameters: what it takes to make the same frames again.
 
-use super::{Course, Key, Scene};
+use super::keys::Value;
+use super::load_profile::LoadProfile;
+use super::parameters::Parameters;
+use super::scene::Scene;
 use crate::faults::Faults;
 use crate::objects::Object;
 use serde::{Deserialize, Serialize};
@@ -11,25 +14,6 @@ use std::fmt;
 /// The largest whole number up to which JSON readers are exact.
 const LARGEST_SEED: u64 = 1 << 53;
 
-/// The value of a parameter.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum Value {
-    /// A number, in the unit its key names.
-    Number(f64),
-    /// A word.
-    Word(String),
-}
-
-impl fmt::Display for Value {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Value::Number(number) => write!(f, "{number}"),
-            Value::Word(word) => f.write_str(word),
-        }
-    }
-}
-
 /// A scene, a seed and a value for every key the scene takes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
@@ -37,7 +21,7 @@ pub struct Trial {
     scene: &'static Scene,
     /// What the noise of the camera and the faults are drawn from.
     pub seed: u64,
-    values: BTreeMap<&'static str, Value>,
+    parameters: Parameters,
 }
 
 /// A trial as a file has it.
@@ -61,14 +45,8 @@ impl TryFrom<Written> for Trial {
 
 impl From<Trial> for Written {
     fn from(trial: Trial) -> Self {
-        let set = trial.values.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+        let set = trial.values().map(|(key, value)| (key.to_owned(), value.clone())).collect();
         Written { scene: trial.scene.name.into(), seed: trial.seed, set }
-    }
-}
-
-impl PartialEq for Scene {
-    fn eq(&self, other: &Scene) -> bool {
-        self.name == other.name
     }
 }
 
@@ -76,11 +54,7 @@ impl Trial {
     /// A scene with every parameter at its default and seed 0.
     pub fn new(scene: &str) -> Result<Self, SettingError> {
         let scene = Scene::named(scene)?;
-        let values = scene.keys().map(|key| {
-            let default = scene.default_of(key.name).unwrap_or(key.default);
-            key.read(default).map(|value| (key.name, value))
-        });
-        Ok(Trial { scene, seed: 0, values: values.collect::<Result<_, _>>()? })
+        Ok(Trial { scene, seed: 0, parameters: scene.default_parameters()? })
     }
 
     /// `SCENE` or `SCENE?key=value&key=value`. `seed` is a key too.
@@ -109,8 +83,7 @@ impl Trial {
             })?;
             return Ok(self);
         }
-        let key = Key::of(self.scene, key)?;
-        self.values.insert(key.name, key.read(value)?);
+        self.parameters.set(self.scene.key(key)?, value)?;
         Ok(self)
     }
 
@@ -121,47 +94,37 @@ impl Trial {
 
     /// All keys and values, in the order of the keys' names.
     pub fn values(&self) -> impl Iterator<Item = (&'static str, &Value)> {
-        self.values.iter().map(|(key, value)| (*key, value))
+        self.parameters.values()
     }
 
-    /// The number of a key. A panic when the scene does not take it, as an index of a slice.
+    /// The number of a key, see [`Parameters::number`].
     pub fn number(&self, key: &str) -> f64 {
-        match self.values.get(key) {
-            Some(Value::Number(number)) => *number,
-            other => panic!("{}: {key} is {other:?}", self.scene.name),
-        }
+        self.parameters.number(key)
     }
 
-    /// The word of a key. A panic when the scene does not take it.
+    /// The word of a key, see [`Parameters::word`].
     pub fn word(&self, key: &str) -> &str {
-        match self.values.get(key) {
-            Some(Value::Word(word)) => word,
-            other => panic!("{}: {key} is {other:?}", self.scene.name),
-        }
+        self.parameters.word(key)
     }
 
     /// What is held.
     pub fn object(&self) -> &'static Object {
-        Object::named(self.word("object")).expect("the name was looked up when it was set")
+        self.parameters.object()
     }
 
     /// The friction coefficient: the one set, or the object's.
     pub fn mu(&self) -> f64 {
-        match self.values["mu"] {
-            Value::Number(mu) => mu,
-            Value::Word(_) => self.object().mu,
-        }
+        self.parameters.mu()
     }
 
     /// The faults; None for none.
     pub fn faults(&self) -> Option<Faults> {
-        let text = self.word("fault");
-        (text != "none").then(|| Faults::parse(text).expect("the text was read when it was set"))
+        self.parameters.faults()
     }
 
-    /// What happens over time. Refuses parameters that do not go together.
-    pub fn course(&self) -> Result<Course, SettingError> {
-        (self.scene.course)(self)
+    /// Grip, motion and load over time. Refuses parameters that do not go together.
+    pub fn load_profile(&self) -> Result<LoadProfile, SettingError> {
+        (self.scene.profile)(&self.parameters)
     }
 }
 
@@ -169,6 +132,6 @@ impl Trial {
 impl fmt::Display for Trial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}?seed={}", self.scene.name, self.seed)?;
-        self.values.iter().try_for_each(|(key, value)| write!(f, "&{key}={value}"))
+        self.values().try_for_each(|(key, value)| write!(f, "&{key}={value}"))
     }
 }

@@ -56,7 +56,7 @@ pub struct FrameTruth {
     /// load or motion.
     pub friction_used_fraction: Option<f64>,
     /// The load along its path, 0 or above, in the unit of the scene: see [`Pull`](crate::scenes::Pull) and
-    /// [`Course::along`](crate::scenes::Course). None where nothing loads the object.
+    /// [`LoadProfile::along`](crate::scenes::LoadProfile). None where nothing loads the object.
     pub load: Option<f64>,
     /// f = load over the load at gross slip; above 1 after it. None when the trial never comes to gross slip, and
     /// until it has: [`complete`] fills it in.

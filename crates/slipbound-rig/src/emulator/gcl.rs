@@ -1,17 +1,18 @@
 //! A Weiss WSG-50 at its text interface.
 
+use super::fault::Fault;
+use super::firmware::Firmware;
+use super::jaws::EmulatedJaws;
 use super::weiss::{Settings, Task, Weiss};
-use super::{Emulator, Mishap};
-use crate::gripper::text::Lines;
 use crate::gripper::wsg50::words::status;
+use crate::link::{Lines, write_line};
 use slipbound::plant::Plant;
 
-/// The emulator.
+/// The firmware.
 #[derive(Debug)]
 pub struct Gcl {
     weiss: Weiss,
     lines: Lines,
-    outgoing: Vec<u8>,
 }
 
 impl Default for Gcl {
@@ -23,16 +24,11 @@ impl Default for Gcl {
 impl Gcl {
     /// Wide open.
     pub fn new(settings: Settings) -> Self {
-        Gcl { weiss: Weiss::new(settings), lines: Lines::default(), outgoing: Vec::new() }
+        Gcl { weiss: Weiss::new(settings), lines: Lines::default() }
     }
 
-    fn say(&mut self, line: &str) {
-        self.outgoing.extend(line.as_bytes());
-        self.outgoing.push(b'\n');
-    }
-
-    fn tell_ended(&mut self) {
-        for (task, code) in std::mem::take(&mut self.weiss.ended) {
+    fn send_ended(&mut self, outgoing: &mut Vec<u8>) {
+        for (task, code) in self.weiss.take_ended() {
             let name = match task {
                 Task::Home => "HOME",
                 Task::Move { .. } => "MOVE",
@@ -40,22 +36,24 @@ impl Gcl {
                 Task::Release { .. } => "RELEASE",
             };
             match code {
-                status::OK => self.say(&format!("FIN {name}")),
-                code => self.say(&format!("ERR {name} {code}")),
+                status::OK => write_line(outgoing, &format!("FIN {name}")),
+                code => write_line(outgoing, &format!("ERR {name} {code}")),
             }
         }
     }
 
-    fn obey(&mut self, line: Option<&str>) {
-        let Some(line) = line else { return self.say(&format!("ERR {}", status::FORMAT)) };
+    fn execute(&mut self, line: Option<&str>, outgoing: &mut Vec<u8>) {
+        let Some(line) = line else { return write_line(outgoing, &format!("ERR {}", status::FORMAT)) };
         match line {
             "" => return,
-            "POS?" => return self.say(&format!("POS={:.2}", self.weiss.hand.opening_mm())),
-            "FORCE?" => return self.say(&format!("FORCE={:.2}", self.weiss.hand.force_n())),
-            "GRIPSTATE?" => return self.say(&format!("GRIPSTATE={}", self.weiss.grasp)),
+            "POS?" => return write_line(outgoing, &format!("POS={:.2}", self.weiss.jaws.opening_mm())),
+            "FORCE?" => return write_line(outgoing, &format!("FORCE={:.2}", self.weiss.jaws.force_n())),
+            "GRIPSTATE?" => return write_line(outgoing, &format!("GRIPSTATE={}", self.weiss.grasp)),
             _ => {}
         }
-        let Some((name, numbers)) = call(line) else { return self.say(&format!("ERR {}", status::UNKNOWN)) };
+        let Some((name, numbers)) = call(line) else {
+            return write_line(outgoing, &format!("ERR {}", status::UNKNOWN));
+        };
         let code = match (name, numbers.as_slice()) {
             ("BYE", []) => {
                 self.weiss.bid_farewell();
@@ -73,15 +71,15 @@ impl Gcl {
             ("MOVE", [opening_mm, speed]) => self.weiss.begin(Task::Move { opening_mm: *opening_mm, speed: *speed }),
             ("GRIP", [force_n, rest @ ..]) if rest.len() <= 2 => self.grip(*force_n, rest),
             ("RELEASE", [distance_mm, speed]) => {
-                let opening_mm = self.weiss.hand.opening_mm() + distance_mm;
+                let opening_mm = self.weiss.jaws.opening_mm() + distance_mm;
                 self.weiss.begin(Task::Release { opening_mm, speed: *speed })
             }
             _ => status::FORMAT,
         };
-        self.tell_ended();
+        self.send_ended(outgoing);
         match code {
-            status::OK | status::PENDING => self.say(&format!("ACK {name}")),
-            code => self.say(&format!("ERR {name} {code}")),
+            status::OK | status::PENDING => write_line(outgoing, &format!("ACK {name}")),
+            code => write_line(outgoing, &format!("ERR {name} {code}")),
         }
     }
 
@@ -108,45 +106,38 @@ fn call(line: &str) -> Option<(&str, Vec<f64>)> {
     Some((name, numbers.ok()?)).filter(|_| is_known)
 }
 
-impl Emulator for Gcl {
-    fn connected(&mut self, _now_ns: u64) {
+impl Firmware for Gcl {
+    fn connected(&mut self, _now_ns: u64, _outgoing: &mut Vec<u8>) {
         self.lines.clear();
-        self.outgoing.clear();
         self.weiss.connected();
     }
 
-    fn disconnected(&mut self, _now_ns: u64) {
+    fn disconnected(&mut self) {
         self.weiss.disconnected();
-        self.weiss.ended.clear();
-        self.outgoing.clear();
     }
 
-    fn receive(&mut self, _now_ns: u64, bytes: &[u8]) {
+    fn receive(&mut self, _now_ns: u64, bytes: &[u8], outgoing: &mut Vec<u8>) {
         let mut lines = std::mem::take(&mut self.lines);
-        lines.feed(bytes, |line| self.obey(line));
+        lines.feed(bytes, |line| self.execute(line, outgoing));
         self.lines = lines;
     }
 
-    fn tick(&mut self, now_ns: u64, plant: &mut dyn Plant) {
+    fn tick(&mut self, now_ns: u64, plant: &mut dyn Plant, outgoing: &mut Vec<u8>) {
         self.weiss.advance_to(now_ns, plant);
-        self.tell_ended();
+        self.send_ended(outgoing);
     }
 
-    fn outgoing(&mut self) -> &mut Vec<u8> {
-        &mut self.outgoing
+    fn inject(&mut self, fault: Fault, outgoing: &mut Vec<u8>) -> bool {
+        let is_injected = self.weiss.inject(fault);
+        self.send_ended(outgoing);
+        is_injected
     }
 
-    fn befall(&mut self, _now_ns: u64, mishap: Mishap) -> bool {
-        self.weiss.befall(mishap);
-        self.tell_ended();
-        true
+    fn jaws(&self) -> &EmulatedJaws {
+        &self.weiss.jaws
     }
 
-    fn force_n(&self) -> f64 {
-        self.weiss.hand.force_n()
-    }
-
-    fn opening_mm(&self) -> f64 {
-        self.weiss.hand.opening_mm()
+    fn jaws_mut(&mut self) -> &mut EmulatedJaws {
+        &mut self.weiss.jaws
     }
 }

@@ -1,33 +1,33 @@
 //! A driver and its emulator, joined by two byte queues in place of a socket. Time goes on only when both are empty,
 //! so every run is the same, and as fast as the computer.
 
-use super::{Emulator, Faulty};
-use crate::gripper::{self, Driver, Request};
-use crate::link::Talker;
+use super::emulated::Emulator;
+use crate::gripper::{self, Driver, Protocol, Request};
+use crate::link::Endpoint;
 use crate::wrist::{self, LineWrist};
 use slipbound::plant::Plant;
-use slipbound::port::{DriverEvent, 
-    GripCommand, Gripper, GripperError, GripperState, Wrist, WristCommand, WristError, WristState,
+use slipbound::port::{
+    DriverEvent, GripCommand, Gripper, GripperError, GripperState, Wrist, WristCommand, WristError, WristState,
 };
 
-/// Time after which a lost link is made anew, ns: as long as a driver at a socket waits.
-const CONNECT_AGAIN_NS: u64 = 250_000_000;
+/// Time after which a lost link is made again, ns: as long as a driver at a socket waits.
+const RECONNECT_NS: u64 = 250_000_000;
 
-/// Exchanges at one moment after which two that never stop talking are interrupted.
+/// Most exchanges at one time: two that answer each other for ever are interrupted.
 const MOST_EXCHANGES: u32 = 10_000;
 
-/// A driver joined to an emulator. Whoever owns it tells the time with [`Joined::step`]; as a [`Gripper`] or a
+/// A driver joined to an emulator. Its owner tells the time with [`Joined::step`]; as a [`Gripper`] or a
 /// [`Wrist`] it is then used like one at a socket.
 pub struct Joined<D> {
     /// The driver.
     pub driver: D,
     /// The emulator.
-    pub emulator: Faulty,
-    /// Most bytes carried at once; small ones split every message.
+    pub emulator: Emulator,
+    /// Most bytes moved at once; a small number splits every message.
     pub most_bytes: usize,
-    /// Whether bytes are carried at all; they wait otherwise, as on a line that is dead but not cut.
-    pub is_carrying: bool,
-    /// Whether a lost link is made anew by itself.
+    /// Whether bytes arrive at all; otherwise they wait, as on a line that is dead but not cut.
+    pub is_delivering: bool,
+    /// Whether a lost link is made again by itself.
     pub reconnects: bool,
     /// Everything the driver has sent, if that is to be kept.
     pub sent: Option<Vec<u8>>,
@@ -36,20 +36,20 @@ pub struct Joined<D> {
     lost_ns: u64,
 }
 
-impl<D: Talker> Joined<D> {
-    /// Joins the two at time 0, linked. The link is made anew when it is lost.
-    pub fn new(driver: D, emulator: Faulty, plant: &mut dyn Plant) -> Self {
+impl<D: Endpoint> Joined<D> {
+    /// Joins the two at time 0, linked. The link is made again when it is lost.
+    pub fn new(driver: D, emulator: Emulator, plant: &mut dyn Plant) -> Self {
         let mut joined = Joined::unlinked(driver, emulator, plant);
         joined.connect();
         joined
     }
 
     /// The two at time 0, not yet linked.
-    pub fn unlinked(driver: D, emulator: Faulty, plant: &mut dyn Plant) -> Self {
-        let (most_bytes, is_carrying, reconnects) = (usize::MAX, true, true);
+    pub fn unlinked(driver: D, emulator: Emulator, plant: &mut dyn Plant) -> Self {
+        let (most_bytes, is_delivering, reconnects) = (usize::MAX, true, true);
         let (sent, now_ns, is_connected, lost_ns) = (None, 0, false, 0);
         let mut joined =
-            Joined { driver, emulator, most_bytes, is_carrying, reconnects, sent, now_ns, is_connected, lost_ns };
+            Joined { driver, emulator, most_bytes, is_delivering, reconnects, sent, now_ns, is_connected, lost_ns };
         joined.emulator.tick(0, plant);
         joined
     }
@@ -69,7 +69,7 @@ impl<D: Talker> Joined<D> {
         self.is_connected = true;
         self.emulator.connected(self.now_ns);
         self.driver.linked(self.now_ns);
-        self.carry();
+        self.exchange();
     }
 
     /// Cuts the link; both sides see it.
@@ -81,10 +81,10 @@ impl<D: Talker> Joined<D> {
         }
     }
 
-    /// Carries bytes until both are quiet. False when they never were.
-    pub fn carry(&mut self) -> bool {
+    /// Moves bytes until neither side has any to send. False when that never was so.
+    pub fn exchange(&mut self) -> bool {
         for _ in 0..MOST_EXCHANGES {
-            if !self.is_connected || !self.is_carrying {
+            if !self.is_connected || !self.is_delivering {
                 return true;
             }
             let ours = first(self.driver.outgoing(), self.most_bytes);
@@ -104,69 +104,80 @@ impl<D: Talker> Joined<D> {
     /// Lets time pass up to `now_ns` on both sides. Time in the plant is for its owner to let pass: several emulators
     /// may press and move it.
     pub fn step(&mut self, now_ns: u64, plant: &mut dyn Plant) {
-        self.carry();
+        self.exchange();
         self.now_ns = now_ns;
         self.emulator.tick(now_ns, plant);
         if self.emulator.take_hang_up() {
             self.cut("closed by the other side");
         }
-        if self.reconnects && !self.is_connected && now_ns >= self.lost_ns + CONNECT_AGAIN_NS {
+        if self.reconnects && !self.is_connected && now_ns >= self.lost_ns + RECONNECT_NS {
             self.connect();
         }
         self.driver.tick(now_ns);
-        self.carry();
+        self.exchange();
     }
 }
 
-impl Joined<Box<dyn Driver>> {
-    /// Gives the driver an order. An error means that it was not taken over.
-    pub fn order(&mut self, order: Request) -> Result<(), gripper::Error> {
-        let taken = self.driver.order(self.now_ns, order);
-        self.carry();
+impl<P: Protocol> Joined<Driver<P>> {
+    /// Gives the driver a request. An error means that it was not taken over.
+    pub fn request(&mut self, request: Request) -> Result<(), gripper::Error> {
+        let taken = self.driver.request(self.now_ns, request);
+        self.exchange();
         taken
     }
 
-    /// The newest state, or what is wrong. A link through which nothing comes is given up, not without a farewell.
+    /// The newest state, or what is wrong. A link through which nothing comes is given up, with a farewell first.
     pub fn state(&mut self) -> Result<GripperState, gripper::Error> {
-        self.carry();
+        self.exchange();
         let state = self.driver.state(self.now_ns);
         if matches!(state, Err(gripper::Error::Silent { .. })) && self.reconnects {
-            let _ = self.order(Request::Leave); // the bytes count; an answer is not to be had
+            let _ = self.request(Request::Leave); // only its bytes matter: no answer will be read
             self.cut("nothing came through it");
         }
         state
     }
-
-    /// The next thing worth writing down.
-    pub fn next_event(&mut self) -> Option<DriverEvent> {
-        self.driver.next_event()
-    }
 }
 
-impl Gripper for Joined<Box<dyn Driver>> {
+impl<P: Protocol> Gripper for Joined<Driver<P>> {
     fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
-        Ok(self.order(Request::Grip(command))?)
+        Ok(self.request(Request::Grip(command))?)
     }
 
     fn poll(&mut self) -> Result<GripperState, GripperError> {
         Ok(self.state()?)
+    }
+
+    fn poll_io(&mut self) {
+        self.exchange();
+    }
+
+    fn is_busy(&self) -> bool {
+        self.driver.is_busy()
+    }
+
+    fn next_event(&mut self) -> Option<DriverEvent> {
+        self.driver.next_event()
     }
 }
 
 impl Wrist for Joined<LineWrist> {
     fn command(&mut self, command: WristCommand) -> Result<(), WristError> {
         let taken = self.driver.command(self.now_ns, command);
-        self.carry();
+        self.exchange();
         Ok(taken?)
     }
 
     fn poll(&mut self) -> Result<WristState, WristError> {
-        self.carry();
+        self.exchange();
         let state = self.driver.report(self.now_ns);
         if matches!(state, Err(wrist::Error::Silent { .. })) && self.reconnects {
             self.cut("nothing came through it");
         }
         Ok(state?)
+    }
+
+    fn poll_io(&mut self) {
+        self.exchange();
     }
 }
 

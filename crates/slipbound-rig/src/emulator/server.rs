@@ -1,6 +1,6 @@
-//! An emulator at a socket or a serial line: the thin end that knows the clock.
+//! An emulator at a socket or a serial line: the part that knows the clock.
 
-use super::{Emulator, Faulty};
+use super::emulated::Emulator;
 use crate::link::{Link, TcpLink, now_ns};
 use slipbound::plant::Plant;
 use std::io;
@@ -15,7 +15,7 @@ const PAUSE: Duration = Duration::from_millis(1);
 const MOST_UNREAD_BYTES: usize = 1 << 16;
 
 /// One connection served a little: bytes in, time on, bytes out. An error: the connection is over.
-fn serve_a_little(link: &mut dyn Link, emulator: &mut Faulty, inbox: &mut Vec<u8>) -> io::Result<()> {
+fn serve_a_little(link: &mut dyn Link, emulator: &mut Emulator, inbox: &mut Vec<u8>) -> io::Result<()> {
     inbox.clear();
     let read = link.read(inbox);
     if let Ok(1..) = read {
@@ -48,7 +48,7 @@ impl Server {
 
     /// Connections, bytes in, time on, bytes out; does not wait. To be called every ms or so. Time in the plant is for
     /// its owner to let pass.
-    pub fn serve(&mut self, emulator: &mut Faulty, plant: &mut dyn Plant) -> io::Result<()> {
+    pub fn serve(&mut self, emulator: &mut Emulator, plant: &mut dyn Plant) -> io::Result<()> {
         match self.listener.accept() {
             Ok((stream, _)) => self.welcome(TcpLink::new(stream)?, emulator),
             Err(e) if e.kind() == io::ErrorKind::WouldBlock => {}
@@ -65,7 +65,7 @@ impl Server {
         Ok(())
     }
 
-    fn welcome(&mut self, link: TcpLink, emulator: &mut Faulty) {
+    fn welcome(&mut self, link: TcpLink, emulator: &mut Emulator) {
         if let Some(mut old) = self.link.take() {
             // What it still had to say, a farewell perhaps, came before the new one.
             self.inbox.clear();
@@ -83,7 +83,7 @@ impl Server {
 /// Serves a port until `go_on` says no. Times of faults count from the call.
 pub fn serve_tcp(
     listener: TcpListener,
-    emulator: &mut Faulty,
+    emulator: &mut Emulator,
     plant: &mut dyn Plant,
     mut go_on: impl FnMut() -> bool,
 ) -> io::Result<()> {
@@ -99,7 +99,7 @@ pub fn serve_tcp(
 /// Serves one link, a serial line say, until `go_on` says no or the link is over.
 pub fn serve_link(
     link: &mut dyn Link,
-    emulator: &mut Faulty,
+    emulator: &mut Emulator,
     plant: &mut dyn Plant,
     mut go_on: impl FnMut() -> bool,
 ) -> io::Result<()> {

@@ -1,12 +1,11 @@
-//! What a WSG-50 does, whatever interface it is told through.
+//! What a WSG-50 does, whichever interface commands it.
 
-use super::Mishap;
-use super::hand::Hand;
+use super::fault::Fault;
+use super::jaws::EmulatedJaws;
 use crate::gripper::wsg50::words::{grasp, status};
-use slipbound::plant::JawSettings;
-use slipbound::plant::Plant;
+use slipbound::plant::{JawSettings, Plant};
 
-/// What is set in the gripper's web page. The numbers are guesses: no page was seen.
+/// What is set in the gripper's web page. Unconfirmed: the numbers are not from a gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// The jaws.
@@ -56,16 +55,14 @@ pub(crate) enum Task {
 #[derive(Debug)]
 pub(crate) struct Weiss {
     pub settings: Settings,
-    pub hand: Hand,
+    pub jaws: EmulatedJaws,
     pub limit_n: f64,
     pub grasp: u8,
     pub running: Option<Task>,
     pub is_homed: bool,
     pub is_stopped: bool,
     pub is_farewell_said: bool,
-    /// Motions that have ended, with their status; whoever tells them takes them away.
-    pub ended: Vec<(Task, u16)>,
-    refuses_force: bool,
+    ended: Vec<(Task, u16)>,
     is_limit_fixed: bool,
     is_regrasp_allowed: bool,
 }
@@ -73,7 +70,7 @@ pub(crate) struct Weiss {
 impl Weiss {
     pub fn new(settings: Settings) -> Self {
         Weiss {
-            hand: Hand::new(settings.jaws),
+            jaws: EmulatedJaws::new(settings.jaws),
             limit_n: settings.jaws.most_n,
             grasp: grasp::IDLE,
             running: None,
@@ -81,7 +78,6 @@ impl Weiss {
             is_stopped: false,
             is_farewell_said: false,
             ended: Vec::new(),
-            refuses_force: false,
             is_limit_fixed: false,
             is_regrasp_allowed: false,
             settings,
@@ -89,7 +85,7 @@ impl Weiss {
     }
 
     pub fn advance_to(&mut self, now_ns: u64, plant: &mut dyn Plant) {
-        self.hand.advance_to(now_ns, plant);
+        self.jaws.advance_to(now_ns, plant);
         self.see();
     }
 
@@ -97,10 +93,16 @@ impl Weiss {
         self.is_farewell_said = false;
     }
 
+    /// The motions that have ended since this was last asked, with their status.
+    pub fn take_ended(&mut self) -> Vec<(Task, u16)> {
+        std::mem::take(&mut self.ended)
+    }
+
     pub fn disconnected(&mut self) {
         if self.settings.stops_on_disconnect && !self.is_farewell_said {
             self.stop_fast();
         }
+        self.ended.clear(); // there is no link to report them on
     }
 
     /// A farewell ends whatever moves.
@@ -125,7 +127,7 @@ impl Weiss {
     }
 
     fn abort(&mut self) {
-        self.hand.stay();
+        self.jaws.stay();
         self.ended.extend(self.running.take().map(|task| (task, status::ABORTED)));
     }
 
@@ -137,12 +139,12 @@ impl Weiss {
 
     pub fn set_limit(&mut self, limit_n: f64) -> u16 {
         let jaws = &self.settings.jaws;
-        if !(jaws.least_n..=jaws.most_n).contains(&limit_n) || self.refuses_force {
+        if !(jaws.least_n..=jaws.most_n).contains(&limit_n) || self.jaws.refuses_force() {
             return status::RANGE;
         }
         self.limit_n = limit_n;
         if matches!(self.grasp, grasp::HOLDING | grasp::GRASPING) && !self.is_limit_fixed && !self.is_stopped {
-            self.hand.grasp(limit_n);
+            self.jaws.grasp(limit_n);
         }
         status::OK
     }
@@ -176,15 +178,15 @@ impl Weiss {
             Task::Release { .. } if self.grasp != grasp::HOLDING => return status::DENIED,
             Task::Grasp { .. } => {
                 self.grasp = grasp::GRASPING;
-                self.hand.grasp(self.limit_n);
+                self.jaws.grasp(self.limit_n);
             }
             Task::Release { .. } => {
                 self.grasp = grasp::RELEASING;
-                self.hand.move_to(opening_mm);
+                self.jaws.move_to(opening_mm);
             }
             Task::Home | Task::Move { .. } => {
                 self.grasp = grasp::POSITIONING;
-                self.hand.move_to(opening_mm);
+                self.jaws.move_to(opening_mm);
             }
         }
         self.running = Some(task);
@@ -198,48 +200,48 @@ impl Weiss {
 
     fn see(&mut self) {
         match self.running {
-            Some(Task::Grasp { width_mm, .. }) if self.hand.has_begun() => self.see_grasp(width_mm),
+            Some(Task::Grasp { width_mm, .. }) if self.jaws.has_begun() => self.see_grasp(width_mm),
             Some(Task::Grasp { .. }) | None => {}
             Some(task) => {
-                if self.hand.is_there() {
+                if self.jaws.is_there() {
                     self.is_homed |= task == Task::Home;
                     self.finish(grasp::IDLE, status::OK);
                 }
             }
         }
-        if self.grasp == grasp::HOLDING && !self.hand.touches() {
+        if self.grasp == grasp::HOLDING && !self.jaws.touches() {
             self.grasp = grasp::PART_LOST;
-            self.hand.stay();
+            self.jaws.stay();
         }
     }
 
     fn see_grasp(&mut self, width_mm: Option<f64>) {
         let Settings { part_width_tolerance_mm, clamping_travel_mm, .. } = self.settings;
-        let beyond_mm = width_mm.map_or(0.0, |width_mm| width_mm - self.hand.opening_mm());
-        if self.hand.touches() && beyond_mm < -part_width_tolerance_mm / 2.0 {
-            self.hand.stay();
+        let beyond_mm = width_mm.map_or(0.0, |width_mm| width_mm - self.jaws.opening_mm());
+        if self.jaws.touches() && beyond_mm < -part_width_tolerance_mm / 2.0 {
+            self.jaws.stay();
             self.finish(grasp::ERROR, status::BLOCKED);
-        } else if self.hand.holds() {
+        } else if self.jaws.holds() {
             self.finish(grasp::HOLDING, status::OK);
-        } else if !self.hand.touches() && (beyond_mm > clamping_travel_mm || self.hand.opening_mm() <= 0.0) {
-            self.hand.stay();
+        } else if !self.jaws.touches() && (beyond_mm > clamping_travel_mm || self.jaws.opening_mm() <= 0.0) {
+            self.jaws.stay();
             self.finish(grasp::NO_PART, status::FAILED);
         }
     }
 
-    pub fn befall(&mut self, mishap: Mishap) {
-        match mishap {
-            Mishap::FastStop => self.stop_fast(),
-            Mishap::RefuseForce => self.refuses_force = true,
-            Mishap::LosePart => self.hand.lose_part(),
-            Mishap::PowerCycle => {
-                self.hand.stay();
+    pub fn inject(&mut self, fault: Fault) -> bool {
+        match fault {
+            Fault::FastStop => self.stop_fast(),
+            Fault::PowerCycle => {
+                self.jaws.stay();
                 (self.running, self.is_homed, self.is_stopped) = (None, false, false);
                 (self.grasp, self.limit_n) = (grasp::IDLE, self.settings.jaws.most_n);
                 self.is_farewell_said = true; // what has no power latches nothing
             }
-            Mishap::FixedLimit => self.is_limit_fixed = true,
-            Mishap::AllowRegrasp => self.is_regrasp_allowed = true,
+            Fault::FixedLimit => self.is_limit_fixed = true,
+            Fault::AllowRegrasp => self.is_regrasp_allowed = true,
+            Fault::LosePart | Fault::RefuseForce => return false, // of the jaws alone
         }
+        true
     }
 }

@@ -1,13 +1,16 @@
 //! A Weiss WSG-50 at its binary interface.
 
 pub use super::weiss::Settings;
+
+use super::fault::Fault;
+use super::firmware::Firmware;
+use super::jaws::EmulatedJaws;
 use super::weiss::{Task, Weiss};
-use super::{Emulator, Mishap};
 use crate::gripper::wsg50::frame::{self, Frame, Parser, number};
 use crate::gripper::wsg50::words::{flag, id, status};
 use slipbound::plant::Plant;
 
-/// What it tells by itself.
+/// A state that it sends by itself.
 #[derive(Debug, Clone, Copy)]
 struct Update {
     id: u8,
@@ -15,12 +18,11 @@ struct Update {
     due_ns: u64,
 }
 
-/// The emulator.
+/// The firmware.
 #[derive(Debug)]
 pub struct Wsg50 {
     weiss: Weiss,
     parser: Parser,
-    outgoing: Vec<u8>,
     updates: Vec<Update>,
 }
 
@@ -33,33 +35,22 @@ impl Default for Wsg50 {
 impl Wsg50 {
     /// Wide open, force limit at the most.
     pub fn new(settings: Settings) -> Self {
-        Wsg50 { weiss: Weiss::new(settings), parser: Parser::default(), outgoing: Vec::new(), updates: Vec::new() }
+        Wsg50 { weiss: Weiss::new(settings), parser: Parser::default(), updates: Vec::new() }
     }
 
-    /// What its grasp state says, 0 to 7.
-    pub fn grasp_state(&self) -> u8 {
-        self.weiss.grasp
-    }
-
-    fn reply(&mut self, id: u8, status: u16, rest: &[u8]) {
-        let mut payload = status.to_le_bytes().to_vec();
-        payload.extend(rest);
-        frame::write(&mut self.outgoing, id, &payload);
-    }
-
-    fn tell_ended(&mut self) {
-        for (task, status) in std::mem::take(&mut self.weiss.ended) {
+    fn send_ended(&mut self, outgoing: &mut Vec<u8>) {
+        for (task, status) in self.weiss.take_ended() {
             let id = match task {
                 Task::Home => id::HOME,
                 Task::Move { .. } => id::MOVE,
                 Task::Grasp { .. } => id::GRASP,
                 Task::Release { .. } => id::RELEASE,
             };
-            self.reply(id, status, &[]);
+            reply(outgoing, id, status, &[]);
         }
     }
 
-    fn obey(&mut self, now_ns: u64, frame: &Frame) {
+    fn execute(&mut self, now_ns: u64, frame: &Frame, outgoing: &mut Vec<u8>) {
         let payload = frame.payload();
         match frame.id {
             id::DISCONNECT => self.weiss.bid_farewell(),
@@ -68,7 +59,7 @@ impl Wsg50 {
             id::FAST_STOP => self.weiss.stop_fast(),
             _ => {}
         }
-        self.tell_ended();
+        self.send_ended(outgoing);
         let status = match frame.id {
             id::DISCONNECT | id::STOP | id::FAST_STOP => status::OK,
             id::ACKNOWLEDGE if payload != b"ack" => status::FORMAT,
@@ -79,11 +70,11 @@ impl Wsg50 {
             },
             id::GET_LIMIT => {
                 let limit_n = self.weiss.limit_n as f32;
-                return self.reply(frame.id, status::OK, &limit_n.to_le_bytes());
+                return reply(outgoing, frame.id, status::OK, &limit_n.to_le_bytes());
             }
             id::SYSTEM_STATE | id::GRASP_STATE | id::OPENING | id::SPEED | id::FORCE => {
                 self.subscribe(now_ns, frame.id, payload);
-                return self.tell(frame.id);
+                return self.send_state(frame.id, outgoing);
             }
             id::HOME => self.weiss.begin(Task::Home),
             id::MOVE | id::GRASP | id::RELEASE => match task(frame.id, payload) {
@@ -92,7 +83,7 @@ impl Wsg50 {
             },
             _ => status::UNKNOWN,
         };
-        self.reply(frame.id, status, &[]);
+        reply(outgoing, frame.id, status, &[]);
     }
 
     fn subscribe(&mut self, now_ns: u64, id: u8, payload: &[u8]) {
@@ -104,7 +95,7 @@ impl Wsg50 {
         }
     }
 
-    fn tell(&mut self, id: u8) {
+    fn send_state(&self, id: u8, outgoing: &mut Vec<u8>) {
         let weiss = &self.weiss;
         match id {
             id::SYSTEM_STATE => {
@@ -114,14 +105,20 @@ impl Wsg50 {
                     (weiss.is_stopped, flag::FAST_STOP),
                 ];
                 let bits = bits.iter().filter(|(is_set, _)| *is_set).fold(0, |all, (_, bit)| all | bit);
-                self.reply(id, status::OK, &bits.to_le_bytes());
+                reply(outgoing, id, status::OK, &bits.to_le_bytes());
             }
-            id::GRASP_STATE => self.reply(id, status::OK, &[weiss.grasp]),
-            id::OPENING => self.reply(id, status::OK, &(weiss.hand.opening_mm() as f32).to_le_bytes()),
-            id::FORCE => self.reply(id, status::OK, &(weiss.hand.force_n() as f32).to_le_bytes()),
-            id => self.reply(id, status::OK, &0f32.to_le_bytes()),
+            id::GRASP_STATE => reply(outgoing, id, status::OK, &[weiss.grasp]),
+            id::OPENING => reply(outgoing, id, status::OK, &(weiss.jaws.opening_mm() as f32).to_le_bytes()),
+            id::FORCE => reply(outgoing, id, status::OK, &(weiss.jaws.force_n() as f32).to_le_bytes()),
+            id => reply(outgoing, id, status::OK, &0f32.to_le_bytes()),
         }
     }
+}
+
+fn reply(outgoing: &mut Vec<u8>, id: u8, status: u16, rest: &[u8]) {
+    let mut payload = status.to_le_bytes().to_vec();
+    payload.extend(rest);
+    frame::write(outgoing, id, &payload);
 }
 
 fn task(id: u8, payload: &[u8]) -> Option<Task> {
@@ -135,55 +132,48 @@ fn task(id: u8, payload: &[u8]) -> Option<Task> {
     })
 }
 
-impl Emulator for Wsg50 {
-    fn connected(&mut self, _now_ns: u64) {
+impl Firmware for Wsg50 {
+    fn connected(&mut self, _now_ns: u64, _outgoing: &mut Vec<u8>) {
         self.parser.clear();
         self.updates.clear();
-        self.outgoing.clear();
         self.weiss.connected();
     }
 
-    fn disconnected(&mut self, _now_ns: u64) {
+    fn disconnected(&mut self) {
         self.updates.clear();
         self.weiss.disconnected();
-        self.weiss.ended.clear();
-        self.outgoing.clear();
     }
 
-    fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
+    fn receive(&mut self, now_ns: u64, bytes: &[u8], outgoing: &mut Vec<u8>) {
         let mut parser = std::mem::take(&mut self.parser);
-        parser.feed(bytes, |frame| self.obey(now_ns, &frame));
+        parser.feed(bytes, |frame| self.execute(now_ns, &frame, outgoing));
         self.parser = parser;
     }
 
-    fn tick(&mut self, now_ns: u64, plant: &mut dyn Plant) {
+    fn tick(&mut self, now_ns: u64, plant: &mut dyn Plant, outgoing: &mut Vec<u8>) {
         self.weiss.advance_to(now_ns, plant);
-        self.tell_ended();
+        self.send_ended(outgoing);
         for i in 0..self.updates.len() {
             let update = &mut self.updates[i];
             if now_ns >= update.due_ns {
                 update.due_ns = now_ns.max(update.due_ns + update.period_ns);
                 let id = update.id;
-                self.tell(id);
+                self.send_state(id, outgoing);
             }
         }
     }
 
-    fn outgoing(&mut self) -> &mut Vec<u8> {
-        &mut self.outgoing
+    fn inject(&mut self, fault: Fault, outgoing: &mut Vec<u8>) -> bool {
+        let is_injected = self.weiss.inject(fault);
+        self.send_ended(outgoing);
+        is_injected
     }
 
-    fn befall(&mut self, _now_ns: u64, mishap: Mishap) -> bool {
-        self.weiss.befall(mishap);
-        self.tell_ended();
-        true
+    fn jaws(&self) -> &EmulatedJaws {
+        &self.weiss.jaws
     }
 
-    fn force_n(&self) -> f64 {
-        self.weiss.hand.force_n()
-    }
-
-    fn opening_mm(&self) -> f64 {
-        self.weiss.hand.opening_mm()
+    fn jaws_mut(&mut self) -> &mut EmulatedJaws {
+        &mut self.weiss.jaws
     }
 }

@@ -1,7 +1,11 @@
-//! A driver at a socket or a serial line: the thin end that knows the clock.
+//! A driver at a socket or a serial line: the part that knows the clock.
 
-use super::{Driver, Error, Request, parts};
-use crate::link::{Dial, Link, Wire, now_ns};
+use super::address::{Resolved, resolve};
+use super::config::Config;
+use super::driver::Driver;
+use super::error::Error;
+use super::request::Request;
+use crate::link::{Connection, Connector, Endpoint, Link, now_ns};
 use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperError, GripperState};
 use std::path::Path;
 use std::sync::Arc;
@@ -14,42 +18,42 @@ const FIRST_STATE_NS: u64 = 2_000_000_000;
 /// Longest wait for the farewell to be sent, ns.
 const FAREWELL_NS: u64 = 100_000_000;
 
-/// A gripper that is there. A lost link is made anew; what is held stays held.
+/// A gripper on a link. A lost link is made again; what is held stays held.
 pub struct Device {
     address: String,
-    driver: Box<dyn Driver>,
-    wire: Wire,
+    driver: Driver,
+    connection: Connection,
 }
 
 impl Device {
     /// Opens a gripper as [`super::open`] does.
     pub fn open(address: &str, config: Option<&Path>) -> Result<Self, Error> {
-        let (driver, dial) = parts(address, config)?;
-        let link = dial.as_ref().map(|dial| dial.dial()).transpose();
+        let (driver, connector): Resolved = resolve(address, config)?;
+        let link = connector.as_ref().map(|connector| connector.connect()).transpose();
         let address = address.split('?').next().unwrap_or(address);
         let link = link.map_err(|source| Error::Connect { address: address.into(), source })?;
-        let mut device = Device::with_link(address, driver, link, dial);
+        let mut device = Device::with_link(address, driver, link, connector);
         device.await_first_state()?;
         Ok(device)
     }
 
-    /// A driver at a link that is already there; with `dial` it is made anew when it is lost.
+    /// A driver at a link that is already up; with a connector it is made again when it is lost.
     pub fn with_link(
         address: &str,
-        mut driver: Box<dyn Driver>,
+        mut driver: Driver,
         link: Option<Box<dyn Link>>,
-        dial: Option<Arc<dyn Dial>>,
+        connector: Option<Arc<dyn Connector>>,
     ) -> Self {
         if link.is_some() {
             driver.linked(now_ns());
         }
-        Device { address: address.into(), driver, wire: Wire::new(link, dial) }
+        Device { address: address.into(), driver, connection: Connection::new(link, connector) }
     }
 
     fn await_first_state(&mut self) -> Result<(), Error> {
         let from_ns = now_ns();
         loop {
-            self.pump();
+            self.poll_io();
             let is_late = now_ns() - from_ns > FIRST_STATE_NS;
             match self.driver.state(now_ns()) {
                 Ok(_) if !self.driver.is_busy() => return Ok(()),
@@ -63,36 +67,27 @@ impl Device {
         }
     }
 
-    fn pump(&mut self) {
-        self.wire.pump(now_ns(), self.driver.as_mut());
-    }
-
-    /// Takes over an order. Does not wait for the jaws; an error means that it was not taken over.
-    pub fn order(&mut self, order: Request) -> Result<(), Error> {
-        self.pump();
-        let taken = self.driver.order(now_ns(), order);
-        self.wire.send(now_ns(), self.driver.as_mut());
+    /// Takes over a request. Does not wait for the jaws; an error means that it was not taken over.
+    pub fn request(&mut self, request: Request) -> Result<(), Error> {
+        self.poll_io();
+        let taken = self.driver.request(now_ns(), request);
+        self.connection.send(now_ns(), &mut self.driver);
         taken
     }
 
     /// The newest state.
     pub fn state(&mut self) -> Result<GripperState, Error> {
-        self.pump();
+        self.poll_io();
         let state = self.driver.state(now_ns());
         if matches!(state, Err(Error::Silent { .. })) {
-            self.give_up();
+            self.give_up_silent_link();
         }
         state
     }
 
-    /// Whether an order is still under way.
-    pub fn is_busy(&self) -> bool {
-        self.driver.is_busy()
-    }
-
-    /// The next thing worth writing down.
-    pub fn next_event(&mut self) -> Option<DriverEvent> {
-        self.driver.next_event()
+    /// Its settings.
+    pub fn config(&self) -> &Config {
+        self.driver.config()
     }
 
     /// Permits lower forces while something is held, whatever the settings say.
@@ -100,21 +95,21 @@ impl Device {
         self.driver.permit_lowering(permitted);
     }
 
-    /// Gives up a link through which nothing comes, not without a farewell: it may yet arrive.
-    fn give_up(&mut self) {
-        if !self.wire.is_kept() || !self.wire.is_linked() {
+    /// Gives up a link through which nothing comes, after a farewell: that may yet arrive.
+    fn give_up_silent_link(&mut self) {
+        if !self.connection.reconnects() || !self.connection.is_up() {
             return;
         }
         let now_ns = now_ns();
-        let _ = self.driver.order(now_ns, Request::Leave); // the bytes count; an answer is not to be had
-        self.wire.send(now_ns, self.driver.as_mut());
-        self.wire.lose(now_ns, self.driver.as_mut(), "nothing came through it");
+        let _ = self.driver.request(now_ns, Request::Leave); // only its bytes matter: no answer will be read
+        self.connection.send(now_ns, &mut self.driver);
+        self.connection.give_up(now_ns, &mut self.driver, "nothing came through it");
     }
 }
 
 impl Gripper for Device {
     fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
-        Ok(self.order(Request::Grip(command))?)
+        Ok(self.request(Request::Grip(command))?)
     }
 
     fn poll(&mut self) -> Result<GripperState, GripperError> {
@@ -122,20 +117,23 @@ impl Gripper for Device {
     }
 
     fn poll_io(&mut self) {
-        self.pump();
+        self.connection.poll_io(now_ns(), &mut self.driver);
+    }
+
+    fn is_busy(&self) -> bool {
+        self.driver.is_busy()
+    }
+
+    fn next_event(&mut self) -> Option<DriverEvent> {
+        self.driver.next_event()
     }
 }
 
-/// Leaves with a farewell, so that no fast stop latches. The gripper keeps its force.
+/// Sends a farewell, so that no fast stop latches. The gripper keeps its force.
 impl Drop for Device {
     fn drop(&mut self) {
-        let from_ns = now_ns();
-        if !self.wire.is_linked() || self.driver.order(from_ns, Request::Leave).is_err() {
-            return;
-        }
-        while self.wire.is_linked() && !self.driver.outgoing().is_empty() && now_ns() - from_ns < FAREWELL_NS {
-            self.wire.send(now_ns(), self.driver.as_mut());
-            thread::sleep(Duration::from_millis(1));
+        if self.connection.is_up() && self.driver.request(now_ns(), Request::Leave).is_ok() {
+            self.connection.flush(&mut self.driver, FAREWELL_NS);
         }
     }
 }

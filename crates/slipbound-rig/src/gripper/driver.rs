@@ -1,40 +1,124 @@
-//! What every driver is, and what can be asked of it.
+//! The driver of every gripper: what all of them keep and promise, around a [`Protocol`].
 
-use super::{Config, Error};
-use crate::link::Talker;
+use super::config::Config;
+use super::driver_state::DriverState;
+use super::error::Error;
+use super::protocol::Protocol;
+use super::request::Request;
+use crate::link::Endpoint;
 use slipbound::port::{DriverEvent, GripCommand, GripperState};
 
-/// What can be asked of a gripper.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Request {
-    /// Grip, or let go.
-    Grip(GripCommand),
-    /// Find out where the jaws are. Moves them: nothing may be held.
-    Home,
-    /// Acknowledge a latched fast stop. Moves nothing by itself.
-    Acknowledge,
-    /// Say that the link is about to be closed, so that no fast stop latches.
-    Leave,
+/// A gripper's driver without its link. It owns what does not depend on the protocol: address and settings, the state
+/// of the link, the newest state of the gripper, faults and events, which forces are admitted, the bytes to be sent.
+///
+/// `Driver` alone is the driver of any protocol, as an address names it; `Driver<Wsg50>`, say, of that one.
+#[derive(Debug)]
+pub struct Driver<P: Protocol = Box<dyn Protocol>> {
+    state: DriverState,
+    protocol: P,
 }
 
-/// A driver without its link: a [`Talker`] that takes orders.
-pub trait Driver: Talker {
-    /// Takes over an order. An error means that it was not taken over.
-    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error>;
+impl<P: Protocol> Driver<P> {
+    /// A driver whose link is not yet up. `address` is for messages.
+    pub fn new(address: &str, config: Config, protocol: P) -> Self {
+        let mut state = DriverState::new(address, config, protocol.needs_link());
+        state.gripper.jaws = protocol.jaws_at_start();
+        Driver { state, protocol }
+    }
 
-    /// The newest state, or what is wrong with the link or with an order taken over before; the latter is told once.
-    fn state(&mut self, now_ns: u64) -> Result<GripperState, Error>;
+    /// Takes over a request. An error means that it was not taken over.
+    pub fn request(&mut self, now_ns: u64, request: Request) -> Result<(), Error> {
+        let (state, protocol) = (&mut self.state, &mut self.protocol);
+        state.set_time(now_ns);
+        match request {
+            // A farewell needs a link that is up, not one that answers.
+            Request::Leave if state.is_linked() => {}
+            _ => state.check_link()?,
+        }
+        match request {
+            Request::Grip(command) => {
+                protocol.check_ready(state)?;
+                let command = match command {
+                    GripCommand::Hold { force_n } => GripCommand::Hold { force_n: state.admit(force_n)? },
+                    GripCommand::Release => GripCommand::Release,
+                };
+                protocol.grip(state, command)?;
+            }
+            Request::Home => protocol.home(state)?,
+            Request::Acknowledge => protocol.acknowledge(state)?,
+            Request::Leave => {
+                protocol.leave(state);
+                state.leave_link();
+            }
+        }
+        self.advance();
+        Ok(())
+    }
 
-    /// Whether an order is still under way, or the first state is still awaited.
-    fn is_busy(&self) -> bool;
+    /// The newest state of the gripper, or what is wrong with the link or with a request taken over before; the latter
+    /// is reported once.
+    pub fn state(&mut self, now_ns: u64) -> Result<GripperState, Error> {
+        self.state.set_time(now_ns);
+        self.state.report()
+    }
 
-    /// The next thing worth a line in the log of a run.
-    fn next_event(&mut self) -> Option<DriverEvent>;
+    /// Whether a request is still under way, or the first state is still awaited.
+    pub fn is_busy(&self) -> bool {
+        self.protocol.is_busy(&self.state)
+    }
+
+    /// The next thing worth a line in the log of a run, oldest first.
+    pub fn next_event(&mut self) -> Option<DriverEvent> {
+        self.state.next_event()
+    }
 
     /// Its settings.
-    fn config(&self) -> &Config;
+    pub fn config(&self) -> &Config {
+        &self.state.config
+    }
 
     /// Permits lower forces while something is held, whatever the settings say, or leaves that to them again;
     /// `check-hold` does.
-    fn permit_lowering(&mut self, permitted: bool);
+    pub fn permit_lowering(&mut self, permitted: bool) {
+        self.state.permit_lowering(permitted);
+    }
+
+    /// Lets the protocol send what is due, where something may be sent.
+    fn advance(&mut self) {
+        if self.state.may_send() {
+            self.protocol.advance(&mut self.state);
+        }
+    }
+}
+
+impl<P: Protocol> Endpoint for Driver<P> {
+    fn linked(&mut self, now_ns: u64) {
+        self.state.set_time(now_ns);
+        self.state.linked();
+        self.protocol.linked(&mut self.state);
+        self.advance();
+    }
+
+    fn unlinked(&mut self, now_ns: u64, why: &str) {
+        self.state.set_time(now_ns);
+        self.state.unlinked(why);
+    }
+
+    fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
+        self.state.set_time(now_ns);
+        self.protocol.receive(&mut self.state, bytes);
+        self.advance();
+    }
+
+    fn tick(&mut self, now_ns: u64) {
+        self.state.set_time(now_ns);
+        if self.state.may_send() {
+            self.protocol.tick(&mut self.state);
+            self.protocol.advance(&mut self.state);
+        }
+    }
+
+    fn outgoing(&mut self) -> &mut Vec<u8> {
+        &mut self.state.outgoing
+    }
 }

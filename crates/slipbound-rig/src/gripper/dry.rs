@@ -1,74 +1,58 @@
-//! No gripper: takes every command over, writes it down, moves nothing.
+//! No gripper: takes every command over, logs it, moves nothing.
 
-use super::config::Config;
-use super::ledger::Ledger;
-use super::{Driver, Error, Request};
-use crate::link::Talker;
-use slipbound::port::{GripCommand, DriverEvent, GripperState, Jaws};
+use super::driver_state::DriverState;
+use super::error::Error;
+use super::protocol::Protocol;
+use slipbound::port::{DriverEvent, GripCommand, Jaws};
 
-/// The driver of nothing.
-#[derive(Debug)]
-pub struct Dry {
-    ledger: Ledger,
-}
+/// The protocol of no gripper.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Dry;
 
-impl Dry {
-    /// A driver that needs no link.
-    pub fn new(address: &str, config: Config) -> Self {
-        let mut ledger = Ledger::new(address, config);
-        ledger.state.jaws = Jaws::Open;
-        Dry { ledger }
-    }
-}
+impl Protocol for Dry {
+    fn linked(&mut self, _driver: &mut DriverState) {}
 
-impl Talker for Dry {
-    fn linked(&mut self, _now_ns: u64) {}
+    fn receive(&mut self, _driver: &mut DriverState, _bytes: &[u8]) {}
 
-    fn unlinked(&mut self, _now_ns: u64, _why: &str) {}
-
-    fn receive(&mut self, _now_ns: u64, _bytes: &[u8]) {}
-
-    fn tick(&mut self, now_ns: u64) {
-        self.ledger.state.time_ns = now_ns;
+    fn tick(&mut self, driver: &mut DriverState) {
+        driver.gripper.time_ns = driver.now_ns();
     }
 
-    fn outgoing(&mut self) -> &mut Vec<u8> {
-        &mut self.ledger.outgoing
-    }
-}
+    fn advance(&mut self, _driver: &mut DriverState) {}
 
-impl Driver for Dry {
-    fn order(&mut self, _now_ns: u64, order: Request) -> Result<(), Error> {
-        let Request::Grip(command) = order else { return Ok(()) };
-        let state = match command {
-            GripCommand::Release => (None, Jaws::Open),
-            GripCommand::Hold { force_n } => (Some(self.ledger.admit(force_n)?), Jaws::Holding),
+    fn check_ready(&self, _driver: &DriverState) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn grip(&mut self, driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
+        let jaws = match command {
+            GripCommand::Hold { .. } => Jaws::Holding,
+            GripCommand::Release => Jaws::Open,
         };
-        let is_new = (self.ledger.state.target_n, self.ledger.state.jaws) != state;
-        (self.ledger.state.target_n, self.ledger.state.jaws) = state;
-        if is_new {
-            self.ledger.tell(DriverEvent::Dry { command });
+        if (driver.gripper.target_n, driver.gripper.jaws) != (command.force_n(), jaws) {
+            (driver.gripper.target_n, driver.gripper.jaws) = (command.force_n(), jaws);
+            driver.push_event(DriverEvent::Dry { command });
         }
         Ok(())
     }
 
-    fn state(&mut self, _now_ns: u64) -> Result<GripperState, Error> {
-        Ok(self.ledger.state)
+    fn home(&mut self, _driver: &mut DriverState) -> Result<(), Error> {
+        Ok(())
     }
 
-    fn is_busy(&self) -> bool {
+    fn acknowledge(&mut self, _driver: &mut DriverState) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn is_busy(&self, _driver: &DriverState) -> bool {
         false
     }
 
-    fn next_event(&mut self) -> Option<DriverEvent> {
-        self.ledger.next_event()
+    fn needs_link(&self) -> bool {
+        false
     }
 
-    fn config(&self) -> &Config {
-        &self.ledger.config
-    }
-
-    fn permit_lowering(&mut self, permitted: bool) {
-        self.ledger.permit_lowering(permitted);
+    fn jaws_at_start(&self) -> Jaws {
+        Jaws::Open
     }
 }

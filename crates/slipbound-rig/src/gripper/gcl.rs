@@ -1,138 +1,109 @@
-//! Weiss WSG-50, text interface (Gripper Control Language), as a state machine.
+//! Weiss WSG-50, text interface (Gripper Control Language).
 //!
-//! The driver asks for position, force and state in turn and has one question or command on the way at a time.
+//! The protocol asks for position, force and state in turn and has one question or command in flight at a time.
 //! The manual's basic commands know the force only as part of `GRIP`, and `GRIP` is not possible while a part is held:
-//! a new force while holding is tried once, and refused from then on if the gripper refuses it. For a force that
+//! a new force while holding is sent once, and refused from then on if the gripper refuses it. For a force that
 //! follows the slip take the binary interface.
 
-use super::config::{Config, ns};
-use super::ledger::Ledger;
-use super::text::Lines;
-use super::wsg50::words::{grasp, status};
-use super::{Driver, Error, Request};
-use crate::link::Talker;
-use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
+use super::config::Config;
+use super::driver_state::DriverState;
+use super::error::Error;
+use super::goal::Goal;
+use super::protocol::Protocol;
+use super::wsg50::words::{LINK_CUT, grasp, status};
+use crate::link::{InFlight, Lines, write_line};
+use slipbound::port::{DriverEvent, GripCommand, Jaws};
 
 /// What is asked in turn.
 const QUESTIONS: [&str; 3] = ["POS", "FORCE", "GRIPSTATE"];
 
-/// What is wanted of the jaws; the newest want counts.
+/// What is sent.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Want {
-    Nothing,
-    Force(f64),
-    Open,
-    Home,
-    Acknowledge,
+enum Message {
+    /// One of [`QUESTIONS`].
+    Question(&'static str),
+    /// N per finger.
+    Grip { force_n: f64 },
+    /// A command without a force, by its name.
+    Command(&'static str),
 }
 
-/// What is on the way: a question or a command, by its name.
+impl Message {
+    fn name(self) -> &'static str {
+        match self {
+            Message::Question(name) | Message::Command(name) => name,
+            Message::Grip { .. } => "GRIP",
+        }
+    }
+}
+
+/// A motion on its way to its end.
 #[derive(Debug, Clone, Copy)]
-struct Awaited {
+struct Motion {
     name: &'static str,
-    force_n: f64,
     since_ns: u64,
 }
 
-/// The driver.
-#[derive(Debug)]
+/// The protocol.
+#[derive(Debug, Default)]
 pub struct Gcl {
-    ledger: Ledger,
     lines: Lines,
+    /// Which of [`QUESTIONS`] comes next, and when the first was last asked.
     question: usize,
     asked_ns: Option<u64>,
+    /// What the gripper does with a part, one of [`grasp`].
     grasp: Option<u8>,
-    want: Want,
-    awaited: Option<Awaited>,
-    running: Option<(&'static str, u64)>,
+    goal: Goal,
+    in_flight: Option<InFlight<Message>>,
+    motion: Option<Motion>,
+    /// The force of the last grip that was answered, N per finger.
     gripped_n: Option<f64>,
     is_release_given: bool,
     is_stopped: bool,
-    is_link_lost: bool,
     is_regrip_refused: bool,
 }
 
 impl Gcl {
-    /// A driver that is not yet linked. `address` is for messages.
-    pub fn new(address: &str, config: Config) -> Self {
-        Gcl {
-            ledger: Ledger::new(address, config),
-            lines: Lines::default(),
-            question: 0,
-            asked_ns: None,
-            grasp: None,
-            want: Want::Nothing,
-            awaited: None,
-            running: None,
-            gripped_n: None,
-            is_release_given: false,
-            is_stopped: false,
-            is_link_lost: false,
-            is_regrip_refused: false,
-        }
+    fn send(&mut self, driver: &mut DriverState, message: Message, line: &str) {
+        write_line(&mut driver.outgoing, line);
+        self.in_flight = Some(InFlight::new(driver.now_ns(), message));
     }
 
-    fn say(&mut self, now_ns: u64, name: &'static str, line: &str) {
-        self.ledger.outgoing.extend(line.as_bytes());
-        self.ledger.outgoing.push(b'\n');
-        self.awaited = Some(Awaited { name, force_n: 0.0, since_ns: now_ns });
+    fn command(&mut self, driver: &mut DriverState, name: &'static str) {
+        self.send(driver, Message::Command(name), &format!("{name}()"));
     }
 
-    fn advance(&mut self, now_ns: u64) {
-        if !self.ledger.is_linked || self.awaited.is_some() {
-            return;
-        }
-        let running = self.running.map(|(name, _)| name);
-        match self.want {
-            Want::Acknowledge => {
-                self.want = Want::Nothing;
-                self.say(now_ns, "FSACK", "FSACK()");
-            }
-            Want::Home if !self.is_stopped => {
-                self.want = Want::Nothing;
-                self.say(now_ns, "HOME", "HOME()");
-            }
-            Want::Force(force_n) if !self.is_stopped && self.gripped_n != Some(force_n) => match running {
-                Some(_) => self.say(now_ns, "STOP", "STOP()"),
-                None => self.grip_with(now_ns, force_n),
-            },
-            Want::Open if !self.is_stopped && !self.is_release_given => match running {
-                Some("GRIP") => self.say(now_ns, "STOP", "STOP()"),
-                _ => self.open(now_ns),
-            },
-            _ => self.ask(now_ns),
-        }
-    }
-
-    fn grip_with(&mut self, now_ns: u64, force_n: f64) {
-        let Config { speed_mm_per_s, part_width_mm, .. } = self.ledger.config;
-        let own_n = self.ledger.config.to_own_n(force_n);
+    fn send_grip(&mut self, driver: &mut DriverState, force_n: f64) {
+        let Config { speed_mm_per_s, part_width_mm, .. } = driver.config;
+        let own_n = driver.config.to_own_n(force_n);
         let line = match part_width_mm {
             Some(width_mm) => format!("GRIP({own_n:.2},{width_mm:.2},{speed_mm_per_s:.2})"),
             None => format!("GRIP({own_n:.2})"),
         };
-        self.say(now_ns, "GRIP", &line);
-        self.awaited = self.awaited.map(|awaited| Awaited { force_n, ..awaited });
+        self.send(driver, Message::Grip { force_n }, &line);
     }
 
-    fn open(&mut self, now_ns: u64) {
-        let Config { open_mm, speed_mm_per_s, .. } = self.ledger.config;
+    fn open(&mut self, driver: &mut DriverState) {
+        let Config { open_mm, speed_mm_per_s, .. } = driver.config;
         self.is_release_given = true;
         self.gripped_n = None;
-        let from_mm = self.ledger.state.opening_mm.filter(|_| self.grasp == Some(grasp::HOLDING));
-        match from_mm {
+        match driver.gripper.opening_mm.filter(|_| self.is_holding()) {
             Some(from_mm) => {
                 let way_mm = (open_mm - from_mm).max(0.0);
-                self.say(now_ns, "RELEASE", &format!("RELEASE({way_mm:.2},{speed_mm_per_s:.2})"));
+                let line = format!("RELEASE({way_mm:.2},{speed_mm_per_s:.2})");
+                self.send(driver, Message::Command("RELEASE"), &line);
             }
-            None => self.say(now_ns, "MOVE", &format!("MOVE({open_mm:.2},{speed_mm_per_s:.2})")),
+            None => {
+                self.send(driver, Message::Command("MOVE"), &format!("MOVE({open_mm:.2},{speed_mm_per_s:.2})"));
+            }
         }
     }
 
     /// The three questions one after the other, once a period.
-    fn ask(&mut self, now_ns: u64) {
+    fn ask(&mut self, driver: &mut DriverState) {
+        let now_ns = driver.now_ns();
         if self.question == 0 {
-            let period_ns = ns(self.ledger.config.update_ms);
+            let period_ns = driver.config.update_ms * 1_000_000;
             if self.asked_ns.is_some_and(|asked_ns| now_ns.saturating_sub(asked_ns) < period_ns) {
                 return;
             }
@@ -140,262 +111,235 @@ impl Gcl {
         }
         let name = QUESTIONS[self.question];
         self.question = (self.question + 1) % QUESTIONS.len();
-        self.say(now_ns, name, &format!("{name}?"));
+        self.send(driver, Message::Question(name), &format!("{name}?"));
     }
 
-    fn take(&mut self, now_ns: u64, line: Option<&str>) {
+    fn take(&mut self, driver: &mut DriverState, line: Option<&str>) {
         let Some(line) = line else {
-            return self.ledger.tell(DriverEvent::Garbled { bytes_count: 1 });
+            return driver.push_event(DriverEvent::Garbled { bytes_count: 1 });
         };
         if let Some((name, value)) = line.split_once('=') {
-            return self.take_value(now_ns, name, value);
+            return self.take_value(driver, name, value);
         }
         let mut words = line.split_whitespace();
         let (kind, name) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
         match kind {
-            "ACK" => self.take_answer(now_ns, name),
+            "ACK" => self.take_answer(driver, name),
             "FIN" => {
-                self.ledger.heard_ns = now_ns;
-                if self.running.is_some_and(|(running, _)| running == name) {
-                    self.running = None;
-                }
+                driver.heard();
+                self.motion.take_if(|motion| motion.name == name);
             }
             "ERR" => {
-                // An error without a name is the answer to what is on the way.
+                // An error without a name is the answer to what is in flight.
                 let (name, code) = match words.next() {
                     Some(code) => (name, code),
-                    None => (self.awaited.map_or("", |awaited| awaited.name), name),
+                    None => (self.in_flight.as_ref().map_or("", |sent| sent.message.name()), name),
                 };
-                self.take_error(now_ns, name, code.parse().unwrap_or(u16::MAX));
+                self.take_error(driver, name, code.parse().unwrap_or(u16::MAX));
             }
             "" | "END" => {}
-            _ => self.ledger.tell(DriverEvent::Garbled { bytes_count: line.len() }),
+            _ => driver.push_event(DriverEvent::Garbled { bytes_count: line.len() }),
         }
     }
 
-    fn take_value(&mut self, now_ns: u64, name: &str, value: &str) {
+    fn take_value(&mut self, driver: &mut DriverState, name: &str, value: &str) {
         let number = value.parse::<f64>().ok().filter(|value| value.is_finite());
         let Some(number) = number.filter(|_| QUESTIONS.contains(&name)) else {
-            return self.ledger.tell(DriverEvent::Garbled { bytes_count: name.len() + value.len() });
+            return driver.push_event(DriverEvent::Garbled { bytes_count: name.len() + value.len() });
         };
-        self.ledger.heard_ns = now_ns;
-        if self.awaited.is_some_and(|awaited| awaited.name == name) {
-            self.awaited = None;
-        }
-        let state = &mut self.ledger.state;
-        state.time_ns = now_ns;
+        driver.heard();
+        self.take_in_flight(name);
+        driver.gripper.time_ns = driver.now_ns();
         match name {
-            "POS" => state.opening_mm = Some(number).filter(|mm| (-10.0..=1000.0).contains(mm)),
-            "FORCE" => state.force_n = self.ledger.config.from_own_n(number),
+            "POS" => driver.gripper.opening_mm = Some(number).filter(|mm| (-10.0..=1000.0).contains(mm)),
+            "FORCE" => driver.gripper.force_n = driver.config.from_own_n(number),
             _ => self.grasp = (0.0..=7.0).contains(&number).then_some(number as u8),
         }
-        self.ledger.state.jaws = self.jaws();
+        driver.gripper.jaws = if self.is_stopped { Jaws::Stopped } else { grasp::jaws(self.grasp) };
     }
 
-    fn jaws(&self) -> Jaws {
-        match self.grasp {
-            _ if self.is_stopped => Jaws::Stopped,
-            Some(grasp::GRASPING) => Jaws::Closing,
-            Some(grasp::NO_PART) => Jaws::Nothing,
-            Some(grasp::PART_LOST) => Jaws::Lost,
-            Some(grasp::HOLDING) => Jaws::Holding,
-            Some(grasp::IDLE | grasp::RELEASING | grasp::POSITIONING) => Jaws::Open,
-            _ => Jaws::Unknown,
-        }
+    fn take_in_flight(&mut self, name: &str) -> Option<Message> {
+        self.in_flight.take_if(|sent| sent.message.name() == name).map(|sent| sent.message)
     }
 
-    fn take_answer(&mut self, now_ns: u64, name: &str) {
-        let Some(awaited) = self.awaited.filter(|awaited| awaited.name == name) else { return };
-        self.ledger.heard_ns = now_ns;
-        self.awaited = None;
-        match awaited.name {
-            "GRIP" => {
-                self.gripped_n = Some(awaited.force_n);
+    fn take_answer(&mut self, driver: &mut DriverState, name: &str) {
+        let Some(message) = self.take_in_flight(name) else { return };
+        driver.heard();
+        match message {
+            Message::Grip { force_n } => {
+                self.gripped_n = Some(force_n);
                 self.is_release_given = false;
-                self.ledger.state.target_n = Some(awaited.force_n);
+                driver.gripper.target_n = Some(force_n);
             }
-            "STOP" => (self.running, self.gripped_n, self.is_release_given) = (None, None, false),
-            "FSACK" => {
-                (self.is_stopped, self.is_link_lost) = (false, false);
-                (self.gripped_n, self.is_release_given) = (None, false);
+            Message::Command("STOP") => (self.motion, self.gripped_n, self.is_release_given) = (None, None, false),
+            Message::Command("FSACK") => {
+                (self.is_stopped, self.gripped_n, self.is_release_given) = (false, None, false);
+                driver.forget_lost_link();
             }
-            _ => {}
+            Message::Command(_) | Message::Question(_) => {}
         }
-        if matches!(awaited.name, "HOME" | "MOVE" | "GRIP" | "RELEASE") {
-            self.running = Some((awaited.name, now_ns));
+        if matches!(message.name(), "HOME" | "MOVE" | "GRIP" | "RELEASE") {
+            self.motion = Some(Motion { name: message.name(), since_ns: driver.now_ns() });
         }
     }
 
-    fn take_error(&mut self, now_ns: u64, name: &str, code: u16) {
-        self.ledger.heard_ns = now_ns;
-        let awaited = self.awaited.filter(|awaited| awaited.name == name);
-        let running = self.running.filter(|(running, _)| *running == name);
-        let name = match (awaited, running) {
-            (Some(awaited), _) => {
-                self.awaited = None;
-                self.want = Want::Nothing;
-                awaited.name
+    fn take_error(&mut self, driver: &mut DriverState, name: &str, code: u16) {
+        driver.heard();
+        let sent = self.take_in_flight(name);
+        let name = match sent {
+            Some(message) => {
+                self.goal = Goal::Keep;
+                message.name()
             }
-            (None, Some((name, _))) => {
-                self.running = None;
-                name
-            }
-            (None, None) => return,
+            None => match self.motion.take_if(|motion| motion.name == name) {
+                Some(motion) => motion.name,
+                None => return,
+            },
         };
-        let holds = self.grasp == Some(grasp::HOLDING);
         match (name, code) {
             (_, status::ABORTED) => {}
             // That no part was found is said by the state.
-            ("GRIP", status::FAILED) if awaited.is_none() => {}
-            ("GRIP", status::DENIED) if holds => {
+            ("GRIP", status::FAILED) if sent.is_none() => {}
+            ("GRIP", status::DENIED) if self.is_holding() => {
                 self.is_regrip_refused = true;
-                self.ledger.refused("a new force while holding", "a GRIP that is denied; take wsg50://");
+                driver.raise_refused("a new force while holding", "a GRIP that is denied; take wsg50://");
             }
             (_, status::DENIED) => {
                 self.is_stopped = true;
-                let why = self.why_stopped();
-                self.ledger.tell(DriverEvent::FastStop { why });
-                self.ledger.state.jaws = Jaws::Stopped;
-                self.ledger.refused(name, status::in_words(code));
+                let why = self.why_stopped(driver);
+                driver.push_event(DriverEvent::FastStop { why });
+                driver.gripper.jaws = Jaws::Stopped;
+                driver.raise_refused(name, status::in_words(code));
             }
-            (_, code) => self.ledger.refused(name, status::in_words(code)),
+            (_, code) => driver.raise_refused(name, status::in_words(code)),
         }
     }
 
-    fn why_stopped(&self) -> String {
-        if self.is_link_lost {
-            "our last link to it was cut without a farewell, as by a pulled cable or a killed program".into()
+    fn is_holding(&self) -> bool {
+        self.grasp == Some(grasp::HOLDING)
+    }
+
+    fn why_stopped(&self, driver: &DriverState) -> String {
+        if driver.has_lost_link() {
+            LINK_CUT.into()
         } else {
             "a command was denied; a fast stop is the likely cause (this interface does not tell)".into()
         }
     }
+}
 
-    fn watch_deadlines(&mut self, now_ns: u64) {
-        if let Some(awaited) = self.awaited
-            && now_ns.saturating_sub(awaited.since_ns) > ns(self.ledger.config.reply_ms)
+impl Protocol for Gcl {
+    fn linked(&mut self, driver: &mut DriverState) {
+        // The force it was last commanded, and that it has stopped itself, outlive a link.
+        let (gripped_n, is_stopped, is_regrip_refused) = (self.gripped_n, self.is_stopped, self.is_regrip_refused);
+        *self = Gcl { gripped_n, is_stopped, is_regrip_refused, ..Gcl::default() };
+        driver.gripper.jaws = Jaws::Unknown;
+    }
+
+    fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]) {
+        let mut lines = std::mem::take(&mut self.lines);
+        lines.feed(bytes, |line| self.take(driver, line));
+        self.lines = lines;
+    }
+
+    fn tick(&mut self, driver: &mut DriverState) {
+        match InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms)
+            .map(|sent| sent.message)
         {
-            self.awaited = None;
-            // A question is asked again in its turn; silence is told by itself.
-            if !QUESTIONS.contains(&awaited.name) {
-                self.want = Want::Nothing;
-                self.ledger.unanswered(awaited.name);
+            // It is asked again in its turn; silence is reported by itself.
+            None | Some(Message::Question(_)) => {}
+            Some(message) => {
+                self.goal = Goal::Keep;
+                driver.raise_unanswered(message.name());
             }
         }
-        if let Some((name, since_ns)) = self.running
-            && now_ns.saturating_sub(since_ns) > ns(self.ledger.config.motion_ms)
-        {
-            self.running = None;
-            let (address, expected_ms) = (self.ledger.address.clone(), self.ledger.config.motion_ms);
-            self.ledger.fail(Error::Unanswered { address, command: name, expected_ms });
+        let (now_ns, motion_ns) = (driver.now_ns(), driver.config.motion_ms * 1_000_000);
+        if let Some(motion) = self.motion.take_if(|motion| now_ns.saturating_sub(motion.since_ns) > motion_ns) {
+            driver.raise_unfinished(motion.name);
         }
     }
 
-    fn grip(&mut self, command: GripCommand) -> Result<(), Error> {
-        let address = || self.ledger.address.clone();
+    fn advance(&mut self, driver: &mut DriverState) {
+        if self.in_flight.is_some() {
+            return;
+        }
+        let moving = self.motion.map(|motion| motion.name);
+        match self.goal {
+            Goal::Acknowledge => {
+                self.goal = Goal::Keep;
+                self.command(driver, "FSACK");
+            }
+            Goal::Home if !self.is_stopped => {
+                self.goal = Goal::Keep;
+                self.command(driver, "HOME");
+            }
+            Goal::Hold { force_n } if !self.is_stopped && self.gripped_n != Some(force_n) => match moving {
+                Some(_) => self.command(driver, "STOP"),
+                None => self.send_grip(driver, force_n),
+            },
+            Goal::Open if !self.is_stopped && !self.is_release_given => match moving {
+                Some("GRIP") => self.command(driver, "STOP"),
+                _ => self.open(driver),
+            },
+            _ => self.ask(driver),
+        }
+    }
+
+    fn check_ready(&self, driver: &DriverState) -> Result<(), Error> {
         if self.is_stopped {
-            return Err(Error::FastStop { address: address(), why: self.why_stopped() });
+            return Err(Error::FastStop { address: driver.address(), why: self.why_stopped(driver) });
         }
         if self.grasp.is_none() {
-            return Err(Error::NotReady { address: address(), expected: "whether it holds something" });
+            return Err(Error::NotReady { address: driver.address(), expected: "whether it holds something" });
         }
-        let GripCommand::Hold { force_n } = command else {
-            if self.want != Want::Open {
-                (self.want, self.is_release_given, self.is_regrip_refused) = (Want::Open, false, false);
-            }
-            return Ok(());
-        };
-        let holds = self.grasp == Some(grasp::HOLDING);
-        let force_n = self.ledger.admit(force_n)?;
-        if holds && self.is_regrip_refused && self.gripped_n != Some(force_n) {
-            let (address, command) = (self.ledger.address.clone(), "a new force while holding");
-            return Err(Error::Refused {
-                address,
-                command,
-                got: "a GRIP that was denied before; take wsg50://".into(),
-            });
-        }
-        self.want = Want::Force(force_n);
-        Ok(())
-    }
-}
-
-impl Talker for Gcl {
-    fn linked(&mut self, now_ns: u64) {
-        self.ledger.linked(now_ns);
-        self.lines.clear();
-        (self.question, self.asked_ns, self.grasp) = (0, None, None);
-        (self.want, self.awaited, self.running) = (Want::Nothing, None, None);
-        self.is_release_given = false;
-        self.ledger.state.jaws = Jaws::Unknown;
-        self.advance(now_ns);
-    }
-
-    fn unlinked(&mut self, _now_ns: u64, why: &str) {
-        self.is_link_lost |= self.ledger.is_linked;
-        self.ledger.unlinked(why);
-    }
-
-    fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
-        let mut lines = std::mem::take(&mut self.lines);
-        lines.feed(bytes, |line| self.take(now_ns, line));
-        self.lines = lines;
-        self.advance(now_ns);
-    }
-
-    fn tick(&mut self, now_ns: u64) {
-        if self.ledger.is_linked {
-            self.watch_deadlines(now_ns);
-            self.advance(now_ns);
-        }
-    }
-
-    fn outgoing(&mut self) -> &mut Vec<u8> {
-        &mut self.ledger.outgoing
-    }
-}
-
-impl Driver for Gcl {
-    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
-        self.ledger.ready_for(now_ns, order)?;
-        match order {
-            Request::Grip(command) => self.grip(command)?,
-            Request::Home if self.grasp == Some(grasp::HOLDING) => return Err(self.ledger.holds_something("home")),
-            Request::Home => self.want = Want::Home,
-            Request::Acknowledge => self.want = Want::Acknowledge,
-            Request::Leave => {
-                self.want = Want::Nothing;
-                self.say(now_ns, "BYE", "BYE()");
-            }
-        }
-        self.advance(now_ns);
         Ok(())
     }
 
-    fn state(&mut self, now_ns: u64) -> Result<GripperState, Error> {
-        self.ledger.report(now_ns)
+    fn grip(&mut self, driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
+        match command {
+            GripCommand::Hold { force_n } => {
+                if self.is_holding() && self.is_regrip_refused && self.gripped_n != Some(force_n) {
+                    let (address, command) = (driver.address(), "a new force while holding");
+                    let got = "a GRIP that was denied before; take wsg50://".into();
+                    return Err(Error::Refused { address, command, got });
+                }
+            }
+            GripCommand::Release if self.goal != Goal::Open => {
+                (self.is_release_given, self.is_regrip_refused) = (false, false);
+            }
+            GripCommand::Release => {}
+        }
+        self.goal = command.into();
+        Ok(())
     }
 
-    fn is_busy(&self) -> bool {
-        let towards = match self.want {
-            Want::Nothing => false,
-            Want::Force(force_n) => self.gripped_n != Some(force_n),
-            Want::Open => !self.is_release_given,
-            Want::Home | Want::Acknowledge => true,
+    fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
+        if self.is_holding() {
+            return Err(driver.home_while_holding());
+        }
+        self.goal = Goal::Home;
+        Ok(())
+    }
+
+    fn acknowledge(&mut self, _driver: &mut DriverState) -> Result<(), Error> {
+        self.goal = Goal::Acknowledge;
+        Ok(())
+    }
+
+    fn leave(&mut self, driver: &mut DriverState) {
+        self.goal = Goal::Keep;
+        self.command(driver, "BYE");
+    }
+
+    fn is_busy(&self, driver: &DriverState) -> bool {
+        let is_on_the_way = match self.goal {
+            Goal::Keep => false,
+            Goal::Hold { force_n } => self.gripped_n != Some(force_n),
+            Goal::Open => !self.is_release_given,
+            Goal::Home | Goal::Acknowledge => true,
         };
-        let is_question = |awaited: Awaited| QUESTIONS.contains(&awaited.name);
-        let is_new = self.ledger.is_linked && self.grasp.is_none();
-        is_new || towards || self.running.is_some() || self.awaited.is_some_and(|awaited| !is_question(awaited))
-    }
-
-    fn next_event(&mut self) -> Option<DriverEvent> {
-        self.ledger.next_event()
-    }
-
-    fn config(&self) -> &Config {
-        &self.ledger.config
-    }
-
-    fn permit_lowering(&mut self, permitted: bool) {
-        self.ledger.permit_lowering(permitted);
+        let is_answered = self.in_flight.as_ref().is_none_or(|sent| matches!(sent.message, Message::Question(_)));
+        let is_new = driver.is_linked() && self.grasp.is_none();
+        is_new || is_on_the_way || self.motion.is_some() || !is_answered
     }
 }

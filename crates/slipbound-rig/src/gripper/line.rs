@@ -1,118 +1,90 @@
 //! The line protocol: text that anyone can answer who already holds a gripper by another driver. Its description is in
-//! docs/grippers.md; the wrist speaks it too ([`crate::wrist`]).
+//! docs/grippers.md; a wrist speaks it too ([`crate::wrist`]).
 
 mod message;
 
 pub use message::{Answer, VERSION, ask, number_of};
 
-use super::config::{Config, ns};
-use super::ledger::Ledger;
-use super::text::Lines;
-use super::{Driver, Error, Request};
-use crate::link::Talker;
-use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
+use super::driver_state::DriverState;
+use super::error::Error;
+use super::goal::Goal;
+use super::protocol::Protocol;
+use crate::link::{InFlight, Lines, write_line};
+use slipbound::port::{DriverEvent, GripCommand, Jaws};
 
-/// What is wanted; the newest want counts.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Want {
-    Nothing,
-    Force(f64),
-    Open,
-    Home,
-    Acknowledge,
-}
-
-/// A command on the way: its number, its words, when it was sent.
+/// A command with its number.
 #[derive(Debug, Clone)]
-struct Awaited {
+struct Command {
     number: u64,
     words: String,
-    want: Want,
-    since_ns: u64,
+    goal: Goal,
 }
 
-/// The driver.
-#[derive(Debug)]
+/// The protocol.
+#[derive(Debug, Default)]
 pub struct LineGripper {
-    ledger: Ledger,
     lines: Lines,
+    /// Of the last command sent.
     number: u64,
-    want: Want,
-    done: Want,
-    awaited: Option<Awaited>,
+    goal: Goal,
+    /// The goal whose command was last taken over.
+    done: Goal,
+    in_flight: Option<InFlight<Command>>,
     is_stated: bool,
-    is_leaving: bool,
 }
 
 impl LineGripper {
-    /// A driver that is not yet linked. `address` is for messages.
-    pub fn new(address: &str, config: Config) -> Self {
-        LineGripper {
-            ledger: Ledger::new(address, config),
-            lines: Lines::default(),
-            number: 0,
-            want: Want::Nothing,
-            done: Want::Nothing,
-            awaited: None,
-            is_stated: false,
-            is_leaving: false,
-        }
-    }
-
-    fn advance(&mut self, now_ns: u64) {
-        let is_idle = self.want == Want::Nothing || self.want == self.done;
-        if !self.ledger.is_linked || self.awaited.is_some() || self.is_leaving || is_idle {
-            return;
-        }
-        let config = &self.ledger.config;
-        let words = match self.want {
-            Want::Nothing => return,
-            Want::Force(force_n) => ask("GRASP", &[("force_n", config.to_own_n(force_n))]),
-            Want::Open => ask("RELEASE", &[("opening_mm", config.open_mm)]),
-            Want::Home => ask("HOME", &[]),
-            Want::Acknowledge => ask("ACKNOWLEDGE", &[]),
-        };
+    fn send(&mut self, driver: &mut DriverState, words: &str) -> u64 {
         self.number += 1;
-        self.ledger.outgoing.extend(format!("{} {words}\n", self.number).into_bytes());
-        self.awaited = Some(Awaited { number: self.number, words, want: self.want, since_ns: now_ns });
+        write_line(&mut driver.outgoing, &format!("{} {words}", self.number));
+        self.number
     }
 
-    fn take(&mut self, now_ns: u64, line: Option<&str>) {
+    fn take(&mut self, driver: &mut DriverState, line: Option<&str>) {
         let Some(answer) = line.and_then(Answer::parse) else {
-            return self.ledger.tell(DriverEvent::Garbled { bytes_count: line.map_or(1, str::len) });
+            return driver.push_event(DriverEvent::Garbled { bytes_count: line.map_or(1, str::len) });
         };
-        self.ledger.heard_ns = now_ns;
+        driver.heard();
         match answer {
-            Answer::Hello(VERSION) => {}
+            Answer::Hello(VERSION) | Answer::Wrist(_) => {}
             Answer::Hello(version) => {
-                self.ledger.refused("HELLO", format!("version {version}, expected {VERSION}"));
+                driver.raise_refused("HELLO", format!("version {version}, expected {VERSION}"));
             }
-            Answer::Gripper(rest) => self.take_state(now_ns, rest),
-            Answer::Wrist(_) => {}
+            Answer::Gripper(rest) => self.take_state(driver, rest),
             Answer::Ack { number, words } => {
-                let Some(awaited) = self.awaited.take_if(|awaited| awaited.number == number) else { return };
-                if awaited.words == words {
-                    self.done = awaited.want;
-                    match awaited.want {
-                        Want::Force(force_n) => self.ledger.state.target_n = Some(force_n),
-                        Want::Home | Want::Acknowledge => self.want = Want::Nothing,
-                        _ => {}
-                    }
-                } else {
-                    self.want = Want::Nothing;
-                    self.ledger.refused("a command", format!("`{words}` taken over instead of `{}`", awaited.words));
+                if let Some(sent) = self.take_in_flight(number) {
+                    self.take_over(driver, &sent, words);
                 }
             }
             Answer::Err { number, why } => {
-                if self.awaited.take_if(|awaited| awaited.number == number).is_some() {
-                    self.want = Want::Nothing;
-                    self.ledger.refused("a command", format!("`{why}`"));
+                if self.take_in_flight(number).is_some() {
+                    self.goal = Goal::Keep;
+                    driver.raise_refused("a command", format!("`{why}`"));
                 }
             }
         }
     }
 
-    fn take_state(&mut self, now_ns: u64, rest: &str) {
+    fn take_in_flight(&mut self, number: u64) -> Option<Command> {
+        self.in_flight.take_if(|sent| sent.message.number == number).map(|sent| sent.message)
+    }
+
+    /// The other side has taken a command over, in these words.
+    fn take_over(&mut self, driver: &mut DriverState, sent: &Command, words: &str) {
+        if sent.words != words {
+            self.goal = Goal::Keep;
+            let got = format!("`{words}` taken over instead of `{}`", sent.words);
+            return driver.raise_refused("a command", got);
+        }
+        self.done = sent.goal;
+        match sent.goal {
+            Goal::Hold { force_n } => driver.gripper.target_n = Some(force_n),
+            Goal::Home | Goal::Acknowledge => self.goal = Goal::Keep,
+            Goal::Open | Goal::Keep => {}
+        }
+    }
+
+    fn take_state(&mut self, driver: &mut DriverState, rest: &str) {
         let jaws = match rest.split_whitespace().skip_while(|word| *word != "jaws").nth(1) {
             Some("open") => Jaws::Open,
             Some("closing") => Jaws::Closing,
@@ -122,108 +94,95 @@ impl LineGripper {
             Some("stopped") => Jaws::Stopped,
             _ => Jaws::Unknown,
         };
-        if jaws == Jaws::Stopped && self.ledger.state.jaws != Jaws::Stopped {
-            self.ledger.tell(DriverEvent::FastStop { why: "the other side says so".into() });
-            (self.want, self.done) = (Want::Nothing, Want::Nothing);
+        if jaws == Jaws::Stopped && driver.gripper.jaws != Jaws::Stopped {
+            driver.push_event(DriverEvent::FastStop { why: "the other side says so".into() });
+            (self.goal, self.done) = (Goal::Keep, Goal::Keep);
         }
-        let config = &self.ledger.config;
-        let force_n = |key| number_of(rest, key).and_then(|own_n| config.from_own_n(own_n));
+        let force_n = |key| number_of(rest, key).and_then(|own_n| driver.config.from_own_n(own_n));
         let (measured_n, target_n) = (force_n("force_n"), force_n("target_n"));
-        let state = &mut self.ledger.state;
-        state.time_ns = now_ns;
-        state.jaws = jaws;
-        state.force_n = measured_n;
+        driver.gripper.time_ns = driver.now_ns();
+        driver.gripper.jaws = jaws;
+        driver.gripper.force_n = measured_n;
         // Ours counts while it is on; after a new link the other side's does.
-        state.target_n = if matches!(self.done, Want::Force(_)) { state.target_n } else { target_n };
-        state.opening_mm = number_of(rest, "opening_mm");
+        if !matches!(self.done, Goal::Hold { .. }) {
+            driver.gripper.target_n = target_n;
+        }
+        driver.gripper.opening_mm = number_of(rest, "opening_mm");
         self.is_stated = true;
     }
 
-    fn grip(&mut self, command: GripCommand) -> Result<(), Error> {
-        let address = || self.ledger.address.clone();
-        if !self.is_stated {
-            return Err(Error::NotReady { address: address(), expected: "a GRIPPER line" });
-        }
-        if self.ledger.state.jaws == Jaws::Stopped {
-            return Err(Error::FastStop { address: address(), why: "the other side says so".into() });
-        }
-        self.want = match command {
-            GripCommand::Release => Want::Open,
-            GripCommand::Hold { force_n } => Want::Force(self.ledger.admit(force_n)?),
-        };
-        Ok(())
+    fn is_on_the_way(&self) -> bool {
+        self.goal != Goal::Keep && self.goal != self.done
     }
 }
 
-impl Talker for LineGripper {
-    fn linked(&mut self, now_ns: u64) {
-        self.ledger.linked(now_ns);
-        self.lines.clear();
-        (self.want, self.done, self.awaited) = (Want::Nothing, Want::Nothing, None);
-        (self.is_stated, self.is_leaving) = (false, false);
+impl Protocol for LineGripper {
+    fn linked(&mut self, _driver: &mut DriverState) {
+        *self = LineGripper { number: self.number, ..LineGripper::default() };
     }
 
-    fn unlinked(&mut self, _now_ns: u64, why: &str) {
-        self.ledger.unlinked(why);
-    }
-
-    fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
+    fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]) {
         let mut lines = std::mem::take(&mut self.lines);
-        lines.feed(bytes, |line| self.take(now_ns, line));
+        lines.feed(bytes, |line| self.take(driver, line));
         self.lines = lines;
-        self.advance(now_ns);
     }
 
-    fn tick(&mut self, now_ns: u64) {
-        let reply_ns = ns(self.ledger.config.reply_ms);
-        if self.awaited.take_if(|awaited| now_ns.saturating_sub(awaited.since_ns) > reply_ns).is_some() {
-            self.want = Want::Nothing;
-            self.ledger.unanswered("a command");
+    fn tick(&mut self, driver: &mut DriverState) {
+        if InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms).is_some() {
+            self.goal = Goal::Keep;
+            driver.raise_unanswered("a command");
         }
-        self.advance(now_ns);
     }
 
-    fn outgoing(&mut self) -> &mut Vec<u8> {
-        &mut self.ledger.outgoing
-    }
-}
-
-impl Driver for LineGripper {
-    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
-        self.ledger.ready_for(now_ns, order)?;
-        match order {
-            Request::Grip(command) => self.grip(command)?,
-            Request::Home if self.ledger.state.jaws == Jaws::Holding => return Err(self.ledger.holds_something("home")),
-            Request::Home => (self.want, self.done) = (Want::Home, Want::Nothing),
-            Request::Acknowledge => (self.want, self.done) = (Want::Acknowledge, Want::Nothing),
-            Request::Leave => {
-                self.number += 1;
-                self.ledger.outgoing.extend(format!("{} BYE\n", self.number).into_bytes());
-                self.is_leaving = true;
-            }
+    fn advance(&mut self, driver: &mut DriverState) {
+        if self.in_flight.is_some() || !self.is_on_the_way() {
+            return;
         }
-        self.advance(now_ns);
+        let words = match self.goal {
+            Goal::Keep => return,
+            Goal::Hold { force_n } => ask("GRASP", &[("force_n", driver.config.to_own_n(force_n))]),
+            Goal::Open => ask("RELEASE", &[("opening_mm", driver.config.open_mm)]),
+            Goal::Home => ask("HOME", &[]),
+            Goal::Acknowledge => ask("ACKNOWLEDGE", &[]),
+        };
+        let number = self.send(driver, &words);
+        self.in_flight = Some(InFlight::new(driver.now_ns(), Command { number, words, goal: self.goal }));
+    }
+
+    fn check_ready(&self, driver: &DriverState) -> Result<(), Error> {
+        if !self.is_stated {
+            return Err(Error::NotReady { address: driver.address(), expected: "a GRIPPER line" });
+        }
+        if driver.gripper.jaws == Jaws::Stopped {
+            return Err(Error::FastStop { address: driver.address(), why: "the other side says so".into() });
+        }
         Ok(())
     }
 
-    fn state(&mut self, now_ns: u64) -> Result<GripperState, Error> {
-        self.ledger.report(now_ns)
+    fn grip(&mut self, _driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
+        self.goal = command.into();
+        Ok(())
     }
 
-    fn is_busy(&self) -> bool {
-        let is_new = self.ledger.is_linked && !self.is_stated;
-        is_new || self.awaited.is_some() || (self.want != Want::Nothing && self.want != self.done)
+    fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
+        if driver.gripper.jaws == Jaws::Holding {
+            return Err(driver.home_while_holding());
+        }
+        (self.goal, self.done) = (Goal::Home, Goal::Keep);
+        Ok(())
     }
 
-    fn next_event(&mut self) -> Option<DriverEvent> {
-        self.ledger.next_event()
+    fn acknowledge(&mut self, _driver: &mut DriverState) -> Result<(), Error> {
+        (self.goal, self.done) = (Goal::Acknowledge, Goal::Keep);
+        Ok(())
     }
 
-    fn config(&self) -> &Config {
-        &self.ledger.config
+    fn leave(&mut self, driver: &mut DriverState) {
+        self.send(driver, "BYE");
     }
 
-    fn permit_lowering(&mut self, permitted: bool) {
-        self.ledger.permit_lowering(permitted);
+    fn is_busy(&self, driver: &DriverState) -> bool {
+        let is_new = driver.is_linked() && !self.is_stated;
+        is_new || self.in_flight.is_some() || self.is_on_the_way()
     }
 }

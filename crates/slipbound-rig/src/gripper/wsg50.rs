@@ -1,7 +1,7 @@
-//! Weiss WSG-50, binary interface, as a state machine: bytes and time in, bytes and state out.
+//! Weiss WSG-50, binary interface.
 //!
-//! The driver first asks the gripper to send its state by itself, then has at most one command on the way at a time.
-//! A command that is overtaken before it was sent is never sent: the newest one counts.
+//! The protocol first asks the gripper to send its states by itself, then has at most one command in flight at a time.
+//! A command that is overtaken before it was sent is never sent: the newest goal counts.
 //!
 //! ```text
 //!   force F:  (stop, if it opens) -> limit F -> grasp, if not yet given since the last release
@@ -10,539 +10,333 @@
 //! ```
 
 pub mod frame;
+mod phase;
+mod telemetry;
 pub mod words;
 
-use super::config::{Config, ForceChange, ns};
-use super::ledger::Ledger;
-use super::{Driver, Error, Request};
-use crate::link::Talker;
-use frame::{Frame, Parser, number};
-use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
-use words::{flag, grasp, id, status};
+use super::config::{Config, ForceChange};
+use super::driver_state::DriverState;
+use super::error::Error;
+use super::goal::Goal;
+use super::protocol::Protocol;
+use crate::link::InFlight;
+use frame::{Frame, Parser};
+use phase::{Command, Phase};
+use slipbound::port::{DriverEvent, GripCommand};
+use telemetry::Telemetry;
+use words::status;
 
-/// How often an unanswered command that may safely come twice is sent again.
+/// How often an unanswered command that may safely arrive twice is sent again.
 const REPEATS_COUNT: u32 = 2;
-
-/// Time after which an update that does not come by itself is asked for again, ms.
-const ASK_AGAIN_MS: u64 = 300;
 
 /// Least change of force of which it is seen whether the gripper follows, N per finger: several of its steps.
 const FOLLOWS_FROM_N: f64 = 2.0;
 
-/// Bytes waiting to be sent beyond which nothing more is asked for.
-const MOST_UNSENT_BYTES: usize = 1024;
-
-/// What the gripper is asked to tell by itself, and how often that is heard.
-#[derive(Debug, Clone, Copy)]
-struct Update {
-    id: u8,
-    heard_or_asked_ns: u64,
-}
-
-/// What is wanted of the jaws; the newest want counts.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Want {
-    Nothing,
-    Force(f64),
-    Open,
-    Home,
-    Acknowledge,
-}
-
-/// A command on the way to its first answer.
-#[derive(Debug, Clone, Copy)]
-struct Awaited {
-    id: u8,
-    own_n: f64,
-    since_ns: u64,
-    sent_count: u32,
-}
-
-/// A motion on the way to its end.
-#[derive(Debug, Clone, Copy)]
-struct Running {
-    id: u8,
-    since_ns: u64,
-}
-
-/// A new force limit that the measured force should follow.
-#[derive(Debug, Clone, Copy)]
-struct Following {
-    from_n: f64,
-    to_n: f64,
-    until_ns: u64,
-}
-
-/// The driver.
-#[derive(Debug)]
+/// The protocol.
+#[derive(Debug, Default)]
 pub struct Wsg50 {
-    ledger: Ledger,
     parser: Parser,
-    updates: [Update; 4],
-    system: Option<u32>,
-    grasp: Option<u8>,
-    limit_own_n: Option<f64>,
-    limit_asked_ns: u64,
-    want: Want,
-    awaited: Option<Awaited>,
-    running: Option<Running>,
-    following: Option<Following>,
-    /// Whether a grasp, or a release, has been given and nothing else since.
-    is_grasp_given: bool,
-    is_release_given: bool,
-    /// Whether a link of ours has been lost without a farewell.
-    is_link_lost: bool,
-    is_leaving: bool,
-    told_path: Option<&'static str>,
+    telemetry: Telemetry,
+    goal: Goal,
+    phase: Phase,
+    in_flight: Option<InFlight<Command>>,
+    /// How a change of force last reached the jaws, as it was reported.
+    force_path: Option<&'static str>,
 }
 
 impl Wsg50 {
-    /// A driver that is not yet linked. `address` is for messages.
-    pub fn new(address: &str, config: Config) -> Self {
-        let update = |id| Update { id, heard_or_asked_ns: 0 };
-        Wsg50 {
-            ledger: Ledger::new(address, config),
-            parser: Parser::default(),
-            updates: [id::SYSTEM_STATE, id::GRASP_STATE, id::OPENING, id::FORCE].map(update),
-            system: None,
-            grasp: None,
-            limit_own_n: None,
-            limit_asked_ns: 0,
-            want: Want::Nothing,
-            awaited: None,
-            running: None,
-            following: None,
-            is_grasp_given: false,
-            is_release_given: false,
-            is_link_lost: false,
-            is_leaving: false,
-            told_path: None,
-        }
-    }
-
-    fn is_stopped(&self) -> bool {
-        self.system.is_some_and(|bits| bits & flag::FAST_STOP != 0)
-    }
-
-    fn is_homed(&self) -> bool {
-        self.system.is_some_and(|bits| bits & flag::REFERENCED != 0)
-    }
-
-    fn why_stopped(&self) -> String {
-        let faults = flag::faults(self.system.unwrap_or(0));
-        match (faults.is_empty(), self.is_link_lost) {
+    fn why_stopped(&self, driver: &DriverState) -> String {
+        let faults = self.telemetry.faults();
+        match (faults.is_empty(), driver.has_lost_link()) {
             (false, _) => faults,
-            (true, true) => {
-                "our last link to it was cut without a farewell, as by a pulled cable or a killed program".into()
-            }
+            (true, true) => words::LINK_CUT.into(),
             (true, false) => {
                 "no fault is reported: a link of another program was cut, or somebody sent a fast stop".into()
             }
         }
     }
 
-    fn send(&mut self, now_ns: u64, id: u8, payload: &[u8]) {
-        frame::write(&mut self.ledger.outgoing, id, payload);
-        self.awaited = Some(Awaited { id, own_n: 0.0, since_ns: now_ns, sent_count: 1 });
+    fn send(&mut self, driver: &mut DriverState, command: Command, payload: &[u8]) {
+        frame::write(&mut driver.outgoing, command.id(), payload);
+        self.in_flight = Some(InFlight::new(driver.now_ns(), command));
     }
 
-    fn send_motion(&mut self, now_ns: u64, id: u8, width_mm: f64) {
+    fn send_limit(&mut self, driver: &mut DriverState, own_n: f64) {
+        self.send(driver, Command::SetLimit { own_n }, &(own_n as f32).to_le_bytes());
+    }
+
+    fn send_motion(&mut self, driver: &mut DriverState, command: Command, width_mm: f64) {
         let mut payload = Vec::with_capacity(9);
-        if id == id::MOVE {
+        if command == Command::Move {
             payload.push(0); // absolute, clamp on block
         }
         payload.extend((width_mm as f32).to_le_bytes());
-        payload.extend((self.ledger.config.speed_mm_per_s as f32).to_le_bytes());
-        self.send(now_ns, id, &payload);
+        payload.extend((driver.config.speed_mm_per_s as f32).to_le_bytes());
+        self.send(driver, command, &payload);
     }
 
-    fn ask_for_updates(&mut self, now_ns: u64) {
-        if self.ledger.outgoing.len() > MOST_UNSENT_BYTES {
-            return; // the link does not take them; asking more often would not help
-        }
-        let period_ms = self.ledger.config.update_ms as u16;
-        let [low, high] = period_ms.to_le_bytes();
-        for update in &mut self.updates {
-            if now_ns.saturating_sub(update.heard_or_asked_ns) > ns(ASK_AGAIN_MS) {
-                update.heard_or_asked_ns = now_ns;
-                frame::write(&mut self.ledger.outgoing, update.id, &[1, low, high]);
-            }
-        }
-        if self.limit_own_n.is_none() && now_ns.saturating_sub(self.limit_asked_ns) > ns(ASK_AGAIN_MS) {
-            self.limit_asked_ns = now_ns;
-            frame::write(&mut self.ledger.outgoing, id::GET_LIMIT, &[]);
+    fn approach_force(&mut self, driver: &mut DriverState, force_n: f64) {
+        let own_n = f64::from(driver.config.to_own_n(force_n) as f32);
+        match self.phase {
+            Phase::Homing { .. } | Phase::Opening { .. } => self.send(driver, Command::Stop, &[]),
+            _ if self.telemetry.limit_own_n != Some(own_n) => self.send_limit(driver, own_n),
+            Phase::Idle | Phase::Opened => self.give_grasp(driver),
+            Phase::Following { from_n, to_n, until_ns } => self.check_following(driver, from_n, to_n, until_ns),
+            Phase::Grasping { .. } | Phase::Grasped => {}
         }
     }
 
-    /// Sends the next command towards what is wanted, if none is on the way.
-    fn advance(&mut self, now_ns: u64) {
-        if !self.ledger.is_linked || self.awaited.is_some() || self.is_leaving {
-            return;
-        }
-        let running = self.running.map(|running| running.id);
-        match self.want {
-            Want::Nothing => {}
-            Want::Acknowledge => {
-                self.want = Want::Nothing;
-                self.send(now_ns, id::ACKNOWLEDGE, b"ack");
-            }
-            _ if self.is_stopped() => {}
-            Want::Home => {
-                self.want = Want::Nothing;
-                self.send(now_ns, id::HOME, &[0]);
-            }
-            Want::Force(force_n) => self.towards_force(now_ns, force_n, running),
-            Want::Open if self.is_release_given => {}
-            Want::Open if running == Some(id::GRASP) => self.send(now_ns, id::STOP, &[]),
-            Want::Open => {
-                let holds = self.grasp == Some(grasp::HOLDING);
-                self.is_release_given = true;
-                self.is_grasp_given = false;
-                self.following = None;
-                self.send_motion(now_ns, if holds { id::RELEASE } else { id::MOVE }, self.ledger.config.open_mm);
+    fn give_grasp(&mut self, driver: &mut DriverState) {
+        let Some(width_mm) = driver.config.part_width_mm else { return };
+        self.phase = Phase::Grasped;
+        self.send_motion(driver, Command::Grasp, width_mm);
+    }
+
+    fn open(&mut self, driver: &mut DriverState) {
+        match self.phase {
+            Phase::Opening { .. } | Phase::Opened => {}
+            Phase::Grasping { .. } => self.send(driver, Command::Stop, &[]),
+            Phase::Idle | Phase::Homing { .. } | Phase::Grasped | Phase::Following { .. } => {
+                let command = if self.telemetry.is_holding() { Command::Release } else { Command::Move };
+                self.phase = Phase::Opened;
+                self.send_motion(driver, command, driver.config.open_mm);
             }
         }
     }
 
-    fn towards_force(&mut self, now_ns: u64, force_n: f64, running: Option<u8>) {
-        let own_n = f64::from(self.ledger.config.to_own_n(force_n) as f32);
-        if running.is_some_and(|id| id != id::GRASP) {
-            self.send(now_ns, id::STOP, &[]);
-        } else if self.limit_own_n != Some(own_n) {
-            self.send(now_ns, id::SET_LIMIT, &(own_n as f32).to_le_bytes());
-            self.awaited = self.awaited.map(|awaited| Awaited { own_n, ..awaited });
-        } else if !self.is_grasp_given {
-            self.give_grasp(now_ns);
-        } else if let Some(following) = self.following {
-            self.see_whether_it_follows(now_ns, following);
-        }
-    }
-
-    fn give_grasp(&mut self, now_ns: u64) {
-        let Some(width_mm) = self.ledger.config.part_width_mm else { return };
-        self.is_grasp_given = true;
-        self.is_release_given = false;
-        self.following = None;
-        self.send_motion(now_ns, id::GRASP, width_mm);
-    }
-
-    fn see_whether_it_follows(&mut self, now_ns: u64, following: Following) {
-        let Following { from_n, to_n, until_ns } = following;
-        let measured_n = self.ledger.state.force_n.unwrap_or(from_n);
+    /// Whether the measured force goes to the new limit; where it does not in time, the grasp is given again.
+    fn check_following(&mut self, driver: &mut DriverState, from_n: f64, to_n: f64, until_ns: u64) {
+        let measured_n = driver.gripper.force_n.unwrap_or(from_n);
         if (measured_n - to_n).abs() <= 0.5 * (from_n - to_n).abs() {
-            self.following = None;
-            self.tell_path("setting the force limit alone");
-        } else if now_ns >= until_ns {
-            self.tell_path("setting the force limit and giving the grasp again");
-            self.give_grasp(now_ns);
+            self.phase = Phase::Grasped;
+            self.report_path(driver, "setting the force limit alone");
+        } else if driver.now_ns() >= until_ns {
+            self.report_path(driver, "setting the force limit and giving the grasp again");
+            self.give_grasp(driver);
         }
     }
 
-    fn tell_path(&mut self, path: &'static str) {
-        if self.told_path != Some(path) {
-            self.told_path = Some(path);
-            self.ledger.tell(DriverEvent::ForcePath { path });
+    fn report_path(&mut self, driver: &mut DriverState, path: &'static str) {
+        if self.force_path != Some(path) {
+            self.force_path = Some(path);
+            driver.push_event(DriverEvent::ForcePath { path });
         }
     }
 
-    fn take(&mut self, now_ns: u64, frame: &Frame) {
+    fn take(&mut self, driver: &mut DriverState, frame: &Frame) {
         let Some((code, rest)) = frame.reply() else { return };
-        self.ledger.heard_ns = now_ns;
-        if let Some(update) = self.updates.iter_mut().find(|update| update.id == frame.id) {
-            update.heard_or_asked_ns = now_ns;
-            if code == status::OK {
-                self.take_update(now_ns, frame.id, rest);
+        driver.heard();
+        let was_stopped = self.telemetry.is_stopped();
+        if self.telemetry.take(driver, frame.id, code, rest) {
+            if self.telemetry.is_stopped() && !was_stopped {
+                self.meet_fast_stop(driver);
             }
+        } else if let Some(sent) = self.in_flight.take_if(|sent| sent.message.id() == frame.id) {
+            self.take_answer(driver, sent.message, code);
+        } else if let Some((command, _)) = self.phase.motion().filter(|(command, _)| command.id() == frame.id) {
+            self.take_end(driver, command, code);
+        } // else the second answer to a command that was sent twice
+    }
+
+    fn meet_fast_stop(&mut self, driver: &mut DriverState) {
+        let why = self.why_stopped(driver);
+        driver.push_event(DriverEvent::FastStop { why });
+        (self.goal, self.phase) = (Goal::Keep, self.phase.ended());
+        let is_ours = driver.has_lost_link() && self.telemetry.faults().is_empty();
+        if is_ours && driver.config.acknowledge_own_fast_stop {
+            driver.push_event(DriverEvent::Acknowledged);
+            self.goal = Goal::Acknowledge;
+        }
+    }
+
+    /// The first answer to the command in flight.
+    fn take_answer(&mut self, driver: &mut DriverState, command: Command, code: u16) {
+        let since_ns = driver.now_ns();
+        match (command, code) {
+            (Command::SetLimit { own_n }, status::OK) => self.take_limit(driver, own_n),
+            (Command::Stop, status::OK) => self.phase = Phase::Idle,
+            (Command::Acknowledge, status::OK) => {
+                self.phase = Phase::Idle;
+                driver.forget_lost_link();
+            }
+            (Command::Home, status::PENDING) => self.phase = Phase::Homing { since_ns },
+            (Command::Grasp, status::PENDING) => self.phase = Phase::Grasping { since_ns },
+            (Command::Release | Command::Move, status::PENDING) => self.phase = Phase::Opening { command, since_ns },
+            (Command::Home | Command::Grasp | Command::Release | Command::Move, status::OK | status::ABORTED) => {}
+            (Command::Disconnect, _) => {}
+            (command, code) => {
+                self.goal = Goal::Keep;
+                driver.raise_refused(command.name(), status::in_words(code));
+            }
+        }
+    }
+
+    fn take_limit(&mut self, driver: &mut DriverState, own_n: f64) {
+        self.telemetry.set_limit(driver, own_n);
+        if !(self.phase.is_grasp_given() && self.telemetry.is_holding()) {
             return;
         }
-        match frame.id {
-            id::GET_LIMIT => {
-                if let (status::OK, Some(own_n)) = (code, number(rest).map(f64::from).filter(|n| n.is_finite())) {
-                    self.took_over(own_n);
-                }
-            }
-            _ if self.awaited.is_some_and(|awaited| awaited.id == frame.id) => self.take_answer(now_ns, code),
-            _ if self.running.is_some_and(|running| running.id == frame.id) => self.take_end(code),
-            _ => {} // the second answer to a command that was sent twice
-        }
-    }
-
-    fn take_update(&mut self, now_ns: u64, id: u8, rest: &[u8]) {
-        let state = &mut self.ledger.state;
-        state.time_ns = now_ns;
-        match id {
-            id::SYSTEM_STATE => {
-                let Some(bits) = rest.first_chunk().map(|bytes| u32::from_le_bytes(*bytes)) else { return };
-                let was_stopped = self.is_stopped();
-                self.system = Some(bits);
-                if self.is_stopped() && !was_stopped {
-                    self.meet_fast_stop(bits);
-                }
-            }
-            id::GRASP_STATE => self.grasp = rest.first().copied(),
-            id::OPENING => state.opening_mm = number(rest).map(f64::from).filter(|mm| (-10.0..=1000.0).contains(mm)),
-            id::FORCE => {
-                state.force_n = number(rest).and_then(|own_n| self.ledger.config.from_own_n(f64::from(own_n)));
-            }
-            _ => {}
-        }
-        self.ledger.state.jaws = self.jaws();
-    }
-
-    fn meet_fast_stop(&mut self, bits: u32) {
-        let why = self.why_stopped();
-        self.ledger.tell(DriverEvent::FastStop { why });
-        (self.want, self.running, self.following) = (Want::Nothing, None, None);
-        let is_ours = self.is_link_lost && flag::faults(bits).is_empty();
-        if is_ours && self.ledger.config.acknowledge_own_fast_stop {
-            self.ledger.tell(DriverEvent::Acknowledged);
-            self.want = Want::Acknowledge;
-        }
-    }
-
-    fn jaws(&self) -> Jaws {
-        if self.is_stopped() {
-            return Jaws::Stopped;
-        }
-        if !self.is_homed() {
-            return Jaws::Unknown;
-        }
-        match self.grasp {
-            Some(grasp::GRASPING) => Jaws::Closing,
-            Some(grasp::NO_PART) => Jaws::Nothing,
-            Some(grasp::PART_LOST) => Jaws::Lost,
-            Some(grasp::HOLDING) => Jaws::Holding,
-            Some(grasp::IDLE | grasp::RELEASING | grasp::POSITIONING) => Jaws::Open,
-            _ => Jaws::Unknown,
-        }
-    }
-
-    /// The gripper has this limit now.
-    fn took_over(&mut self, own_n: f64) {
-        self.limit_own_n = Some(own_n);
-        self.ledger.state.target_n = self.ledger.config.from_own_n(own_n);
-    }
-
-    /// The first answer to the command on the way.
-    fn take_answer(&mut self, now_ns: u64, code: u16) {
-        let Some(awaited) = self.awaited.take() else { return };
-        match (awaited.id, code) {
-            (id::SET_LIMIT, status::OK) => self.limit_set(now_ns, awaited.own_n),
-            (id::STOP, status::OK) => (self.running, self.is_grasp_given, self.is_release_given) = (None, false, false),
-            (id::ACKNOWLEDGE, status::OK) => {
-                (self.is_grasp_given, self.is_release_given, self.is_link_lost) = (false, false, false);
-            }
-            (id::DISCONNECT, _) => {}
-            (id @ (id::HOME | id::MOVE | id::GRASP | id::RELEASE), status::PENDING) => {
-                self.running = Some(Running { id, since_ns: now_ns });
-            }
-            (id::HOME | id::MOVE | id::GRASP | id::RELEASE, status::OK | status::ABORTED) => {}
-            (id, code) => {
-                self.want = Want::Nothing;
-                self.ledger.refused(in_words(id), status::in_words(code));
-            }
-        }
-    }
-
-    fn limit_set(&mut self, now_ns: u64, own_n: f64) {
-        self.took_over(own_n);
-        let is_held = self.is_grasp_given && self.grasp == Some(grasp::HOLDING);
-        if !is_held {
-            return;
-        }
-        let Some(from_n) = self.ledger.state.force_n else { return };
-        let to_n = self.ledger.config.from_own_n(own_n).unwrap_or(from_n);
-        let follow_ms = match self.ledger.config.force_change {
+        let Some(from_n) = driver.gripper.force_n else { return };
+        let to_n = driver.config.from_own_n(own_n).unwrap_or(from_n);
+        let follow_ms = match driver.config.force_change {
             ForceChange::Limit => return,
             ForceChange::Regrasp => 0,
-            // In small steps nobody sees it; they add up until somebody does.
+            // In small steps that cannot be seen; they add up until it can.
             ForceChange::Auto if (to_n - from_n).abs() < FOLLOWS_FROM_N => return,
-            ForceChange::Auto => self.ledger.config.follow_ms,
+            ForceChange::Auto => driver.config.follow_ms,
         };
-        self.following = Some(Following { from_n, to_n, until_ns: now_ns + ns(follow_ms) });
+        self.phase = Phase::Following { from_n, to_n, until_ns: driver.now_ns() + follow_ms * 1_000_000 };
     }
 
     /// The end of the motion under way.
-    fn take_end(&mut self, code: u16) {
-        let Some(Running { id, .. }) = self.running.take() else { return };
-        match code {
-            status::OK | status::ABORTED => {}
+    fn take_end(&mut self, driver: &mut DriverState, command: Command, code: u16) {
+        self.phase = self.phase.ended();
+        match (command, code) {
+            (_, status::OK | status::ABORTED) => {}
             // That no part was found is said by the grasp state.
-            status::FAILED if id == id::GRASP => {}
-            code => self.ledger.refused(in_words(id), status::in_words(code)),
+            (Command::Grasp, status::FAILED) => {}
+            (command, code) => driver.raise_refused(command.name(), status::in_words(code)),
         }
     }
 
-    fn watch_deadlines(&mut self, now_ns: u64) {
-        if let Some(mut awaited) = self.awaited
-            && now_ns.saturating_sub(awaited.since_ns) > ns(self.ledger.config.reply_ms)
-        {
-            self.awaited = None;
-            if awaited.id == id::SET_LIMIT && awaited.sent_count <= REPEATS_COUNT {
-                frame::write(&mut self.ledger.outgoing, awaited.id, &(awaited.own_n as f32).to_le_bytes());
-                awaited.since_ns = now_ns;
-                awaited.sent_count += 1;
-                self.awaited = Some(awaited);
-            } else {
-                self.want = Want::Nothing;
-                self.limit_own_n = None; // it may have come through after all: ask
-                self.ledger.unanswered(in_words(awaited.id));
+    fn check_deadlines(&mut self, driver: &mut DriverState) {
+        if let Some(sent) = InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms) {
+            match sent.message {
+                Command::SetLimit { own_n } if sent.sent_count <= REPEATS_COUNT => {
+                    self.send_limit(driver, own_n);
+                    self.in_flight = Some(sent.again(driver.now_ns()));
+                }
+                command => {
+                    self.goal = Goal::Keep;
+                    self.telemetry.limit_own_n = None; // it may have come through after all: ask
+                    driver.raise_unanswered(command.name());
+                }
             }
         }
-        if let Some(running) = self.running
-            && now_ns.saturating_sub(running.since_ns) > ns(self.ledger.config.motion_ms)
+        let motion_ns = driver.config.motion_ms * 1_000_000;
+        if let Some((command, since_ns)) = self.phase.motion()
+            && driver.now_ns().saturating_sub(since_ns) > motion_ns
         {
-            self.running = None;
-            let (address, expected_ms) = (self.ledger.address.clone(), self.ledger.config.motion_ms);
-            self.ledger.fail(Error::Unanswered { address, command: in_words(running.id), expected_ms });
+            self.phase = self.phase.ended();
+            driver.raise_unfinished(command.name());
         }
-    }
-
-    fn may_move(&self) -> Result<(), Error> {
-        let address = || self.ledger.address.clone();
-        if self.system.is_none() {
-            return Err(Error::NotReady { address: address(), expected: "its system state" });
-        }
-        if self.is_stopped() {
-            return Err(Error::FastStop { address: address(), why: self.why_stopped() });
-        }
-        if !self.is_homed() {
-            return Err(Error::NotHomed { address: address() });
-        }
-        if self.grasp.is_none() {
-            return Err(Error::NotReady { address: address(), expected: "whether it holds something" });
-        }
-        Ok(())
-    }
-
-    fn grip(&mut self, command: GripCommand) -> Result<(), Error> {
-        self.may_move()?;
-        let GripCommand::Hold { force_n } = command else {
-            if self.want != Want::Open {
-                (self.want, self.is_release_given) = (Want::Open, false);
-            }
-            return Ok(());
-        };
-        let force_n = self.ledger.admit(force_n)?;
-        if self.ledger.config.part_width_mm.is_none() && !self.is_grasp_given && self.grasp != Some(grasp::HOLDING) {
-            let address = self.ledger.address.clone();
-            let why = "a WSG-50 calls contact far from the width it was told a collision";
-            return Err(Error::Unset { address, command: "grasp", key: "part_width_mm", why });
-        }
-        self.want = Want::Force(force_n);
-        Ok(())
     }
 }
 
-impl Talker for Wsg50 {
-    fn linked(&mut self, now_ns: u64) {
-        self.ledger.linked(now_ns);
-        self.parser.clear();
-        (self.system, self.grasp, self.limit_own_n) = (None, None, None);
-        (self.want, self.awaited, self.running, self.following) = (Want::Nothing, None, None, None);
-        (self.is_grasp_given, self.is_release_given, self.is_leaving) = (false, false, false);
-        self.ledger.state.jaws = Jaws::Unknown;
-        let long_ago = |update: Update| Update { heard_or_asked_ns: 0, ..update };
-        self.updates = self.updates.map(long_ago);
-        self.limit_asked_ns = 0;
-        self.ask_for_updates(now_ns.max(ns(ASK_AGAIN_MS) + 1));
+impl Protocol for Wsg50 {
+    fn linked(&mut self, driver: &mut DriverState) {
+        *self = Wsg50 { force_path: self.force_path, ..Wsg50::default() };
+        driver.gripper.jaws = slipbound::port::Jaws::Unknown;
+        self.telemetry.ask(driver);
     }
 
-    fn unlinked(&mut self, _now_ns: u64, why: &str) {
-        self.is_link_lost |= self.ledger.is_linked;
-        self.ledger.unlinked(why);
-    }
-
-    fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
+    fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]) {
         let mut parser = std::mem::take(&mut self.parser);
-        parser.feed(bytes, |frame| self.take(now_ns, &frame));
+        parser.feed(bytes, |frame| self.take(driver, &frame));
         let bytes_count = parser.take_passed_over_count();
         if bytes_count > 0 {
-            self.ledger.tell(DriverEvent::Garbled { bytes_count });
+            driver.push_event(DriverEvent::Garbled { bytes_count });
         }
         self.parser = parser;
-        // What holds when the link is made was grasped before: no grasp is to be given anew.
-        if self.grasp == Some(grasp::HOLDING) && !self.is_release_given {
-            self.is_grasp_given = true;
-        }
-        self.advance(now_ns);
-    }
-
-    fn tick(&mut self, now_ns: u64) {
-        if self.ledger.is_linked {
-            self.watch_deadlines(now_ns);
-            self.ask_for_updates(now_ns);
-            self.advance(now_ns);
+        // What is held when the link is made was grasped before: no grasp is to be given again.
+        if self.phase == Phase::Idle && self.telemetry.is_holding() {
+            self.phase = Phase::Grasped;
         }
     }
 
-    fn outgoing(&mut self) -> &mut Vec<u8> {
-        &mut self.ledger.outgoing
+    fn tick(&mut self, driver: &mut DriverState) {
+        self.check_deadlines(driver);
+        self.telemetry.ask(driver);
     }
-}
 
-impl Driver for Wsg50 {
-    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
-        self.ledger.ready_for(now_ns, order)?;
-        match order {
-            Request::Grip(command) => self.grip(command)?,
-            Request::Home if self.is_stopped() => self.may_move()?,
-            Request::Home if self.is_homed() && self.ledger.seems_to_hold() => {
-                return Err(self.ledger.holds_something("home"));
+    fn advance(&mut self, driver: &mut DriverState) {
+        if self.in_flight.is_some() {
+            return;
+        }
+        match self.goal {
+            Goal::Keep => {}
+            Goal::Acknowledge => {
+                self.goal = Goal::Keep;
+                self.send(driver, Command::Acknowledge, b"ack");
             }
-            Request::Home => self.want = Want::Home,
-            Request::Acknowledge => self.want = Want::Acknowledge,
-            Request::Leave => {
-                self.want = Want::Nothing;
-                self.send(now_ns, id::DISCONNECT, &[]);
-                self.is_leaving = true;
+            _ if self.telemetry.is_stopped() => {}
+            Goal::Home => {
+                (self.goal, self.phase) = (Goal::Keep, Phase::Idle);
+                self.send(driver, Command::Home, &[0]);
             }
+            Goal::Hold { force_n } => self.approach_force(driver, force_n),
+            Goal::Open => self.open(driver),
         }
-        self.advance(now_ns);
+    }
+
+    fn check_ready(&self, driver: &DriverState) -> Result<(), Error> {
+        if self.telemetry.system.is_none() {
+            return Err(Error::NotReady { address: driver.address(), expected: "its system state" });
+        }
+        if self.telemetry.is_stopped() {
+            return Err(Error::FastStop { address: driver.address(), why: self.why_stopped(driver) });
+        }
+        if !self.telemetry.is_homed() {
+            return Err(Error::NotHomed { address: driver.address() });
+        }
+        if self.telemetry.grasp.is_none() {
+            return Err(Error::NotReady { address: driver.address(), expected: "whether it holds something" });
+        }
         Ok(())
     }
 
-    fn state(&mut self, now_ns: u64) -> Result<GripperState, Error> {
-        self.ledger.report(now_ns)
-    }
-
-    fn is_busy(&self) -> bool {
-        let towards = match self.want {
-            Want::Nothing => false,
-            Want::Force(force_n) => {
-                let own_n = f64::from(self.ledger.config.to_own_n(force_n) as f32);
-                self.limit_own_n != Some(own_n) || !self.is_grasp_given
+    fn grip(&mut self, driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
+        let Config { part_width_mm, .. } = driver.config;
+        match command {
+            GripCommand::Hold { .. } => {
+                let must_grasp = !self.phase.is_grasp_given() && !self.telemetry.is_holding();
+                if part_width_mm.is_none() && must_grasp {
+                    let why = "a WSG-50 calls contact far from the width it was told a collision";
+                    let (address, key) = (driver.address(), "part_width_mm");
+                    return Err(Error::Unset { address, command: "grasp", key, why });
+                }
             }
-            Want::Open => !self.is_release_given,
-            Want::Home | Want::Acknowledge => true,
+            // A release that was refused is given again on the next request.
+            GripCommand::Release if self.goal != Goal::Open && self.phase == Phase::Opened => self.phase = Phase::Idle,
+            GripCommand::Release => {}
+        }
+        self.goal = command.into();
+        Ok(())
+    }
+
+    fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
+        if self.telemetry.is_stopped() {
+            self.check_ready(driver)?;
+        }
+        if self.telemetry.is_homed() && driver.seems_to_hold() {
+            return Err(driver.home_while_holding());
+        }
+        self.goal = Goal::Home;
+        Ok(())
+    }
+
+    fn acknowledge(&mut self, _driver: &mut DriverState) -> Result<(), Error> {
+        self.goal = Goal::Acknowledge;
+        Ok(())
+    }
+
+    fn leave(&mut self, driver: &mut DriverState) {
+        self.goal = Goal::Keep;
+        self.send(driver, Command::Disconnect, &[]);
+    }
+
+    fn is_busy(&self, driver: &DriverState) -> bool {
+        let is_on_the_way = match self.goal {
+            Goal::Keep => false,
+            Goal::Hold { force_n } => {
+                let own_n = f64::from(driver.config.to_own_n(force_n) as f32);
+                self.telemetry.limit_own_n != Some(own_n) || !self.phase.is_grasp_given()
+            }
+            Goal::Open => !self.phase.is_release_given(),
+            Goal::Home | Goal::Acknowledge => true,
         };
-        let is_new =
-            self.ledger.is_linked && (self.system.is_none() || self.grasp.is_none() || self.limit_own_n.is_none());
-        is_new || towards || self.awaited.is_some() || self.running.is_some() || self.following.is_some()
-    }
-
-    fn next_event(&mut self) -> Option<DriverEvent> {
-        self.ledger.next_event()
-    }
-
-    fn config(&self) -> &Config {
-        &self.ledger.config
-    }
-
-    fn permit_lowering(&mut self, permitted: bool) {
-        self.ledger.permit_lowering(permitted);
-    }
-}
-
-fn in_words(id: u8) -> &'static str {
-    match id {
-        id::HOME => "home",
-        id::MOVE => "move",
-        id::STOP => "stop",
-        id::ACKNOWLEDGE => "acknowledge",
-        id::GRASP => "grasp",
-        id::RELEASE => "release",
-        id::SET_LIMIT => "set force limit",
-        _ => "disconnect",
+        let is_new = driver.is_linked() && !self.telemetry.is_complete();
+        let is_moving = self.phase.motion().is_some() || matches!(self.phase, Phase::Following { .. });
+        is_new || is_on_the_way || self.in_flight.is_some() || is_moving
     }
 }

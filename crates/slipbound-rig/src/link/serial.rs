@@ -1,6 +1,6 @@
 //! A serial line, 115200 baud, 8 bits, no parity, one stop bit.
 
-use super::{Dial, Link, later};
+use super::stream::{Connector, Link, zero_if_not_ready};
 use serial2::SerialPort;
 use std::io;
 use std::path::PathBuf;
@@ -12,7 +12,7 @@ const BAUD: u32 = 115_200;
 /// Longest wait of one call. The library has no call that does not wait at all; on a line that is quiet, a read costs this.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 
-/// A serial line that hardly waits.
+/// A serial line on which no call waits for longer than 1 ms.
 #[derive(Debug)]
 pub struct SerialLink {
     port: SerialPort,
@@ -35,16 +35,16 @@ impl Link for SerialLink {
                 into.extend_from_slice(&bytes[..count]);
                 Ok(count)
             }
-            Err(e) => later(Err(e)),
+            Err(e) => zero_if_not_ready(Err(e)),
         }
     }
 
     fn write(&mut self, from: &[u8]) -> io::Result<usize> {
-        later(self.port.write(from))
+        zero_if_not_ready(self.port.write(from))
     }
 }
 
-/// A serial line that is not there: our end of a pseudo-terminal, and the device to be opened at the other.
+/// A serial line without hardware: our end of a pseudo-terminal, and the device to be opened at the other.
 #[cfg(target_os = "linux")]
 #[derive(Debug)]
 pub struct PseudoTerminal {
@@ -52,13 +52,13 @@ pub struct PseudoTerminal {
     pub link: SerialLink,
     /// The other end, as in `/dev/pts/3`.
     pub device: PathBuf,
-    /// Keeps the other end there while nobody has opened it.
+    /// Keeps the other end open until somebody opens it.
     _other: SerialPort,
 }
 
 #[cfg(target_os = "linux")]
 impl PseudoTerminal {
-    /// A new one.
+    /// Opens a new pair.
     pub fn new() -> io::Result<Self> {
         use std::os::fd::AsRawFd;
         let (ours, other) = SerialPort::pair()?;
@@ -67,15 +67,15 @@ impl PseudoTerminal {
     }
 }
 
-/// A serial device, opened anew whenever it must be.
+/// A serial device, opened again whenever the link is lost.
 #[derive(Debug, Clone)]
-pub struct SerialDial {
+pub struct SerialConnector {
     /// The device, as in `/dev/ttyUSB0`.
     pub device: PathBuf,
 }
 
-impl Dial for SerialDial {
-    fn dial(&self) -> io::Result<Box<dyn Link>> {
+impl Connector for SerialConnector {
+    fn connect(&self) -> io::Result<Box<dyn Link>> {
         Ok(Box::new(SerialLink::new(SerialPort::open(&self.device, BAUD)?)?))
     }
 }

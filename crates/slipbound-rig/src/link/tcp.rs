@@ -1,11 +1,14 @@
 //! A TCP connection.
 
-use super::{Dial, Link, later};
+use super::stream::{Connector, Link, zero_if_not_ready};
 use std::io::{self, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
-/// A connection that never waits.
+/// Longest wait for a connection, for each address a name has.
+const CONNECT_WAIT: Duration = Duration::from_secs(2);
+
+/// A connection on which no call waits.
 #[derive(Debug)]
 pub struct TcpLink {
     stream: TcpStream,
@@ -29,29 +32,34 @@ impl Link for TcpLink {
                 into.extend_from_slice(&bytes[..count]);
                 Ok(count)
             }
-            Err(e) => later(Err(e)),
+            Err(e) => zero_if_not_ready(Err(e)),
         }
     }
 
     fn write(&mut self, from: &[u8]) -> io::Result<usize> {
-        later(self.stream.write(from))
+        zero_if_not_ready(self.stream.write(from))
     }
 }
 
-/// `HOST:PORT`, dialled anew whenever it must be.
+/// Connects to `HOST:PORT`; waits at most 2 s for each of its addresses.
 #[derive(Debug, Clone)]
-pub struct TcpDial {
-    /// `HOST:PORT`.
-    pub authority: String,
-    /// Longest wait for a connection.
-    pub timeout: Duration,
+pub struct TcpConnector {
+    authority: String,
 }
 
-impl Dial for TcpDial {
-    fn dial(&self) -> io::Result<Box<dyn Link>> {
+impl TcpConnector {
+    /// For `HOST:PORT`. None when it is not of that form.
+    pub fn new(authority: &str) -> Option<Self> {
+        let (host, port) = authority.rsplit_once(':')?;
+        (!host.is_empty() && port.parse::<u16>().is_ok()).then(|| TcpConnector { authority: authority.into() })
+    }
+}
+
+impl Connector for TcpConnector {
+    fn connect(&self) -> io::Result<Box<dyn Link>> {
         let mut why = io::Error::new(io::ErrorKind::NotFound, "the name has no address");
         for address in self.authority.to_socket_addrs()? {
-            match TcpStream::connect_timeout(&address, self.timeout).and_then(TcpLink::new) {
+            match TcpStream::connect_timeout(&address, CONNECT_WAIT).and_then(TcpLink::new) {
                 Ok(link) => return Ok(Box::new(link)),
                 Err(e) => why = e,
             }

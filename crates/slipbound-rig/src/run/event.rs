@@ -1,15 +1,14 @@
-//! From a line per cycle to the few moments worth one.
+//! From a line per cycle to the few events worth one.
 
-use super::{Cycle, Row};
+use super::Row;
 use serde::{Deserialize, Serialize};
+use slipbound::control::Cycle;
+use slipbound::events::{Episode, Sign, SlipEpisodes};
 use slipbound::hand::{HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
 use slipbound::port::GripCommand;
 use slipbound::task::{Ending, Phase};
 
-/// A slip is over after this time without a sign of it. Less than a controller needs for a step and its pause, so
-/// that the next slip is one of its own.
-const QUIET_NS: u64 = 200_000_000;
 /// A change of the commanded force from one cycle to the next that counts as a step, N. What changes slower is on the
 /// way to something, and is seen in the plot.
 const STEP_N: f64 = 0.5;
@@ -26,7 +25,7 @@ pub struct TimedEvent {
     pub event: Event,
 }
 
-/// A moment worth a line.
+/// An event worth a line.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "event")]
 pub enum Event {
@@ -35,7 +34,7 @@ pub enum Event {
         /// What it does now.
         now: Phase,
     },
-    /// Part of a contact began to slip, or the controller answered a slip that went on once more.
+    /// Part of a contact began to slip.
     SlipBegins {
         /// Its number, from 1.
         slip: u32,
@@ -96,28 +95,20 @@ pub enum Event {
 
 /// Folds cycles into events.
 #[derive(Debug)]
-pub(super) struct Watch {
+pub(super) struct EventLog {
     fingers: Vec<String>,
     last: Option<Cycle>,
-    slip: Option<Running>,
-    slips_count: u32,
+    slips: SlipEpisodes,
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Running {
-    since_ns: u64,
-    last_ns: u64,
-    /// Whether the controller has answered it.
-    answered: bool,
-}
-
-impl Watch {
+impl EventLog {
     pub fn new(fingers: Vec<String>) -> Self {
-        Watch { fingers, last: None, slip: None, slips_count: 0 }
+        EventLog { fingers, last: None, slips: SlipEpisodes::default() }
     }
 
+    /// Slips that have begun so far.
     pub fn slips_count(&self) -> u32 {
-        self.slips_count
+        self.last.map_or(0, |last| last.slips_count)
     }
 
     /// What this cycle brings, in the order in which it is to be read.
@@ -139,14 +130,14 @@ impl Watch {
                 now => Event::Phase { now },
             });
         }
-        self.last = Some(cycle.clone());
+        self.last = Some(*cycle);
         events
     }
 
     /// Ends a slip that still runs when the loop is over.
     pub fn end(&mut self) -> Option<Event> {
-        let slip = self.slip.take()?;
-        Some(Event::SlipEnds { slip: self.slips_count, lasted_ns: slip.last_ns.saturating_sub(slip.since_ns) })
+        let slip = self.slips.end()?;
+        Some(ends(&slip, self.slips_count()))
     }
 
     fn fingers_changed(&self, cycle: &Cycle) -> Vec<Event> {
@@ -160,37 +151,25 @@ impl Watch {
     }
 
     fn slips(&mut self, cycle: &Cycle, events: &mut Vec<Event>) {
-        let slips = matches!(cycle.hand.state, SlipState::Incipient | SlipState::Gross);
-        let alarm = self.last.as_ref().map_or(0, |last| last.alarms_count) < cycle.alarms_count;
-        let goes_on = match self.slip {
-            Some(running) if slips => !(alarm && running.answered),
-            Some(running) => cycle.time_ns.saturating_sub(running.last_ns) < QUIET_NS,
-            None => false,
-        };
-        if !goes_on {
-            events.extend(self.end());
-        }
-        if !slips {
-            return;
-        }
-        match &mut self.slip {
-            Some(running) => {
-                running.last_ns = cycle.time_ns;
-                running.answered |= alarm;
-            }
-            None => {
-                self.slips_count += 1;
-                self.slip = Some(Running { since_ns: cycle.time_ns, last_ns: cycle.time_ns, answered: alarm });
-                events.push(Event::SlipBegins {
-                    slip: self.slips_count,
-                    direction: cycle.hand.slip.as_ref().map_or_else(String::new, direction),
-                    fingers_count: cycle.hand.slip.map_or(0, |slip| slip.fingers_count),
-                    gross: cycle.hand.state == SlipState::Gross,
-                    force_n: finite(cycle.gripper.force_n.or(cycle.grip_command.force_n()).unwrap_or(f64::NAN)),
-                });
-            }
+        let change = self.slips.see(&Sign::of_hand(cycle.time_ns, &cycle.hand));
+        // The number is the loop's own: a queue may have lost cycles before this one.
+        events.extend(change.ended.map(|slip| ends(&slip, self.slips_count())));
+        if change.began.is_some() {
+            let force_n = cycle.gripper.force_n.or(cycle.grip_command.force_n());
+            events.push(Event::SlipBegins {
+                slip: cycle.slips_count,
+                direction: cycle.hand.slip.as_ref().map_or_else(String::new, direction),
+                fingers_count: cycle.hand.slip.map_or(0, |slip| slip.fingers_count),
+                gross: cycle.hand.state == SlipState::Gross,
+                force_n: force_n.and_then(finite),
+            });
         }
     }
+}
+
+fn ends(slip: &Episode, number: u32) -> Event {
+    let lasted_ns = slip.last.1.zip(slip.first.1).map_or(0, |(last_ns, first_ns)| last_ns.saturating_sub(first_ns));
+    Event::SlipEnds { slip: number, lasted_ns }
 }
 
 fn finite(value: f64) -> Option<f64> {

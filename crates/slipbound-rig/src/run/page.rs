@@ -12,12 +12,16 @@
 //! It is well-formed XML as well as HTML, which is how the tests read it.
 
 mod panels;
+mod phases;
 pub(super) mod picture;
 mod plot;
 mod strips;
 mod text;
+mod time_axis;
 
-use super::{Cycle, Event, Row, RunInfo, TimedEvent};
+use super::event::{Event, TimedEvent};
+use super::info::{Row, RunInfo};
+use slipbound::control::Cycle;
 use slipbound::task::Ending;
 use std::fmt;
 use text::{Escaped, base64, in_words, seconds};
@@ -48,7 +52,7 @@ pub(super) struct Page<'a> {
 
 impl fmt::Display for Page<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let title = format!("{}, held by {}", capital(&self.info.task), self.info.controller);
+        let title = format!("{}, held by {}", capital(&self.info.name), self.info.task_settings.controller);
         writeln!(f, "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>")?;
         writeln!(f, "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>")?;
         writeln!(f, "<meta name=\"color-scheme\" content=\"light dark\"/>")?;
@@ -112,14 +116,14 @@ impl Page<'_> {
 
     fn plots(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "<section>\n<h2>Over time</h2>")?;
-        let Some(time) = plot::TimeAxis::of(self.cycles) else {
+        let Some(time) = time_axis::TimeAxis::of(self.cycles) else {
             return writeln!(f, "<p>No cycle was run.</p>\n</section>");
         };
         let marks: Vec<plot::Mark> = self
             .marks()
             .map(|(event, slip)| plot::Mark { slip, time_ns: event.time_ns, title: in_words(event) })
             .collect();
-        strips::write(f, &time, self)?;
+        strips::write(f, &time, &self.info.finger_names(), self.cycles, self.events)?;
         let panels = panels::of(self.cycles);
         for (i, panel) in panels.iter().enumerate() {
             plot::write(f, &time, panel, &marks, self.cycles, i, i + 1 == panels.len())?;
@@ -184,7 +188,7 @@ impl Page<'_> {
     }
 
     fn settings(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let text = toml::to_string_pretty(&self.info.table()).map_err(|_| fmt::Error)?;
+        let text = self.info.table().and_then(|table| toml::to_string_pretty(&table)).map_err(|_| fmt::Error)?;
         writeln!(f, "<details>\n<summary>Settings</summary>\n<pre>{}</pre>\n</details>\n</section>", Escaped(&text))?;
         writeln!(
             f,

@@ -1,9 +1,8 @@
-//! The wrist's side of the line protocol as a state machine.
+//! The driver of a wrist by the line protocol, a state machine told the time.
 
-use super::Error;
+use super::error::Error;
 use crate::gripper::line::{Answer, VERSION, ask, number_of};
-use crate::gripper::text::Lines;
-use crate::link::Talker;
+use crate::link::{Endpoint, InFlight, Lines, LinkHealth, LinkProblem, write_line};
 use slipbound::port::{LONGEST_TIME_TO_LIVE_NS, WristCommand, WristMotion, WristState};
 
 /// Longest wait for an answer, ms.
@@ -12,12 +11,11 @@ const REPLY_MS: u64 = 100;
 /// Longest time without a sign of life, ms.
 const SILENCE_MS: u64 = 300;
 
-/// A command on the way.
+/// A command with its number.
 #[derive(Debug)]
-struct Awaited {
+struct Command {
     number: u64,
     words: String,
-    since_ns: u64,
 }
 
 /// The driver.
@@ -26,13 +24,12 @@ pub struct LineWrist {
     address: String,
     lines: Lines,
     outgoing: Vec<u8>,
-    is_linked: bool,
-    unlinked_why: String,
-    heard_ns: u64,
+    link: LinkHealth,
+    /// Of the last command sent.
     number: u64,
     /// The newest motion, not yet sent.
-    wanted: Option<String>,
-    awaited: Option<Awaited>,
+    next: Option<String>,
+    in_flight: Option<InFlight<Command>>,
     state: Option<WristState>,
     fault: Option<Error>,
 }
@@ -44,12 +41,10 @@ impl LineWrist {
             address: address.into(),
             lines: Lines::default(),
             outgoing: Vec::new(),
-            is_linked: false,
-            unlinked_why: "not yet made".into(),
-            heard_ns: 0,
+            link: LinkHealth::new(SILENCE_MS),
             number: 0,
-            wanted: None,
-            awaited: None,
+            next: None,
+            in_flight: None,
             state: None,
             fault: None,
         }
@@ -84,21 +79,21 @@ impl LineWrist {
             }
             WristMotion::Pause => ask("PAUSE", &[]),
         };
-        self.ready(now_ns)?;
+        self.check_link(now_ns)?;
         // A pause waits for nothing.
         if command.motion == WristMotion::Pause {
-            self.wanted = None;
-            self.say(now_ns, words);
+            self.next = None;
+            self.send(now_ns, words);
         } else {
-            self.wanted = Some(words);
+            self.next = Some(words);
             self.advance(now_ns);
         }
         Ok(())
     }
 
-    /// The newest state, or what is wrong; a refusal is told once.
+    /// The newest state, or what is wrong; a refusal is reported once.
     pub fn report(&mut self, now_ns: u64) -> Result<WristState, Error> {
-        self.ready(now_ns)?;
+        self.check_link(now_ns)?;
         if let Some(fault) = self.fault.take() {
             return Err(fault);
         }
@@ -110,39 +105,35 @@ impl LineWrist {
         Error::Motion { address: self.address.clone(), key, expected, got }
     }
 
-    fn ready(&self, now_ns: u64) -> Result<(), Error> {
+    fn check_link(&self, now_ns: u64) -> Result<(), Error> {
         let address = || self.address.clone();
-        if !self.is_linked {
-            return Err(Error::Lost { address: address(), why: self.unlinked_why.clone() });
-        }
-        let got_ms = now_ns.saturating_sub(self.heard_ns) / 1_000_000;
-        match got_ms > SILENCE_MS {
-            true => Err(Error::Silent { address: address(), expected_ms: SILENCE_MS, got_ms }),
-            false => Ok(()),
-        }
+        self.link.check(now_ns).map_err(|problem| match problem {
+            LinkProblem::Down { why } => Error::Lost { address: address(), why },
+            LinkProblem::Silent { expected_ms, got_ms } => Error::Silent { address: address(), expected_ms, got_ms },
+        })
     }
 
-    fn say(&mut self, now_ns: u64, words: String) {
+    fn send(&mut self, now_ns: u64, words: String) {
         self.number += 1;
-        self.outgoing.extend(format!("{} {words}\n", self.number).into_bytes());
-        self.awaited = Some(Awaited { number: self.number, words, since_ns: now_ns });
+        write_line(&mut self.outgoing, &format!("{} {words}", self.number));
+        self.in_flight = Some(InFlight::new(now_ns, Command { number: self.number, words }));
     }
 
     fn advance(&mut self, now_ns: u64) {
-        if self.is_linked
-            && self.awaited.is_none()
-            && let Some(words) = self.wanted.take()
+        if self.link.is_up()
+            && self.in_flight.is_none()
+            && let Some(words) = self.next.take()
         {
-            self.say(now_ns, words);
+            self.send(now_ns, words);
         }
     }
 
     fn take(&mut self, now_ns: u64, line: Option<&str>) {
         let Some(answer) = line.and_then(Answer::parse) else { return };
-        self.heard_ns = now_ns;
+        self.link.heard(now_ns);
         match answer {
             Answer::Hello(VERSION) | Answer::Gripper(_) => {}
-            Answer::Hello(version) => self.refuse("HELLO", format!("version {version}, expected {VERSION}")),
+            Answer::Hello(version) => self.raise_refused("HELLO", format!("version {version}, expected {VERSION}")),
             Answer::Wrist(rest) => {
                 if let (Some(angle_rad), Some(lowered_mm)) =
                     (number_of(rest, "angle_rad"), number_of(rest, "lowered_mm"))
@@ -152,40 +143,44 @@ impl LineWrist {
                 }
             }
             Answer::Ack { number, words } => {
-                let Some(awaited) = self.awaited.take_if(|awaited| awaited.number == number) else { return };
-                if awaited.words != words {
-                    // It does something else than it was told: stop that.
-                    self.refuse(&awaited.words, format!("`{words}` taken over instead"));
-                    self.say(now_ns, "PAUSE".into());
+                let Some(sent) = self.take_in_flight(number) else { return };
+                if sent.words != words {
+                    // It does something else than commanded: stop that.
+                    self.raise_refused(&sent.words, format!("`{words}` taken over instead"));
+                    self.send(now_ns, "PAUSE".into());
                 }
             }
             Answer::Err { number, why } => {
-                if let Some(awaited) = self.awaited.take_if(|awaited| awaited.number == number) {
-                    self.refuse(&awaited.words, format!("`{why}`"));
+                if let Some(sent) = self.take_in_flight(number) {
+                    self.raise_refused(&sent.words, format!("`{why}`"));
                 }
             }
         }
     }
 
-    fn refuse(&mut self, expected: &str, got: String) {
-        self.wanted = None;
+    fn take_in_flight(&mut self, number: u64) -> Option<Command> {
+        self.in_flight.take_if(|sent| sent.message.number == number).map(|sent| sent.message)
+    }
+
+    fn raise_refused(&mut self, expected: &str, got: String) {
+        self.next = None;
         let refused = Error::Refused { address: self.address.clone(), expected: expected.into(), got };
         self.fault.get_or_insert(refused);
     }
 }
 
-impl Talker for LineWrist {
+impl Endpoint for LineWrist {
     fn linked(&mut self, now_ns: u64) {
         self.lines.clear();
         self.outgoing.clear();
-        (self.is_linked, self.heard_ns) = (true, now_ns);
-        (self.wanted, self.awaited, self.state, self.fault) = (None, None, None, None);
+        self.link.up(now_ns);
+        (self.next, self.in_flight, self.state, self.fault) = (None, None, None, None);
     }
 
     fn unlinked(&mut self, _now_ns: u64, why: &str) {
         self.outgoing.clear();
-        (self.is_linked, self.unlinked_why) = (false, why.into());
-        (self.wanted, self.awaited) = (None, None);
+        self.link.down(why);
+        (self.next, self.in_flight) = (None, None);
     }
 
     fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
@@ -196,9 +191,8 @@ impl Talker for LineWrist {
     }
 
     fn tick(&mut self, now_ns: u64) {
-        let is_late = |awaited: &mut Awaited| now_ns.saturating_sub(awaited.since_ns) > REPLY_MS * 1_000_000;
-        if self.awaited.take_if(is_late).is_some() {
-            self.wanted = None;
+        if InFlight::take_overdue(&mut self.in_flight, now_ns, REPLY_MS).is_some() {
+            self.next = None;
             let unanswered = Error::Unanswered { address: self.address.clone(), expected_ms: REPLY_MS };
             self.fault.get_or_insert(unanswered);
         }

@@ -1,10 +1,11 @@
 //! A driver and an emulator, joined by two byte queues. Time goes on only when both are empty: every run is the same,
 //! and faster than real time.
 
-use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws, };
-use slipbound_rig::emulator::{self, Block, Emulator, Faults, Faulty, Joined};
+use slipbound::plant::Plant;
+use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperState, Jaws};
+use slipbound_rig::emulator::{self, Block, Faults, Joined};
 use slipbound_rig::gripper::config::{Config, Kind};
-use slipbound_rig::gripper::{self, Driver, Error, Request};
+use slipbound_rig::gripper::{self, Driver, Error, Protocol, Request};
 use std::ops::{Deref, DerefMut};
 
 pub const MS: u64 = 1_000_000;
@@ -17,15 +18,15 @@ pub const WIDTH_MM: f64 = 50.0;
 
 /// The two, and the block between the jaws.
 pub struct Bench {
-    pub pair: Joined<Box<dyn Driver>>,
+    pub pair: Joined<Driver>,
     pub plant: Block,
-    pub notes: Vec<DriverEvent>,
+    pub events: Vec<DriverEvent>,
     /// Least force since it was last reset, N per finger.
     pub least_n: f64,
 }
 
 impl Deref for Bench {
-    type Target = Joined<Box<dyn Driver>>;
+    type Target = Joined<Driver>;
 
     fn deref(&self) -> &Self::Target {
         &self.pair
@@ -39,14 +40,15 @@ impl DerefMut for Bench {
 }
 
 /// A driver by the name of its emulator.
-pub fn driver(name: &str, config: Config) -> Box<dyn Driver> {
-    match name {
-        "wsg50" => Box::new(gripper::wsg50::Wsg50::new("wsg50://bench", config)),
-        "gcl" => Box::new(gripper::gcl::Gcl::new("gcl://bench", config)),
-        "robotiq-rtu" => Box::new(gripper::robotiq::Serial::new("robotiq:///dev/bench", config)),
-        "robotiq" => Box::new(gripper::robotiq::Socket::new("robotiq://bench", config)),
-        _ => Box::new(gripper::line::LineGripper::new("line://bench", config)),
-    }
+pub fn driver(name: &str, config: Config) -> Driver {
+    let (address, protocol): (_, Box<dyn Protocol>) = match name {
+        "wsg50" => ("wsg50://bench", Box::new(gripper::wsg50::Wsg50::default())),
+        "gcl" => ("gcl://bench", Box::new(gripper::gcl::Gcl::default())),
+        "robotiq-rtu" => ("robotiq:///dev/bench", Box::new(gripper::robotiq::Serial::default())),
+        "robotiq" => ("robotiq://bench", Box::new(gripper::robotiq::Socket::default())),
+        _ => ("line://bench", Box::new(gripper::line::LineGripper::default())),
+    };
+    Driver::new(address, config, protocol)
 }
 
 /// The settings the bench takes: those of the driver, with the block's width.
@@ -64,12 +66,12 @@ impl Bench {
     /// A pair by name, linked, with a block between the jaws and these faults.
     pub fn new(name: &str, config: Config, faults: &str) -> Self {
         let faults: Faults = faults.parse().expect("faults");
-        let emulator = Faulty::new(emulator::by_name(name).expect("a name"), faults);
+        let emulator = emulator::by_name(name).expect("a name").with_faults(faults);
         let mut plant = Block::new(WIDTH_MM);
         let mut pair = Joined::unlinked(driver(name, config), emulator, &mut plant);
         (pair.reconnects, pair.sent) = (false, Some(Vec::new()));
         pair.connect();
-        Bench { pair, plant, notes: Vec::new(), least_n: f64::INFINITY }
+        Bench { pair, plant, events: Vec::new(), least_n: f64::INFINITY }
     }
 
     /// The same with the settings of the name.
@@ -98,10 +100,10 @@ impl Bench {
     pub fn step(&mut self) {
         let now_ns = self.pair.now_ns() + STEP_NS;
         self.pair.step(now_ns, &mut self.plant);
-        assert!(self.pair.carry(), "the two never stop talking");
+        assert!(self.pair.exchange(), "the two never stop talking");
         self.plant.advance_to(now_ns);
         self.least_n = self.least_n.min(self.plant.force_n);
-        self.notes.extend(std::iter::from_fn(|| self.pair.next_event()));
+        self.events.extend(std::iter::from_fn(|| self.pair.next_event()));
     }
 
     pub fn run(&mut self, ms: u64) {
@@ -134,10 +136,10 @@ impl Bench {
     }
 
     pub fn grip(&mut self, force_n: f64) -> Result<(), Error> {
-        self.order(Request::Grip(GripCommand::Hold { force_n }))
+        self.request(Request::Grip(GripCommand::Hold { force_n }))
     }
 
     pub fn release(&mut self) -> Result<(), Error> {
-        self.order(Request::Grip(GripCommand::Release))
+        self.request(Request::Grip(GripCommand::Release))
     }
 }

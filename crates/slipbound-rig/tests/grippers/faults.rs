@@ -62,7 +62,7 @@ fn a_stalled_link_is_told_and_then_goes_on() {
 fn a_half_open_link_is_told_and_the_force_stays() {
     for name in NAMES {
         let mut bench = holding(name, "");
-        bench.is_carrying = false; // bytes go nowhere, nobody says so
+        bench.is_delivering = false; // bytes go nowhere, nobody says so
         let error = bench.until_error(700);
         assert!(matches!(error, Error::Silent { .. }), "{name}: {error}");
         bench.run(5000);
@@ -101,13 +101,13 @@ fn a_link_cut_without_farewell_latches_a_fast_stop_that_is_explained() {
     for part in ["latched fast stop", "our last link to it was cut without a farewell", "acknowledge it"] {
         assert!(message.contains(part), "{message}");
     }
-    assert!(bench.notes.iter().any(|note| matches!(note, DriverEvent::FastStop { .. })), "{:?}", bench.notes);
-    bench.order(Request::Acknowledge).expect("taken over");
+    assert!(bench.events.iter().any(|event| matches!(event, DriverEvent::FastStop { .. })), "{:?}", bench.events);
+    bench.request(Request::Acknowledge).expect("taken over");
     bench.run(200);
     assert_held(&bench, "wsg50", "acknowledged");
     assert_eq!(bench.state().expect("there").jaws, Jaws::Open, "it does not know that it presses, but we do:");
     assert!(matches!(bench.grip(10.0), Err(Error::Lowering { .. })));
-    assert!(matches!(bench.order(Request::Home), Err(Error::Refused { .. })));
+    assert!(matches!(bench.request(Request::Home), Err(Error::Refused { .. })));
     bench.grip(30.0).expect("taken over");
     bench.until(2000, |state| state.jaws == Jaws::Holding);
     bench.run(1000);
@@ -123,7 +123,7 @@ fn our_own_fast_stop_is_acknowledged_if_the_settings_say_so_and_no_other() {
     bench.run(500);
     bench.connect();
     bench.run(200);
-    assert!(bench.notes.contains(&DriverEvent::Acknowledged), "{:?}", bench.notes);
+    assert!(bench.events.contains(&DriverEvent::Acknowledged), "{:?}", bench.events);
     bench.grip(25.0).expect("taken over");
     bench.until(2000, |state| state.jaws == Jaws::Holding);
     assert_held(&bench, "wsg50", "acknowledged by itself");
@@ -140,7 +140,7 @@ fn our_own_fast_stop_is_acknowledged_if_the_settings_say_so_and_no_other() {
 fn after_a_farewell_no_fast_stop_latches() {
     for name in ["wsg50", "gcl"] {
         let mut bench = holding(name, "");
-        bench.order(Request::Leave).expect("taken over");
+        bench.request(Request::Leave).expect("taken over");
         bench.run(20);
         bench.cut("cut");
         bench.run(500);

@@ -26,7 +26,7 @@ fn a_block_is_gripped_and_released_by_these_lines() {
         assert!((state.force_n.expect("measured") - 20.0).abs() < 0.1);
         bench.release().expect("taken over");
         bench.until(3000, |state| state.opening_mm.is_some_and(|mm| mm > 99.9));
-        bench.order(Request::Leave).expect("taken over");
+        bench.request(Request::Leave).expect("taken over");
         let expected = ["GRIP(20.00,50.00,50.00)", "RELEASE(50.00,50.00)", "BYE()"];
         assert_eq!(commands(&bench), expected);
     }
@@ -81,7 +81,7 @@ fn nothing_a_lost_part_and_a_fast_stop_are_told() {
     assert!(message.contains("status 16, access denied: fast stop"), "{message}");
     let message = bench.grip(25.0).expect_err("refused").to_string();
     assert!(message.contains("latched fast stop") && message.contains("acknowledge"), "{message}");
-    bench.order(Request::Acknowledge).expect("taken over");
+    bench.request(Request::Acknowledge).expect("taken over");
     bench.run(100);
     bench.grip(25.0).expect("taken over");
     bench.until(2000, |state| state.jaws == Jaws::Holding);

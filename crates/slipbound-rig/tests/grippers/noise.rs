@@ -6,12 +6,13 @@
 use crate::bench::{Bench, MS, config, driver};
 use proptest::prelude::*;
 use proptest::test_runner::{Config as Cases, RngSeed, TestRunner};
-use slipbound::port::{GripCommand, Jaws, };
+use slipbound::plant::Plant;
+use slipbound::port::{GripCommand, Jaws};
 use slipbound_rig::emulator::{Block, NAMES, by_name};
 use slipbound_rig::gripper::robotiq::rtu;
 use slipbound_rig::gripper::wsg50::frame;
 use slipbound_rig::gripper::{Driver, Request};
-use slipbound_rig::link::Talker;
+use slipbound_rig::link::Endpoint;
 use slipbound_rig::wrist::LineWrist;
 
 /// Tests below that draw cases, each its share of all.
@@ -36,7 +37,7 @@ fn check<S: Strategy>(strategy: S, test: impl Fn(S::Value)) {
 }
 
 /// A driver that knows its gripper to hold with 20 N, and has just been told to hold with 30 N; nothing yet sent.
-fn holding(name: &str) -> Box<dyn Driver> {
+fn holding(name: &str) -> Driver {
     let mut driver = driver(name, config(name));
     driver.linked(0);
     let known: Vec<Vec<u8>> = match name {
@@ -66,12 +67,12 @@ fn holding(name: &str) -> Box<dyn Driver> {
     driver.outgoing().clear();
     assert_eq!(driver.state(200 * MS).expect("there").jaws, Jaws::Holding, "{name}");
     let command = GripCommand::Hold { force_n: 30.0 };
-    driver.order(200 * MS, Request::Grip(command)).expect("taken over");
+    driver.request(200 * MS, Request::Grip(command)).expect("taken over");
     driver
 }
 
 /// What must be true of a driver that was told to hold with 30 N, whatever it then heard.
-fn is_sound(name: &str, driver: &mut dyn Driver, now_ns: u64) {
+fn is_sound(name: &str, driver: &mut Driver, now_ns: u64) {
     if let Ok(state) = driver.state(now_ns) {
         for number in [state.force_n, state.target_n, state.opening_mm].into_iter().flatten() {
             assert!(number.is_finite() && number >= -10.0, "{state:?}");
@@ -134,7 +135,7 @@ fn drivers_survive(name: &'static str) {
             now_ns += wait_ms * MS;
             driver.tick(now_ns);
             driver.receive(now_ns, &bytes);
-            is_sound(name, driver.as_mut(), now_ns);
+            is_sound(name, &mut driver, now_ns);
         }
     });
 }
@@ -191,7 +192,7 @@ fn wsg50_driver_survives_any_well_formed_frames() {
         let now_ns = (200 + wait_ms) * MS;
         driver.receive(now_ns, &bytes);
         driver.tick(now_ns + MS);
-        is_sound("wsg50", driver.as_mut(), now_ns + MS);
+        is_sound("wsg50", &mut driver, now_ns + MS);
     });
 }
 
@@ -304,7 +305,7 @@ fn endless_bytes_take_no_memory() {
                 let now_ns = 200 * MS + i * MS;
                 driver.receive(now_ns, &[byte; 4096]);
                 driver.tick(now_ns);
-                is_sound(name, driver.as_mut(), now_ns);
+                is_sound(name, &mut driver, now_ns);
                 emulator.receive(now_ns, &[byte; 4096]);
                 emulator.tick(now_ns, &mut plant);
                 emulator.outgoing().clear();

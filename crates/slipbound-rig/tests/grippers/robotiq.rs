@@ -67,7 +67,7 @@ fn activation_is_asked_for_and_never_done_by_itself() {
         bench.run(300);
         assert_eq!(bench.state().expect("there").jaws, Jaws::Unknown);
         assert!(matches!(bench.grip(40.0), Err(Error::NotHomed { .. })), "{name}");
-        bench.order(Request::Home).expect("taken over");
+        bench.request(Request::Home).expect("taken over");
         bench.run(10);
         assert!(bench.driver.is_busy() && matches!(bench.grip(40.0), Err(Error::NotHomed { .. })), "{name}");
         bench.until(3000, |state| state.jaws == Jaws::Open);
@@ -75,7 +75,7 @@ fn activation_is_asked_for_and_never_done_by_itself() {
         assert!(!bench.driver.is_busy(), "{name}");
         bench.grip(40.0).expect("taken over");
         bench.until(3000, |state| state.jaws == Jaws::Holding);
-        assert!(matches!(bench.order(Request::Home), Err(Error::Refused { .. })), "{name}: something is held");
+        assert!(matches!(bench.request(Request::Home), Err(Error::Refused { .. })), "{name}: something is held");
     }
 }
 

@@ -2,7 +2,7 @@
 
 use slipbound::plant::Plant;
 use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperState, Jaws, WristCommand, WristMotion};
-use slipbound_rig::emulator::{Block, Faulty, by_name, serve_tcp};
+use slipbound_rig::emulator::{Block, by_name, serve_tcp};
 use slipbound_rig::gripper::{self, Device, Error, Request};
 use slipbound_rig::wrist;
 use std::net::{SocketAddr, TcpListener};
@@ -54,7 +54,7 @@ struct Server {
 impl Server {
     fn at(address: &str, name: &str, faults: &str) -> Self {
         let listener = TcpListener::bind(address).expect("a port");
-        let mut emulator = Faulty::new(by_name(name).expect("a name"), faults.parse().expect("faults"));
+        let mut emulator = by_name(name).expect("a name").with_faults(faults.parse().expect("faults"));
         let (plant, go_on) = (Shown::new(), Arc::new(AtomicBool::new(true)));
         let (address, mut between, running) = (listener.local_addr().expect("bound"), plant.clone(), go_on.clone());
         let thread = spawn(move || {
@@ -81,7 +81,7 @@ impl Drop for Server {
 }
 
 fn grip(device: &mut Device, force_n: f64) -> Result<(), Error> {
-    device.order(Request::Grip(GripCommand::Hold { force_n }))
+    device.request(Request::Grip(GripCommand::Hold { force_n }))
 }
 
 fn until(device: &mut Device, wanted: impl Fn(&Result<GripperState, Error>) -> bool) -> Result<GripperState, Error> {
@@ -135,7 +135,7 @@ fn a_killed_server_is_told_and_a_new_one_found() {
     assert!(matches!(grip(&mut device, 30.0), Err(Error::Lost { .. })));
     let server = Server::at(&address, "line", "");
     until(&mut device, Result::is_ok).expect("linked anew");
-    assert!(std::iter::from_fn(|| device.next_event()).filter(|note| *note == DriverEvent::Linked).count() == 2);
+    assert!(std::iter::from_fn(|| device.next_event()).filter(|event| *event == DriverEvent::Linked).count() == 2);
     sleep(Duration::from_millis(300));
     assert_eq!(server.plant.look(|block| block.force_n), 0.0, "a new link moves nothing");
 }
@@ -244,7 +244,7 @@ fn a_2f85_grips_over_a_pseudo_terminal() {
     let (plant, go_on) = (Shown::new(), Arc::new(AtomicBool::new(true)));
     let (mut between, running) = (plant.clone(), go_on.clone());
     let server = spawn(move || {
-        let mut emulator = Faulty::new(by_name("robotiq-rtu").expect("a name"), "".parse().expect("none"));
+        let mut emulator = by_name("robotiq-rtu").expect("a name").with_faults("".parse().expect("none"));
         let go_on = || running.load(Ordering::Relaxed);
         serve_link(&mut terminal.link, &mut emulator, &mut between, go_on).expect("serves");
     });

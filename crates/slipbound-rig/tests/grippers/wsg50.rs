@@ -6,7 +6,7 @@ use slipbound_rig::gripper::config::{Config, ForceChange, ForceIs, Lowering};
 use slipbound_rig::gripper::wsg50::Wsg50;
 use slipbound_rig::gripper::wsg50::frame::{self, Parser};
 use slipbound_rig::gripper::{Driver, Error, Request};
-use slipbound_rig::link::Talker;
+use slipbound_rig::link::Endpoint;
 
 /// Payloads of a command among sent bytes.
 fn sent(bench: &Bench, id: u8) -> Vec<Vec<u8>> {
@@ -44,7 +44,7 @@ fn a_block_is_grasped_held_by_steps_of_force_and_released() {
     }
     assert_eq!(sent(&bench, 0x25).len(), 1, "one grasp: the limit alone carried every change");
     let path = DriverEvent::ForcePath { path: "setting the force limit alone" };
-    assert_eq!(bench.notes.iter().filter(|note| **note == path).count(), 1, "{:?}", bench.notes);
+    assert_eq!(bench.events.iter().filter(|event| **event == path).count(), 1, "{:?}", bench.events);
     for _ in 0..60 {
         bench.release().expect("taken over"); // a controller says it anew with every frame
         bench.run(32);
@@ -69,7 +69,7 @@ fn the_bytes_of_a_grasp_are_the_known_good_ones() {
     for id in [0x20, 0x21, 0x22, 0x23, 0x24, 0x26, 0x07] {
         assert!(sent(&bench, id).is_empty(), "{id:#x} was never asked for");
     }
-    bench.order(Request::Acknowledge).expect("taken over");
+    bench.request(Request::Acknowledge).expect("taken over");
     let ack = [0xAA, 0xAA, 0xAA, 0x24, 0x03, 0x00, 0x61, 0x63, 0x6B, 0xDC, 0xB9];
     assert!(bench.sent().ends_with(&ack));
 }
@@ -101,7 +101,7 @@ fn force_stays_in_its_range_whatever_is_asked() {
         bench.run(2500);
         assert_eq!(bench.state().expect("there").target_n, Some(given_n));
         assert!((bench.plant.force_n - given_n).abs() < 0.1, "{}", bench.plant.force_n);
-        assert!(bench.notes.contains(&DriverEvent::Clamped { asked_n, given_n }));
+        assert!(bench.events.contains(&DriverEvent::Clamped { asked_n, given_n }));
     }
     for payload in sent(&bench, 0x32) {
         let own_n = f32::from_le_bytes(payload.try_into().expect("four bytes"));
@@ -150,7 +150,9 @@ fn where_the_limit_has_no_effect_the_grasp_is_given_again() {
     assert!((bench.plant.force_n - 20.0).abs() < 0.1, "not before it was seen not to follow");
     bench.run(1000);
     assert!((bench.plant.force_n - 40.0).abs() < 0.1, "{}", bench.plant.force_n);
-    assert!(bench.notes.contains(&DriverEvent::ForcePath { path: "setting the force limit and giving the grasp again" }));
+    assert!(
+        bench.events.contains(&DriverEvent::ForcePath { path: "setting the force limit and giving the grasp again" })
+    );
     assert!(bench.least_n > 19.9, "{}", bench.least_n);
 
     // A change that the gripper hardly resolves proves nothing; such changes add up to one that does.
@@ -211,7 +213,7 @@ fn contact_far_from_the_parts_width_is_told_as_a_collision() {
 #[test]
 fn home_is_refused_while_holding_and_asked_for_where_it_is_missing() {
     let mut bench = Bench::holding("wsg50", config("wsg50"), "", 20.0);
-    let message = bench.order(Request::Home).expect_err("refused").to_string();
+    let message = bench.request(Request::Home).expect_err("refused").to_string();
     assert!(message.contains("home to be done, got something between the jaws"), "{message}");
 
     let mut bench = Bench::of("wsg50", "power-cycle@100");
@@ -220,7 +222,7 @@ fn home_is_refused_while_holding_and_asked_for_where_it_is_missing() {
     bench.run(100);
     assert_eq!(bench.state().expect("there").jaws, Jaws::Unknown);
     assert!(matches!(bench.grip(20.0), Err(Error::NotHomed { .. })));
-    bench.order(Request::Home).expect("taken over");
+    bench.request(Request::Home).expect("taken over");
     bench.until(3000, |state| state.jaws == Jaws::Open);
     bench.grip(20.0).expect("taken over");
     bench.until(3000, |state| state.jaws == Jaws::Holding);
@@ -250,9 +252,35 @@ fn a_release_overtakes_a_grasp_under_way() {
 }
 
 #[test]
+fn a_grasp_overtakes_a_release_under_way() {
+    let mut bench = Bench::holding("wsg50", config("wsg50"), "", 20.0);
+    bench.release().expect("taken over");
+    bench.run(300);
+    bench.grip(20.0).expect("taken over");
+    bench.until(3000, |state| state.jaws == Jaws::Holding);
+    assert_eq!((sent(&bench, 0x26).len(), sent(&bench, 0x22).len(), sent(&bench, 0x25).len()), (1, 1, 2));
+    assert!(bench.state().is_ok(), "nothing was refused");
+}
+
+#[test]
+fn what_is_held_when_the_link_is_made_is_not_grasped_again() {
+    let mut bench = Bench::holding("wsg50", config("wsg50"), "", 20.0);
+    bench.request(Request::Leave).expect("taken over");
+    bench.run(20);
+    bench.cut("closed");
+    bench.sent = Some(Vec::new());
+    bench.connect();
+    bench.run(200);
+    bench.grip(30.0).expect("taken over");
+    bench.run(1000);
+    assert!((bench.plant.force_n - 30.0).abs() < 0.1, "{}", bench.plant.force_n);
+    assert_eq!((sent(&bench, 0x32).len(), sent(&bench, 0x25).len()), (1, 0));
+}
+
+#[test]
 fn silence_is_told_in_time_and_nothing_piles_up() {
     let mut bench = Bench::holding("wsg50", allowing(), "", 20.0);
-    bench.is_carrying = false;
+    bench.is_delivering = false;
     let from_ns = bench.now_ns();
     bench.grip(30.0).expect("taken over");
     let message = bench.until_error(600).to_string();
@@ -265,8 +293,8 @@ fn silence_is_told_in_time_and_nothing_piles_up() {
 
 #[test]
 fn an_unanswered_limit_is_sent_three_times_and_then_told() {
-    let mut driver = Wsg50::new("wsg50://hand", config("wsg50"));
-    let tell = |driver: &mut Wsg50, now_ns, id, rest: &[u8]| {
+    let mut driver = Driver::new("wsg50://hand", config("wsg50"), Wsg50::default());
+    let tell = |driver: &mut Driver<Wsg50>, now_ns, id, rest: &[u8]| {
         let mut bytes = Vec::new();
         frame::write(&mut bytes, id, &[&[0, 0], rest].concat());
         driver.receive(now_ns, &bytes);
@@ -277,7 +305,7 @@ fn an_unanswered_limit_is_sent_three_times_and_then_told() {
     tell(&mut driver, 1, 0x33, &20f32.to_le_bytes());
     driver.outgoing().clear();
     let command = GripCommand::Hold { force_n: 30.0 };
-    driver.order(2, Request::Grip(command)).expect("taken over");
+    driver.request(2, Request::Grip(command)).expect("taken over");
     let (mut errors, mut sent_count) = (Vec::new(), 0);
     for ms in 1..2000 {
         tell(&mut driver, ms * MS, 0x45, &20f32.to_le_bytes());
@@ -288,6 +316,42 @@ fn an_unanswered_limit_is_sent_three_times_and_then_told() {
     assert_eq!(sent_count, 3);
     assert_eq!(errors, [(903, "wsg50://hand: expected an answer to set force limit within 300 ms, got none".into())]);
     assert_eq!(driver.state(2000 * MS).expect("there").target_n, Some(20.0));
+}
+
+/// The end of the grasp is lost on the way, but the states that come say that it holds, and the force follows.
+#[test]
+fn where_the_end_of_a_grasp_is_lost_the_states_show_that_it_has_ended() {
+    let mut driver = Driver::new("wsg50://hand", allowing(), Wsg50::default());
+    let tell = |driver: &mut Driver<Wsg50>, ms: u64, id, rest: &[u8]| {
+        let mut bytes = Vec::new();
+        frame::write(&mut bytes, id, rest);
+        driver.receive(ms * MS, &bytes);
+    };
+    let sent = |driver: &mut Driver<Wsg50>| {
+        let mut ids = Vec::new();
+        Parser::default().feed(&std::mem::take(driver.outgoing()), |frame| ids.push(frame.id));
+        ids
+    };
+    let force = |force_n: f32| [&[0, 0], &force_n.to_le_bytes()[..]].concat();
+    let hold = |force_n| Request::Grip(GripCommand::Hold { force_n });
+    driver.linked(0);
+    tell(&mut driver, 1, 0x40, &[0, 0, 1, 0, 0, 0]);
+    tell(&mut driver, 1, 0x41, &[0, 0, 0]);
+    tell(&mut driver, 1, 0x33, &force(20.0));
+    assert_eq!(sent(&mut driver), [0x40, 0x41, 0x43, 0x45, 0x33]);
+    driver.request(2 * MS, hold(20.0)).expect("taken over");
+    assert_eq!(sent(&mut driver), [0x25]);
+    tell(&mut driver, 3, 0x25, &26u16.to_le_bytes()); // under way; its end never comes
+    assert!(driver.is_busy());
+    tell(&mut driver, 50, 0x41, &[0, 0, 4]);
+    tell(&mut driver, 50, 0x45, &force(20.0));
+    driver.request(60 * MS, hold(30.0)).expect("taken over");
+    assert_eq!(sent(&mut driver), [0x32]);
+    tell(&mut driver, 61, 0x32, &[0, 0]);
+    tell(&mut driver, 90, 0x45, &force(29.0));
+    assert!(!driver.is_busy(), "it holds, and the force has followed");
+    driver.request(100 * MS, Request::Grip(GripCommand::Release)).expect("taken over");
+    assert_eq!(sent(&mut driver), [0x26], "a release, no stop before it");
 }
 
 #[test]

@@ -1,10 +1,14 @@
 //! A made-up run: a cap is screwed on for 10 s, and slips four times. No physics, only numbers of the right size.
 
-use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health};
-use slipbound::monitor::SlipState;
+use slipbound::control::Cycle;
+use slipbound::events::{Sign, SlipEpisodes};
+use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health, Mounting, Side};
+use slipbound::monitor::{Settings, SlipState};
+use slipbound::plant::PlantTruth;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristCommand, WristMotion, WristState};
-use slipbound::task::{Ending, Phase};
-use slipbound_rig::run::{Cycle, Row, RunInfo, Truth};
+use slipbound::task::{Ending, Phase, TaskKind, TaskSettings};
+use slipbound_rig::run::{FingerInfo, Row, RunInfo};
+use slipbound_rig::sensors;
 
 /// Cycles at which it begins to slip.
 pub const SLIPS: [u32; 4] = [126, 183, 228, 264];
@@ -14,16 +18,32 @@ const CAP_RADIUS_MM: f64 = 14.0;
 
 /// Task, controller, fingers.
 pub fn info() -> RunInfo {
-    let settings =
-        "[grip]\nstart_n = 10.0\nmost_n = 60.0\n\n[grip.on_slip]\nstep_n = 10.0\n\n[scene]\nfriction = 0.6\n";
     RunInfo {
-        task: "screw".into(),
-        controller: "on_slip".into(),
+        name: "screw".into(),
+        task: TaskKind::Screw,
         source: "cap of 28 mm, friction 0.6".into(),
         seed: 3,
-        settings: settings.parse().expect("TOML"),
-        fingers: vec!["left".into(), "right".into()],
+        task_settings: TaskSettings::default(),
+        monitor_settings: Settings::default(),
+        notes: "friction = 0.6".parse().expect("TOML"),
+        fingers: vec![finger("left", Side::Left), finger("right", Side::Right)],
     }
+}
+
+/// A finger of this name.
+pub fn finger(name: &str, side: Side) -> FingerInfo {
+    let sensor = sensors::load("gelslim").expect("built in");
+    FingerInfo { name: name.into(), mounting: Mounting::on(side), sensor }
+}
+
+/// Numbers the slips as the loop does.
+pub fn numbered(mut cycles: Vec<Cycle>) -> Vec<Cycle> {
+    let mut slips = SlipEpisodes::default();
+    for cycle in &mut cycles {
+        slips.see(&Sign::of_hand(cycle.time_ns, &cycle.hand));
+        cycle.slips_count = slips.count();
+    }
+    cycles
 }
 
 /// The table below the title.
@@ -48,92 +68,89 @@ pub fn cycles() -> Vec<Cycle> {
     let (mut force_n, mut target_n, mut slid_mm, mut shear_mm, mut angle_rad) = (0.0, 10.0, 0.0, 0.0, 0.0);
     let mut alarms_count = 0;
     let mut pause = 0;
-    (0..300u32)
-        .map(|i| {
-            let t_s = f64::from(i) / RATE_HZ;
-            let grasping = t_s < 0.8;
-            let ending = t_s > 9.7;
-            let slips = SLIPS.iter().any(|&at| i == at || i == at + 1);
-            if SLIPS.contains(&i) {
-                alarms_count += 1;
-                pause = 12;
-                target_n += 10.0;
-            }
-            pause = (pause - 1).max(0);
-            force_n += (target_n - force_n) * 0.25;
-            let moving = pause == 0 && !grasping && !ending;
-            angle_rad += if moving { 0.5 / RATE_HZ } else { 0.0 };
-            let load = ((t_s - 3.0).max(0.0) / 6.0).powi(2);
-            let torque_n_mm = 40.0 + 780.0 * load.min(1.2);
-            let limit_n_mm = 2.0 * FRICTION * force_n * CAP_RADIUS_MM;
-            let fraction = (torque_n_mm / limit_n_mm).min(1.1);
-            slid_mm += if fraction > 0.9 && moving { 0.004 * fraction } else { 0.0 };
-            shear_mm += 0.08 * (torque_n_mm / 900.0 - shear_mm);
-            let noise = 0.01 * (f64::from(i) * 1.7).sin();
-            let phase = match () {
-                _ if grasping => Phase::Grasping,
-                _ if ending => Phase::Ended(Ending::Tight),
-                _ if t_s > 9.3 => Phase::Releasing,
-                _ if pause > 0 => Phase::Waiting,
-                _ => Phase::Working,
-            };
-            let mut health = [Health::Absent; FINGERS_MOST];
-            health[0] = Health::Live;
-            health[1] = if (5.0..5.3).contains(&t_s) { Health::Blind } else { Health::Live };
-            let time_ns = (t_s * 1e9) as u64;
-            let around = HandVector { along: 0.1, across: 0.0, around: 0.99 };
-            Cycle {
+    let cycles = (0..300u32).map(|i| {
+        let t_s = f64::from(i) / RATE_HZ;
+        let grasping = t_s < 0.8;
+        let ending = t_s > 9.7;
+        let slips = SLIPS.iter().any(|&at| i == at || i == at + 1);
+        if SLIPS.contains(&i) {
+            alarms_count += 1;
+            pause = 12;
+            target_n += 10.0;
+        }
+        pause = (pause - 1).max(0);
+        force_n += (target_n - force_n) * 0.25;
+        let moving = pause == 0 && !grasping && !ending;
+        angle_rad += if moving { 0.5 / RATE_HZ } else { 0.0 };
+        let load = ((t_s - 3.0).max(0.0) / 6.0).powi(2);
+        let torque_n_mm = 40.0 + 780.0 * load.min(1.2);
+        let limit_n_mm = 2.0 * FRICTION * force_n * CAP_RADIUS_MM;
+        let fraction = (torque_n_mm / limit_n_mm).min(1.1);
+        slid_mm += if fraction > 0.9 && moving { 0.004 * fraction } else { 0.0 };
+        shear_mm += 0.08 * (torque_n_mm / 900.0 - shear_mm);
+        let noise = 0.01 * (f64::from(i) * 1.7).sin();
+        let phase = match () {
+            _ if grasping => Phase::Grasping,
+            _ if ending => Phase::Ended(Ending::Tight),
+            _ if t_s > 9.3 => Phase::Releasing,
+            _ if pause > 0 => Phase::Waiting,
+            _ => Phase::Working,
+        };
+        let mut health = [Health::Absent; FINGERS_MOST];
+        health[0] = Health::Live;
+        health[1] = if (5.0..5.3).contains(&t_s) { Health::Blind } else { Health::Live };
+        let time_ns = (t_s * 1e9) as u64;
+        let around = HandVector { along: 0.1, across: 0.0, around: 0.99 };
+        Cycle {
+            time_ns,
+            hand: HandReport {
+                seq: u64::from(i),
+                time_ns: Some(time_ns),
+                state: if slips { SlipState::Incipient } else { SlipState::Stick },
+                live_count: 2,
+                health,
+                separated: true,
+                shear_mm: (t_s > 0.3).then_some(HandVector {
+                    along: 0.06 * t_s / 10.0 + noise,
+                    across: noise,
+                    around: shear_mm + noise,
+                }),
+                pivot_rad: Some(0.02 * noise),
+                slip_max_mm: Some(0.02 + if slips { 0.3 } else { 0.0 }),
+                contact_area_mm2: Some(80.0),
+                quality: 0.9,
+                slip: slips.then_some(HandSlip { direction: around, pivots: false, fingers_count: 2 }),
+            },
+            gripper: GripperState {
                 time_ns,
-                hand: HandReport {
-                    seq: u64::from(i),
-                    time_ns: Some(time_ns),
-                    state: if slips { SlipState::Incipient } else { SlipState::Stick },
-                    live_count: 2,
-                    health,
-                    separated: true,
-                    shear_mm: (t_s > 0.3).then_some(HandVector {
-                        along: 0.06 * t_s / 10.0 + noise,
-                        across: noise,
-                        around: shear_mm + noise,
-                    }),
-                    pivot_rad: Some(0.02 * noise),
-                    slip_max_mm: Some(0.02 + if slips { 0.3 } else { 0.0 }),
-                    contact_area_mm2: Some(80.0),
-                    quality: 0.9,
-                    slip: slips.then_some(HandSlip { direction: around, pivots: false, fingers_count: 2 }),
-                },
-                gripper: GripperState {
-                    time_ns,
-                    force_n: Some(force_n + 10.0 * noise),
-                    target_n: Some(target_n),
-                    opening_mm: Some(28.0),
-                    jaws: if grasping { Jaws::Closing } else { Jaws::Holding },
-                },
-                wrist: WristState { time_ns, angle_rad, lowered_mm: 0.0, moving },
-                grip_command: GripCommand {
-                    force_n: target_n,
-                    motion: if moving { Motion::Go } else { Motion::Pause },
-                },
-                wrist_command: WristCommand::new(match moving {
-                    true => WristMotion::Turn { rate_rad_per_s: 0.5, most_rad: 0.1 },
-                    false => WristMotion::Pause,
-                }),
-                phase,
-                margin: (t_s > 0.8).then_some((1.0 - fraction + 6.0 * noise).clamp(0.0, 1.0)),
-                alarms_count,
-                truth: Some(Truth {
-                    cap_angle_rad: Some((angle_rad - slid_mm / CAP_RADIUS_MM).max(0.0)),
-                    torque_n_mm: Some(torque_n_mm),
-                    torque_limit_n_mm: Some(2.0 * FRICTION * 60.0 * CAP_RADIUS_MM),
-                    required_n: Some(torque_n_mm / (2.0 * FRICTION * CAP_RADIUS_MM)),
-                    margin: Some(1.0 - fraction),
-                    stick_ratio: Some((1.0 - fraction).max(0.0).powf(2.0 / 3.0)),
-                    slid_mm: Some(slid_mm),
-                    gross: fraction > 1.0,
-                    ..Truth::default()
-                }),
-                trouble: false,
-            }
-        })
-        .collect()
+                force_n: Some(force_n + 10.0 * noise),
+                target_n: Some(target_n),
+                opening_mm: Some(28.0),
+                jaws: if grasping { Jaws::Closing } else { Jaws::Holding },
+            },
+            wrist: WristState { time_ns, angle_rad, lowered_mm: 0.0, moving },
+            grip_command: GripCommand::Hold { force_n: target_n },
+            wrist_command: WristCommand::new(match moving {
+                true => WristMotion::Turn { rate_rad_per_s: 0.5, most_rad: 0.1 },
+                false => WristMotion::Pause,
+            }),
+            phase,
+            margin: (t_s > 0.8).then_some((1.0 - fraction + 6.0 * noise).clamp(0.0, 1.0)),
+            alarms_count,
+            truth: Some(PlantTruth {
+                cap_angle_rad: Some((angle_rad - slid_mm / CAP_RADIUS_MM).max(0.0)),
+                torque_n_mm: Some(torque_n_mm),
+                torque_limit_n_mm: Some(2.0 * FRICTION * 60.0 * CAP_RADIUS_MM),
+                required_n: Some(torque_n_mm / (2.0 * FRICTION * CAP_RADIUS_MM)),
+                margin: Some(1.0 - fraction),
+                stick_ratio: Some((1.0 - fraction).max(0.0).powf(2.0 / 3.0)),
+                slid_mm: Some(slid_mm),
+                gross: fraction > 1.0,
+                ..PlantTruth::default()
+            }),
+            slips_count: 0,
+            fault: false,
+        }
+    });
+    numbered(cycles.collect())
 }

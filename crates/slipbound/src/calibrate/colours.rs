@@ -1,4 +1,4 @@
-//! How red, green and blue are weighed so that markers stand out: Fisher's discriminant, without negative weights.
+//! How red, green and blue are weighted so that markers stand out: Fisher's discriminant, without negative weights.
 //!
 //! The marker's contrast m against its surroundings is the same everywhere in a good grey; what varies is noise: the
 //! texture round the markers, and the contrast itself where one colour of light does not reach. The weights maximise

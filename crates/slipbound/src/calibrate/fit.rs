@@ -50,7 +50,7 @@ impl PlaneMap {
     }
 
     /// How far a dot is from where the map puts it, in plane px.
-    pub fn miss_px(&self, pair: &Pair) -> f64 {
+    pub fn residual_px(&self, pair: &Pair) -> f64 {
         (self.apply(pair.plane) - pair.seen).length() / self.scale_at(pair.plane)
     }
 }
@@ -59,9 +59,9 @@ impl PlaneMap {
 const ROUNDS_COUNT: usize = 12;
 /// Keeps apart what homography and polynomial can both do; small enough not to bend the answer.
 const DAMPING: f64 = 1e-7;
-/// Residuals are weighed down beyond this many robust standard deviations (Geman and McClure).
+/// Residuals are weighted down beyond this many robust standard deviations (Geman and McClure).
 const ROBUST_SIGMAS: f64 = 3.0;
-/// A residual below this share of the pitch is never weighed down.
+/// A residual below this share of the pitch is never weighted down.
 const ALWAYS_GOOD_PITCH: f64 = 0.03;
 /// Parts the dots are divided into to try a degree on what it was not fitted to.
 const FOLDS_COUNT: usize = 5;
@@ -114,10 +114,10 @@ pub(super) fn fit(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<PlaneM
     let n = 8 + 2 * bent.len();
     let mut row = [vec![0.0; n], vec![0.0; n]];
     for round in 0..ROUNDS_COUNT {
-        let misses: Vec<f64> = pairs.iter().map(|p| map.miss_px(p)).collect();
-        let scale = (ROBUST_SIGMAS * robust_sigma(&misses)).max(ALWAYS_GOOD_PITCH * pitch_px);
+        let residuals: Vec<f64> = pairs.iter().map(|p| map.residual_px(p)).collect();
+        let scale = (ROBUST_SIGMAS * robust_sigma(&residuals)).max(ALWAYS_GOOD_PITCH * pitch_px);
         let mut normal = Normal::new(n);
-        for (pair, miss) in pairs.iter().zip(&misses) {
+        for (pair, miss) in pairs.iter().zip(&residuals) {
             // All dots alike until the shape is roughly right: lens distortion is no outlier.
             let t = if round < 3 { 1.0 } else { 1.0 + miss * miss / (scale * scale) };
             let weight = 1.0 / (t * t);
@@ -203,7 +203,7 @@ fn left_out_error_px(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<f64
         };
         let map = fit(&part(false), degree, pitch_px)?;
         for pair in part(true) {
-            let miss = map.miss_px(&pair);
+            let miss = map.residual_px(&pair);
             sum += if miss < most { miss * miss } else { most * most };
         }
     }
@@ -225,6 +225,11 @@ pub(super) fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// The root of the mean square; 0 for none.
+pub(super) fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
 /// Least and greatest of each coordinate.
@@ -255,7 +260,7 @@ mod tests {
     }
 
     fn worst_px(map: &PlaneMap, pairs: &[Pair]) -> f64 {
-        pairs.iter().map(|p| map.miss_px(p)).fold(0.0, f64::max)
+        pairs.iter().map(|p| map.residual_px(p)).fold(0.0, f64::max)
     }
 
     #[test]

@@ -63,7 +63,7 @@ impl Grid {
         let pairs: Vec<Pair> = dots.iter().map(|(n, d)| Pair { plane: vec_of(*n), seen: d.seen }).collect();
         let map = PlaneMap { camera_from_plane: homography(&pairs)?, distortion: None };
         let scales: Vec<f64> = pairs.iter().map(|p| map.scale_at(p.plane)).filter(|s| s.is_finite()).collect();
-        // In tenths, for people.
+        // Rounded to a tenth of a pixel, for readability.
         let pitch_px = (median(&scales) * 10.0).round() / 10.0;
         let mut grid = Grid {
             dots,
@@ -96,8 +96,8 @@ impl Grid {
     }
 
     /// How far dots are from where the map puts them, in pitches.
-    pub fn misses_pitch(&self) -> Vec<f64> {
-        self.pairs().iter().map(|p| self.map.miss_px(p) / self.pitch_px).collect()
+    pub fn residuals_pitch(&self) -> Vec<f64> {
+        self.pairs().iter().map(|p| self.map.residual_px(p) / self.pitch_px).collect()
     }
 
     fn fit(&mut self) -> Option<()> {
@@ -163,9 +163,9 @@ impl Grid {
             for j in low.1 - 1..=high.1 + 1 {
                 let Some(by) = offset_of_neighbours(&offsets, (i, j), 0.5 * self.pitch_px) else { continue };
                 let at = self.plane((i, j)) + by;
-                let miss_px = |s: &Spot| (s.position - at).length();
-                let near = spots.iter().filter(|s| miss_px(s) < near_pitch * self.pitch_px);
-                let Some(spot) = near.min_by(|p, q| miss_px(p).total_cmp(&miss_px(q))) else { continue };
+                let residual_px = |s: &Spot| (s.position - at).length();
+                let near = spots.iter().filter(|s| residual_px(s) < near_pitch * self.pitch_px);
+                let Some(spot) = near.min_by(|p, q| residual_px(p).total_cmp(&residual_px(q))) else { continue };
                 if !whole(spot.position) {
                     continue;
                 }

@@ -239,10 +239,10 @@ mod tests {
     }
 
     /// Growing takes what is near: of dots without order up to half. It is the judge of `calibrate`, by residual and
-    /// number, that tells these from a grid (`dots_on_no_grid_are_refused_with_the_reason`); here only that a heap is
-    /// not taken for one whole.
+    /// number, that tells these from a grid (`dots_on_no_grid_are_refused_with_the_reason`); here only that
+    /// randomly placed spots are not all taken for nodes.
     #[test]
-    fn less_than_half_of_a_heap_of_spots_stands_on_a_grid() {
+    fn fewer_than_half_of_randomly_placed_spots_get_a_node() {
         let mut state = 12345u32;
         let mut next = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -10,6 +10,7 @@
 //! displacement over all markers. A grip pushes markers apart, and unevenly in what a tilted camera sees; that is in
 //! both sums and falls out of their difference.
 
+use super::fit::{median, robust_sigma};
 use crate::monitor::{Marker, SlipReport, SlipState};
 use crate::plane::Vec2;
 use crate::sensor::{Sensor, Shear};
@@ -98,7 +99,7 @@ impl fmt::Display for ShearError {
             }
             ShearError::NotHeld { got_count } => write!(
                 f,
-                "expected at least {FEWEST_FRAMES} calm frames in which the mass is held and still stands, got {got_count} \
+                "expected at least {FEWEST_FRAMES} stationary frames in which the mass is held and still stands, got {got_count} \
                  (grip it, wait, then lift; or say when it is held: --held A..B)"
             ),
             ShearError::NoContact => f.write_str("expected the mass to be held by the finger, got no contact"),
@@ -194,26 +195,26 @@ impl HangingFrame {
 /// What one frame differs from the next by noise: the standard deviation of a sum along each axis, px.
 fn noise_px(frames: &[HangingFrame]) -> f64 {
     let steps: Vec<f64> = frames.windows(2).map(|pair| (pair[1].sum_px - pair[0].sum_px).length()).collect();
-    super::fit::robust_sigma(&steps) / std::f64::consts::SQRT_2
+    robust_sigma(&steps) / std::f64::consts::SQRT_2
 }
 
 /// Median of each coordinate of the sums.
 fn middle(frames: &[HangingFrame]) -> Vec2 {
-    let of = |part: &dyn Fn(&HangingFrame) -> f64| super::median(&frames.iter().map(part).collect::<Vec<_>>());
+    let of = |part: &dyn Fn(&HangingFrame) -> f64| median(&frames.iter().map(part).collect::<Vec<_>>());
     Vec2::new(of(&|f| f.sum_px.x), of(&|f| f.sum_px.y))
 }
 
-/// The calm frames at the end: those whose sum is like the last ones'.
-pub fn calm_end(frames: &[HangingFrame]) -> &[HangingFrame] {
+/// The stationary frames at the end: those whose sum is like the last ones'.
+pub fn stationary_end(frames: &[HangingFrame]) -> &[HangingFrame] {
     let end = middle(&frames[frames.len().saturating_sub(FEWEST_FRAMES)..]);
     let alike_px = (ALIKE.0 * end.length()).max(ALIKE.1 * noise_px(frames));
     let count = frames.iter().rev().take_while(|f| (f.sum_px - end).length() <= alike_px).count();
     &frames[frames.len() - count..]
 }
 
-/// The longest calm run of frames with contact before the mass hangs: it is held and still stands. Of equally long ones
+/// The longest stationary run of frames with contact before the mass hangs: it is held and still stands. Of equally long ones
 /// the first; empty when none is long enough. `before`: all frames before those in which it hangs, `hanging` those.
-pub fn calm_held<'a>(before: &'a [HangingFrame], hanging: &[HangingFrame]) -> &'a [HangingFrame] {
+pub fn stationary_held<'a>(before: &'a [HangingFrame], hanging: &[HangingFrame]) -> &'a [HangingFrame] {
     let noise_px = noise_px(before);
     let end = middle(hanging);
     let touches = |f: &&HangingFrame| !matches!(f.state, SlipState::NoContact | SlipState::Unjudged);
@@ -330,7 +331,7 @@ mod tests {
         let shear = shear_stiffness(&sensor, &held(), &hanging, 204.0, 2, "clip.avi").expect("measured");
         let told = "204 g shared by 2 fingers, held in frames 0 to 8 and hanging in frames 20 to 28 of clip.avi";
         assert!(shear.provenance.contains(told), "{}", shear.provenance);
-        assert_eq!(sensor.shear_force_n(Vec2::new(0.0, 60.0)), None, "nobody measured it");
+        assert_eq!(sensor.shear_force_n(Vec2::new(0.0, 60.0)), None, "it was not measured");
         let sensor = Sensor { shear: Some(shear), ..sensor };
         sensor.check().expect("possible");
         let force = sensor.shear_force_n(Vec2::new(0.0, 30.0)).expect("measured");
@@ -341,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn the_calm_parts_are_found() {
+    fn the_stationary_parts_are_found() {
         // Untouched, gripped, held with a little noise, lifted, hanging.
         let sum_px = |i: u64| match i {
             0..5 => 0.0,
@@ -352,12 +353,12 @@ mod tests {
         };
         let mut all = frames(0, 60, sum_px);
         all[..5].iter_mut().for_each(|f| f.state = SlipState::NoContact);
-        let hanging = calm_end(&all);
+        let hanging = stationary_end(&all);
         assert_eq!((hanging[0].seq, hanging.len()), (32, 28));
-        let held = calm_held(&all[..32], hanging);
+        let held = stationary_held(&all[..32], hanging);
         assert_eq!((held[0].seq, held[held.len() - 1].seq), (9, 25));
         all[..32].iter_mut().for_each(|f| f.state = SlipState::NoContact);
-        assert_eq!(calm_held(&all[..32], &all[32..]), [], "nothing is held there");
+        assert_eq!(stationary_held(&all[..32], &all[32..]), [], "nothing is held there");
     }
 
     #[test]

@@ -10,11 +10,10 @@ mod illumination;
 mod shading;
 
 pub(super) use illumination::{illumination, roughness_levels};
-pub(super) use shading::{CellMap, cover_radius_px};
 
-use super::imprint::Imprint;
-use super::rest::{Rest, RestKind};
 use crate::image::Mask;
+use crate::monitor::imprint::Imprint;
+use crate::monitor::rest::{Rest, RestKind};
 use crate::pixels::canny::Canny;
 use crate::pixels::morphology::{Element, Morphology};
 use crate::plane::Vec2;
@@ -44,7 +43,7 @@ pub struct ContactSettings {
     pub hide_rest_edges: bool,
     /// Smooth gel: change of a cell's colour, in its most changed channel, that counts as contact.
     pub change_levels: f64,
-    /// Smooth gel: share of the strongest change that a cell must reach, too. An imprint throws light about: on a GelSlim
+    /// Smooth gel: share of the strongest change that a cell must reach, too. An imprint reflects light onto the gel around it: on a GelSlim
     /// 3.0 a change of 100 levels under a ball comes with 20 all around it.
     pub change_fraction: f64,
     /// Smooth gel: gaps of this width inside the region are closed; the rim of a flat object shows, its middle hardly.
@@ -156,7 +155,7 @@ impl TextureContact {
 }
 
 #[derive(Debug, Clone)]
-enum Skinned {
+enum RegionFinder {
     Texture(Box<TextureContact>),
     Shading(Box<ShadingContact>),
 }
@@ -169,7 +168,7 @@ const FULL_EDGE_SHARE: f64 = 0.2;
 #[derive(Debug, Clone)]
 pub(super) struct Contact {
     settings: ContactSettings,
-    skinned: Skinned,
+    finder: RegionFinder,
     frames_above_count: u32,
     /// Whether something touches.
     pub(super) touches: bool,
@@ -185,14 +184,14 @@ pub(super) struct Contact {
 impl Contact {
     pub(super) fn new(sensor: &Sensor, settings: &ContactSettings, imprint: &Imprint, rest: &Rest) -> Self {
         let size = sensor.rectified_px();
-        let skinned = match sensor.skin {
+        let finder = match sensor.skin {
             Skin::Fabric => {
                 let mut texture = TextureContact::new(sensor, settings);
                 // Deviation: D3 rest edges hidden
                 if settings.hide_rest_edges && rest.kind == RestKind::Unloaded {
                     texture.hide(&rest.flat, imprint.seen());
                 }
-                Skinned::Texture(Box::new(texture))
+                RegionFinder::Texture(Box::new(texture))
             }
             // Deviation: D4 smooth gels
             Skin::Smooth => {
@@ -200,12 +199,12 @@ impl Contact {
                 let (cells, covered) = (&rest.cells, &rest.cells_covered);
                 let close = settings.smooth_close_pitch;
                 let shading = ShadingContact::new(sensor, &imprint.cells, cells, covered, close, least_px);
-                Skinned::Shading(Box::new(shading))
+                RegionFinder::Shading(Box::new(shading))
             }
         };
         Contact {
             settings: settings.clone(),
-            skinned,
+            finder,
             frames_above_count: 0,
             touches: rest.kind == RestKind::InContact,
             region: Mask::new(size),
@@ -216,11 +215,11 @@ impl Contact {
 
     /// Finds the region in a frame. `markers`: where markers were last seen, px.
     pub(super) fn find(&mut self, imprint: &Imprint, markers: impl Iterator<Item = Vec2>) {
-        self.strength = match &mut self.skinned {
-            Skinned::Texture(texture) => {
+        self.strength = match &mut self.finder {
+            RegionFinder::Texture(texture) => {
                 texture.find(&imprint.flat, imprint.seen(), &mut self.region) / FULL_EDGE_SHARE
             }
-            Skinned::Shading(shading) => {
+            RegionFinder::Shading(shading) => {
                 let level = self.settings.change_levels;
                 let share = self.settings.change_fraction as f32;
                 shading.find(&imprint.cells, markers, level as f32, share, &mut self.region) / level - 1.0

@@ -6,8 +6,9 @@
 //! ```
 //! Pixels are rectified, not only marker positions: contact region, markers and pictures share one geometry.
 
-use super::{Finder, Reason, Settings};
 use crate::image::{Frame, Mask, Pixels, SizePx};
+use crate::monitor::cell_map::CellMap;
+use crate::monitor::report::Reason;
 use crate::pixels::background::Background;
 use crate::pixels::cells::Cells;
 use crate::pixels::flatten::Flatten;
@@ -60,6 +61,15 @@ enum Smooth {
     Gaussian(Gaussian, Vec<f32>),
 }
 
+/// Which pictures are made beside the grey one, whatever the skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Extra {
+    /// [`Imprint::flat`]; a fabric skin always has it.
+    pub(super) flat: bool,
+    /// [`Imprint::cells`]; a smooth skin always has them.
+    pub(super) cells: bool,
+}
+
 /// Step 0, with its pictures and scratch.
 #[derive(Debug, Clone)]
 pub(super) struct Imprint {
@@ -81,11 +91,11 @@ pub(super) struct Imprint {
 }
 
 impl Imprint {
-    /// `with_cells`: whether [`Imprint::cells`] are wanted whatever the skin; a smooth one always has them.
-    pub(super) fn new(sensor: &Sensor, settings: &Settings, with_cells: bool) -> Self {
+    /// For frames of [`Sensor::image_px`]; all memory is made here.
+    pub(super) fn new(sensor: &Sensor, settings: &ImprintSettings, extra: Extra) -> Self {
         let (camera_px, size) = (sensor.image_px, sensor.rectified_px());
-        let wants_flat = sensor.skin == Skin::Fabric || settings.markers.finder == Finder::Threshold;
-        let smooth = || match settings.imprint.illumination {
+        let has_flat = extra.flat || sensor.skin == Skin::Fabric;
+        let smooth = || match settings.illumination {
             Illumination::Decimated => {
                 // Deviation: D1 fast background
                 // A Gaussian cut at 31 px with sigma 31 px weighs almost evenly: its own sigma is 0.58 pitch.
@@ -107,19 +117,19 @@ impl Imprint {
             size,
             flip: sensor.flip,
             weights: GreyWeights::new(sensor.grey_weights_rgb),
-            dark_below_levels: settings.imprint.dark_below_levels,
+            dark_below_levels: settings.dark_below_levels,
             seen: seen(sensor, warp.as_ref().map(|(table, _)| table)),
             warp,
-            smooth: wants_flat.then(|| (smooth(), Flatten::new(FLATTEN.0, FLATTEN.1, FLATTEN.2))),
+            smooth: has_flat.then(|| (smooth(), Flatten::new(FLATTEN.0, FLATTEN.1, FLATTEN.2))),
             mean_levels: 0.0,
             grey: vec![0; size.area()],
-            flat: vec![0; if wants_flat { size.area() } else { 0 }],
-            has_cells: with_cells || sensor.skin == Skin::Smooth,
-            cells: Cells::new(camera_px, super::contact::CellMap::cell_px(sensor)),
+            flat: vec![0; if has_flat { size.area() } else { 0 }],
+            has_cells: extra.cells || sensor.skin == Skin::Smooth,
+            cells: Cells::new(camera_px, CellMap::cell_px(sensor)),
         }
     }
 
-    /// Takes a frame in; says why not when it cannot be judged.
+    /// Takes a frame in, or returns the reason why it cannot be judged.
     pub(super) fn take(&mut self, frame: &Frame<'_>) -> Result<(), Reason> {
         let got = frame.pixels.size();
         if got != self.camera_px {

@@ -8,84 +8,31 @@
 
 mod detect;
 mod matching;
+mod settings;
+mod spot_index;
 mod threshold;
 
 pub(super) use detect::{Detector, RestMarker};
+pub use settings::{Finder, MarkerSettings};
 
-use super::Marker;
-use super::imprint::Imprint;
-use super::rest::Rest;
+use crate::monitor::imprint::Imprint;
+use crate::monitor::report::Marker;
+use crate::monitor::rest::Rest;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
-use crate::setting::{SettingError, within};
 use matching::Matching;
-use serde::{Deserialize, Serialize};
 
-/// How markers are found in a picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Finder {
-    /// Peaks of dot-sized contrast, then the pull of the dot's edge: sub-pixel, for dots of any regularity.
-    Edges,
-    /// The paper: a threshold on the flat image, morphology, centres of the blobs.
-    Threshold,
-}
-
-/// Settings of step 2.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct MarkerSettings {
-    /// How markers are found.
-    pub finder: Finder,
-    /// A marker of the rest frame has at least this contrast.
-    pub birth_min_levels: f64,
-    /// And at least this share of the median marker's contrast.
-    pub birth_contrast_fraction: f64,
-    /// A known marker is recognised down to this share of its own contrast at rest.
-    pub keep_contrast_fraction: f64,
-    /// Whether a marker's next place is predicted from its last motion. The released code looks where it last was.
-    pub predict: bool,
-    /// A spot this near to the predicted place is the marker. The released code: 7 px at a pitch of 15.2 px.
-    pub match_within_pitch: f64,
-    /// Whether markers not found that way are sought where their neighbours went, and whether a match that
-    /// contradicts all neighbours is undone.
-    pub ask_neighbours: bool,
-}
-
-impl Default for MarkerSettings {
-    fn default() -> Self {
-        MarkerSettings {
-            finder: Finder::Edges,
-            birth_min_levels: 4.0,
-            birth_contrast_fraction: 0.2,
-            keep_contrast_fraction: 0.3,
-            predict: true,
-            match_within_pitch: 0.3,
-            ask_neighbours: true,
-        }
-    }
-}
-
-impl MarkerSettings {
-    pub(super) fn check(&self) -> Result<(), SettingError> {
-        within("markers.birth_min_levels", self.birth_min_levels, 0.5, 128.0)?;
-        within("markers.birth_contrast_fraction", self.birth_contrast_fraction, 0.0, 1.0)?;
-        within("markers.keep_contrast_fraction", self.keep_contrast_fraction, 0.05, 1.0)?;
-        within("markers.match_within_pitch", self.match_within_pitch, 0.01, 0.5)
-    }
-}
-
-/// After this many frames in a row that could not be believed, markers are sought anew.
-const DOUBTED_FRAMES_COUNT: u32 = 5;
+/// After this many frames in a row that could not be trusted, markers are sought anew.
+const UNTRUSTED_FRAMES_COUNT: u32 = 5;
 /// When places are this bad an explanation of the spots (1: no marker near any place), markers are sought anew at once.
-const ADRIFT: f64 = 0.6;
+const LOST_MISFIT: f64 = 0.6;
 
 /// What is known of a marker beyond what [`Marker`] shows.
 #[derive(Debug, Clone, Copy)]
 struct Track {
     rest: RestMarker,
-    /// Where it was in the last frame that could be believed, px.
-    believed: Vec2,
+    /// Where it was in the last frame that could be trusted, px.
+    trusted: Vec2,
     /// Motion from the last frame but one to the last, px; zero when either was missed.
     step: Vec2,
 }
@@ -98,8 +45,8 @@ pub(super) struct Markers {
     matching: Matching,
     tracks: Vec<Track>,
     pitch_px: f64,
-    /// Frames in a row whose matches could not be believed.
-    doubted_frames_count: u32,
+    /// Frames in a row whose matches could not be trusted.
+    untrusted_frames_count: u32,
     pub(super) all: Vec<Marker>,
     pub(super) detected_count: u32,
     pub(super) matched_count: u32,
@@ -131,9 +78,9 @@ impl Markers {
             settings: settings.clone(),
             detector,
             matching: Matching::new(sensor, &all),
-            tracks: at_rest.iter().map(|&rest| Track { rest, believed: rest.position, step: Vec2::ZERO }).collect(),
+            tracks: at_rest.iter().map(|&rest| Track { rest, trusted: rest.position, step: Vec2::ZERO }).collect(),
             pitch_px: sensor.pitch_px,
-            doubted_frames_count: 0,
+            untrusted_frames_count: 0,
             detected_count: 0,
             matched_count: all.len() as u32,
             all,
@@ -157,9 +104,9 @@ impl Markers {
         if self.settings.ask_neighbours {
             m.settle_with_neighbours(&self.all);
             if m.torn(&self.all) {
-                m.mend_tear(&self.all, self.tracks.iter().map(|t| t.believed));
+                m.repair_tear(&self.all, self.tracks.iter().map(|t| t.trusted));
             }
-            self.doubted_frames_count = if m.trustworthy() { 0 } else { self.doubted_frames_count + 1 };
+            self.untrusted_frames_count = if m.trustworthy() { 0 } else { self.untrusted_frames_count + 1 };
         }
         self.place(imprint);
     }
@@ -179,11 +126,11 @@ impl Markers {
         } else {
             m.predict(still);
         }
-        // After many frames that could not be believed, or when hardly a marker is found, they may also be where they
+        // After many frames that could not be trusted, or when hardly a marker is found, they may also be where they
         // were before that, or at rest. Not sooner: on a regular grid a whole pitch of motion looks like none.
-        let adrift = self.doubted_frames_count >= DOUBTED_FRAMES_COUNT || misfit > ADRIFT * reach_px * reach_px;
-        if self.settings.ask_neighbours && adrift {
-            let before = self.tracks.iter().map(|t| t.believed);
+        let lost = self.untrusted_frames_count >= UNTRUSTED_FRAMES_COUNT || misfit > LOST_MISFIT * reach_px * reach_px;
+        if self.settings.ask_neighbours && lost {
+            let before = self.tracks.iter().map(|t| t.trusted);
             let rest = self.all.iter().map(|m| m.rest);
             let (before_misfit, rest_misfit) = (m.misfit(before.clone(), reach), m.misfit(rest.clone(), reach));
             if before_misfit < misfit && before_misfit <= rest_misfit {
@@ -194,7 +141,7 @@ impl Markers {
         }
     }
 
-    /// Takes over where each marker was found, or is believed to be.
+    /// Takes over where each marker was found, or is expected to be.
     fn place(&mut self, imprint: &Imprint) {
         self.matched_count = 0;
         for i in 0..self.all.len() {
@@ -207,8 +154,8 @@ impl Markers {
             marker.whole = whole.is_some();
             marker.now = found.unwrap_or_else(|| self.matching.expected(i));
             self.matched_count += u32::from(marker.matched);
-            if self.doubted_frames_count == 0 {
-                self.tracks[i].believed = marker.now;
+            if self.untrusted_frames_count == 0 {
+                self.tracks[i].trusted = marker.now;
             }
             self.tracks[i].step = if marker.matched && known_before { marker.now - before } else { Vec2::ZERO };
         }

@@ -7,8 +7,8 @@
 //!      '-######-'             ........
 //! ```
 
-use super::Marker;
 use crate::image::Mask;
+use crate::monitor::report::Marker;
 use crate::pixels::morphology::{Element, Morphology};
 use crate::plane::{RigidMotion, Vec2};
 use crate::sensor::Sensor;
@@ -24,7 +24,7 @@ pub enum Fit {
     RobustRigid,
     /// Rotation and translation, by least squares over all inner markers.
     Rigid,
-    /// Rotation, translation and scale, of which the scale is thrown away: `estimateRigidTransform` of the paper.
+    /// Rotation, translation and scale, of which the scale is discarded: `estimateRigidTransform` of the paper.
     Similarity,
 }
 
@@ -198,7 +198,7 @@ pub fn fit_most(pairs: impl Iterator<Item = (Vec2, Vec2)> + Clone, pitch_px: f64
         });
         motion = Moments::of(weighed)?.rigid();
     }
-    // The same motion, told of the mean of all inner markers: the paper's reference point.
+    // The same motion, stated at the mean of all inner markers: the paper's reference point.
     let translation = motion.displacement(all.reference);
     Some(RigidMotion { reference: all.reference, translation, ..motion })
 }

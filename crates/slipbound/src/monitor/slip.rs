@@ -5,8 +5,8 @@
 //!       ---->                ------>          <--                 more than N of them: incipient slip
 //! ```
 
-use super::{Marker, SlipKind, SlipSummary};
 use crate::image::Mask;
+use crate::monitor::report::{Marker, SlipKind, SlipSummary};
 use crate::plane::{RigidMotion, Vec2};
 use crate::port::GripSample;
 use crate::sensor::Sensor;

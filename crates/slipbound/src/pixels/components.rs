@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn the_busiest_mask_fits_the_scratch() {
+    fn the_mask_with_the_most_runs_fits_the_scratch() {
         let size = SizePx::new(129, 67);
         let mut mask = Mask::new(size);
         for y in (0..67).step_by(2) {

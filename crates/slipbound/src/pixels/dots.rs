@@ -22,7 +22,7 @@ pub struct Spot {
     pub response_levels: f32,
 }
 
-/// A spot bends at most this many times more one way than the other.
+/// The curvature of a spot along one axis is at most this many times that along the other.
 const RIDGE: f64 = 8.0;
 
 /// Decimated values are kept with two more bits than grey levels.
@@ -181,12 +181,12 @@ impl DotFinder {
                 if v <= corners[0] || v <= corners[1] || v < corners[2] || v < corners[3] {
                     continue;
                 }
-                let bend = |before: i32, after: i32| f64::from(before) + f64::from(after) - 2.0 * f64::from(v);
-                let (xx, yy) = (bend(at(x - 1, y), at(x + 1, y)), bend(at(x, y - 1), at(x, y + 1)));
+                let curvature = |before: i32, after: i32| f64::from(before) + f64::from(after) - 2.0 * f64::from(v);
+                let (xx, yy) = (curvature(at(x - 1, y), at(x + 1, y)), curvature(at(x, y - 1), at(x, y + 1)));
                 let xy =
                     (f64::from(corners[0]) + f64::from(corners[3]) - f64::from(corners[1]) - f64::from(corners[2]))
                         / 4.0;
-                // A ridge of shadow bends one way only.
+                // A ridge of shadow is curved along one axis only.
                 let (trace, det) = (xx + yy, xx * yy - xy * xy);
                 if det <= 0.0 || trace * trace * RIDGE > det * (RIDGE + 1.0) * (RIDGE + 1.0) {
                     continue;

@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn dot_and_ring_are_told_apart_and_the_ring_has_its_spread() {
+    fn dot_and_ring_are_separated_and_the_ring_has_its_spread() {
         let size = SizePx::new(31, 31);
         let rgb: Vec<u8> = (0..size.area())
             .flat_map(|i| {

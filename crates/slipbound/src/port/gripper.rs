@@ -120,7 +120,9 @@ impl fmt::Display for DriverEvent {
             DriverEvent::FastStop { why } => write!(f, "fast stop latched: {why}"),
             DriverEvent::Acknowledged => write!(f, "fast stop acknowledged: it came from our own lost link"),
             DriverEvent::Garbled { bytes_count } => write!(f, "{bytes_count} bytes passed over that were no message"),
-            DriverEvent::Dry { command: GripCommand::Hold { force_n } } => write!(f, "dry: would hold with {force_n} N"),
+            DriverEvent::Dry { command: GripCommand::Hold { force_n } } => {
+                write!(f, "dry: would hold with {force_n} N")
+            }
             DriverEvent::Dry { command: GripCommand::Release } => write!(f, "dry: would release"),
         }
     }

@@ -6,8 +6,8 @@
 //! Written from the rectified image to the camera, because that is the way pixels are fetched: no step of it has to
 //! be inverted for that.
 
-use crate::setting::SettingError;
 use crate::plane::{Homography, Vec2};
+use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
 
 /// How the camera's view of the gel becomes the rectified image.
@@ -18,7 +18,7 @@ pub struct Rectification {
     pub homography: Homography,
     /// The part of that plane which becomes the rectified image: left, top, right, bottom (exclusive).
     pub crop_px: [usize; 4],
-    /// What lens and curved gel bend beyond a homography; None for a flat gel and a straight lens.
+    /// Distortion by the lens and a curved gel beyond a homography; None for a flat gel and a straight lens.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Distortion>,
 }
@@ -219,7 +219,7 @@ impl Rectification {
         }
     }
 
-    /// Whether it can be: the error names the key.
+    /// Whether every number is possible; the error names the key.
     pub(super) fn check(&self) -> Result<(), SettingError> {
         let bad = |key: &str, got: String, expected: &str| {
             Err(SettingError { key: format!("rectification.{key}"), got, expected: expected.into() })

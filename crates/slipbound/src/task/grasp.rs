@@ -29,7 +29,8 @@ impl Grasp {
     pub fn step(&mut self, observation: &Observation<'_>, grip: &Guard) -> Grasped {
         let since_ns = *self.since_ns.get_or_insert(observation.now_ns);
         let force_n = grip.limits().start_n;
-        let pressed = observation.gripper.pressed_n().is_some_and(|n| (n - force_n).abs() <= 0.5f64.max(0.05 * force_n));
+        let pressed =
+            observation.gripper.pressed_n().is_some_and(|n| (n - force_n).abs() <= 0.5f64.max(0.05 * force_n));
         let felt = !matches!(observation.hand.state, SlipState::NoContact);
         if observation.gripper.jaws == Jaws::Holding && pressed && felt {
             let stands_ns = *self.stands_since_ns.get_or_insert(observation.now_ns);

@@ -92,9 +92,9 @@ impl Task for Lift {
             Phase::Ended(_) => {}
             _ => self.work(observation),
         }
-        let way_mm = self
-            .start_mm
-            .map_or(self.settings.lift_mm, |start_mm| self.settings.lift_mm - (start_mm - observation.wrist.lowered_mm));
+        let way_mm = self.start_mm.map_or(self.settings.lift_mm, |start_mm| {
+            self.settings.lift_mm - (start_mm - observation.wrist.lowered_mm)
+        });
         let mut wrist = if self.phase == Phase::Working { lower(-self.settings.rate_mm_per_s) } else { PAUSE };
         if let WristMotion::Lower { most_mm, .. } = &mut wrist.motion {
             *most_mm = most_mm.min(way_mm.max(0.0));

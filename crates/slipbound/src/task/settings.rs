@@ -2,7 +2,7 @@
 
 use super::{Lift, LiftSettings, Place, PlaceSettings, Screw, ScrewEnd, ScrewSettings, Task, Unscrew, UnscrewSettings};
 use crate::grip::{GripLimits, Law, MarginSettings, OnSlipSettings};
-use crate::setting::SettingError;
+use crate::setting::{SettingError, named};
 use serde::{Deserialize, Serialize};
 
 /// Which task.
@@ -33,6 +33,19 @@ pub enum ControllerKind {
     /// Holds a slip margin.
     Margin,
 }
+
+const TASKS: [(TaskKind, &str); 4] =
+    [(TaskKind::Screw, "screw"), (TaskKind::Unscrew, "unscrew"), (TaskKind::Place, "place"), (TaskKind::Lift, "lift")];
+
+const CONTROLLERS: [(ControllerKind, &str); 4] = [
+    (ControllerKind::Constant, "constant"),
+    (ControllerKind::OnSlip, "on_slip"),
+    (ControllerKind::Paper, "paper"),
+    (ControllerKind::Margin, "margin"),
+];
+
+named!(TaskKind, "task", TASKS);
+named!(ControllerKind, "controller", CONTROLLERS);
 
 /// Everything a task is run with.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

@@ -1,11 +1,11 @@
 //! `slipbound calibrate --weight-g`: a recording of a mass held and then hanging -> the shear stiffness, put into the sensor file.
 
-use super::{Calibrate, write};
+use super::args::Calibrate;
 use crate::commands::watch::recording::{Arrived, Recording};
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
-use slipbound::calibrate::{HangingFrame, calm_end, calm_held, outermost, shear_stiffness};
+use slipbound::calibrate::{HangingFrame, outermost, shear_stiffness, stationary_end, stationary_held};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::sensor::Sensor;
 use slipbound_rig::{calibration, sensors};
@@ -45,16 +45,16 @@ pub fn run(args: &Calibrate, weight_g: f64) -> Result<Outcome, Failure> {
         }
     }
     let within = |range: &Range<u64>| frames.iter().filter(|f| range.contains(&f.seq)).copied().collect::<Vec<_>>();
-    let hanging = args.hanging.as_ref().map_or_else(|| calm_end(&frames).to_vec(), within);
+    let hanging = args.hanging.as_ref().map_or_else(|| stationary_end(&frames).to_vec(), within);
     let first = hanging.first().map_or(u64::MAX, |f| f.seq);
     let before: Vec<HangingFrame> = frames.iter().take_while(|f| f.seq < first).copied().collect();
-    let held = args.held.as_ref().map_or_else(|| calm_held(&before, &hanging).to_vec(), within);
+    let held = args.held.as_ref().map_or_else(|| stationary_held(&before, &hanging).to_vec(), within);
     let what = Path::new(&args.source).file_name().map_or(args.source.clone(), |n| n.to_string_lossy().into_owned());
     let shear = shear_stiffness(monitor.sensor(), &held, &hanging, weight_g, args.fingers, &what)
         .map_err(|e| Failure::Arguments(anyhow!("{}: {e}", args.source)))?;
 
     let text = with_shear(name, &args.output, &calibration::shear_table(&shear))?;
-    write(&args.output, &text)?;
+    args.write_output(&text)?;
     sensors::load(&args.output.display().to_string()).map_err(|e| Failure::Work(e.into()))?;
     let mut terminal = Terminal::plain();
     terminal.say(&format!("{}: {}", args.source, shear.provenance))?;
@@ -63,7 +63,7 @@ pub fn run(args: &Calibrate, weight_g: f64) -> Result<Outcome, Failure> {
     Ok(if torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
 }
 
-/// A monitor whose rest is the calm start of the recording.
+/// A monitor whose rest is the start of the recording.
 fn monitor(args: &Calibrate, recording: &mut Recording, sensor: &Sensor) -> Result<SlipMonitor, Failure> {
     let settings = Settings::default();
     let failed = |e: &dyn std::fmt::Display| Failure::Arguments(anyhow!("{}: {e}", args.source));

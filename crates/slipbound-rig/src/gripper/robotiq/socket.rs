@@ -1,13 +1,14 @@
 //! The 2F-85 by the text socket of a UR controller: `SET NAME value ...` is answered by `ack`, `GET NAME` by
-//! `NAME value`, both possibly without an end of line. One request is on the way at a time; a value without an end
+//! `NAME value`, both possibly without an end of line. One request is in flight at a time; a value without an end
 //! counts when nothing more has come for a moment.
 
-use super::{CLOSED, Status};
-use crate::gripper::config::{Config, ns};
-use crate::gripper::ledger::Ledger;
-use crate::gripper::{Driver, Error, Request};
-use crate::link::Talker;
-use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
+use super::actuator::{Actuator, Goal};
+use super::status::Status;
+use crate::gripper::driver_state::DriverState;
+use crate::gripper::error::Error;
+use crate::gripper::protocol::Protocol;
+use crate::link::{InFlight, write_line};
+use slipbound::port::{DriverEvent, GripCommand};
 
 /// What is asked in turn.
 const QUESTIONS: [&str; 5] = ["STA", "OBJ", "PRE", "POS", "FLT"];
@@ -18,102 +19,52 @@ const QUIET_NS: u64 = 5_000_000;
 /// Longest answer, bytes; more is garbage.
 const LONGEST: usize = 32;
 
-/// What is wanted of the jaws; the newest want counts.
+/// What is sent.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Want {
-    Nothing,
-    Force(f64),
-    Open,
-    Reset,
-    Activate,
-}
-
-/// What is on the way.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Sent {
+enum Message {
     Get(&'static str),
-    Set(Want),
+    Set(Goal),
 }
 
-/// The driver.
-#[derive(Debug)]
+/// The protocol.
+#[derive(Debug, Default)]
 pub struct Socket {
-    ledger: Ledger,
-    held: Vec<u8>,
-    held_ns: u64,
+    buffer: Vec<u8>,
+    received_ns: u64,
+    actuator: Actuator,
+    /// The answers so far.
     status: Status,
-    /// How many of the questions have been answered since the link was made.
+    /// How many of [`QUESTIONS`] have been answered since the link was made.
     heard_count: usize,
     question: usize,
     round_ns: Option<u64>,
-    want: Want,
-    done: Want,
-    sent: Option<(Sent, u64)>,
-    is_homing: bool,
-    is_leaving: bool,
+    /// The goal that the gripper last took over.
+    done: Goal,
+    in_flight: Option<InFlight<Message>>,
 }
 
 impl Socket {
-    /// A driver that is not yet linked. `address` is for messages.
-    pub fn new(address: &str, config: Config) -> Self {
-        Socket {
-            ledger: Ledger::new(address, config),
-            held: Vec::new(),
-            held_ns: 0,
-            status: Status::default(),
-            heard_count: 0,
-            question: 0,
-            round_ns: None,
-            want: Want::Nothing,
-            done: Want::Nothing,
-            sent: None,
-            is_homing: false,
-            is_leaving: false,
+    fn is_on_the_way(&self) -> bool {
+        self.actuator.goal != Goal::Keep && self.actuator.goal != self.done
+    }
+
+    fn line(goal: Goal, driver: &DriverState) -> String {
+        match (goal.target(&driver.config), goal) {
+            (Some(to), _) => format!("SET POS {} SPE {} FOR {} GTO 1", to.position, to.speed, to.force),
+            (None, Goal::Activate) => "SET ACT 1".into(),
+            (None, _) => "SET ACT 0".into(),
         }
-    }
-
-    fn is_known(&self) -> bool {
-        self.heard_count >= QUESTIONS.len()
-    }
-
-    fn line_for(&self, want: Want) -> Option<String> {
-        let config = &self.ledger.config;
-        let speed = config.speed_count();
-        Some(match want {
-            Want::Nothing => return None,
-            Want::Force(force_n) => format!("SET POS {CLOSED} SPE {speed} FOR {} GTO 1", config.force_count(force_n)),
-            Want::Open => format!("SET POS {} SPE {speed} FOR 0 GTO 1", config.position_count(config.open_mm)),
-            Want::Reset => "SET ACT 0".into(),
-            Want::Activate => "SET ACT 1".into(),
-        })
-    }
-
-    fn advance(&mut self, now_ns: u64) {
-        if !self.ledger.is_linked || self.sent.is_some() || self.is_leaving {
-            return;
-        }
-        let (sent, line) = match self.line_for(self.want).filter(|_| self.want != self.done) {
-            Some(line) => (Sent::Set(self.want), line),
-            None => match self.next_question(now_ns) {
-                Some(name) => (Sent::Get(name), format!("GET {name}")),
-                None => return,
-            },
-        };
-        self.held.clear();
-        self.ledger.outgoing.extend(line.as_bytes());
-        self.ledger.outgoing.push(b'\n');
-        self.sent = Some((sent, now_ns));
     }
 
     /// The force it has been set to is asked for as long as it is not known; the rest in turn, once a period.
-    fn next_question(&mut self, now_ns: u64) -> Option<&'static str> {
+    fn next_question(&mut self, driver: &DriverState) -> Option<&'static str> {
         if self.question == 0 {
-            let period_ns = ns(self.ledger.config.update_ms);
+            let (now_ns, period_ns) = (driver.now_ns(), driver.config.update_ms * 1_000_000);
             if self.round_ns.is_some_and(|round_ns| now_ns.saturating_sub(round_ns) < period_ns) {
                 return None;
             }
             self.round_ns = Some(now_ns);
-            if self.ledger.state.target_n.is_none() && self.is_known() {
+            if driver.gripper.target_n.is_none() && self.actuator.is_known() {
                 self.question = QUESTIONS.len();
             }
         }
@@ -123,172 +74,114 @@ impl Socket {
         Some(name)
     }
 
-    /// Takes what is held as an answer, if it is whole.
-    fn read_answer(&mut self, now_ns: u64) {
-        let Some((sent, _)) = self.sent else { return self.held.clear() };
-        let end = self.held.iter().position(|byte| *byte == b'\n');
-        let is_quiet = now_ns.saturating_sub(self.held_ns) >= QUIET_NS;
-        let is_acknowledged = matches!(sent, Sent::Set(_)) && self.held.trim_ascii() == b"ack";
-        if self.held.is_empty() || !(end.is_some() || is_quiet || is_acknowledged || self.held.len() > LONGEST) {
+    /// Takes what is buffered as an answer, if it is whole.
+    fn read_answer(&mut self, driver: &mut DriverState) {
+        let Some(message) = self.in_flight.as_ref().map(|sent| sent.message) else { return self.buffer.clear() };
+        let end = self.buffer.iter().position(|byte| *byte == b'\n');
+        let is_quiet = driver.now_ns().saturating_sub(self.received_ns) >= QUIET_NS;
+        let is_acknowledged = matches!(message, Message::Set(_)) && self.buffer.trim_ascii() == b"ack";
+        let is_whole = end.is_some() || is_quiet || is_acknowledged || self.buffer.len() > LONGEST;
+        if self.buffer.is_empty() || !is_whole {
             return;
         }
-        let held = std::mem::take(&mut self.held);
-        let text = std::str::from_utf8(&held[..end.unwrap_or(held.len())]).unwrap_or("?").trim();
-        let is_taken = match sent {
-            Sent::Set(want) => text == "ack" && self.take_done(want),
-            Sent::Get(name) => text.split_once(' ').is_some_and(|(got, value)| {
-                got == name && value.trim().parse().is_ok_and(|value| self.take_value(now_ns, name, value))
+        let buffer = std::mem::take(&mut self.buffer);
+        let text = std::str::from_utf8(&buffer[..end.unwrap_or(buffer.len())]).unwrap_or("?").trim();
+        let is_taken = match message {
+            Message::Set(goal) if text == "ack" => {
+                self.done = goal;
+                self.actuator.take_over(driver, goal);
+                true
+            }
+            Message::Set(_) => false,
+            Message::Get(name) => text.split_once(' ').is_some_and(|(got, value)| {
+                got == name && value.trim().parse().is_ok_and(|value| self.take_value(driver, name, value))
             }),
         };
         if is_taken {
-            self.ledger.heard_ns = now_ns;
-            self.sent = None;
+            driver.heard();
+            self.in_flight = None;
         } else {
-            self.ledger.tell(DriverEvent::Garbled { bytes_count: held.len() });
+            driver.push_event(DriverEvent::Garbled { bytes_count: buffer.len() });
         }
     }
 
-    fn take_done(&mut self, want: Want) -> bool {
-        self.done = want;
-        match want {
-            Want::Force(force_n) => self.ledger.state.target_n = Some(force_n),
-            Want::Reset if self.want == Want::Reset => self.want = Want::Activate,
-            Want::Activate if self.want == Want::Activate => self.want = Want::Nothing,
-            _ => {}
-        }
-        true
-    }
-
-    fn take_value(&mut self, now_ns: u64, name: &str, value: u8) -> bool {
-        let fault_before = self.status.fault_in_words();
+    fn take_value(&mut self, driver: &mut DriverState, name: &str, value: u8) -> bool {
         match name {
             "STA" if value <= 3 => self.status.activation = value,
             "OBJ" if value <= 3 => self.status.object = value,
             "PRE" => self.status.position_asked = value,
             "POS" => self.status.position = value,
             "FLT" => self.status.fault = value & 0xF,
-            "FOR" => self.ledger.state.target_n = self.ledger.config.force_of_count(value),
+            "FOR" => driver.gripper.target_n = driver.config.force_of_count(value),
             _ => return false,
         }
-        if let (None, Some(why)) = (fault_before, self.status.fault_in_words()) {
-            self.ledger.tell(DriverEvent::FastStop { why });
-            self.want = Want::Nothing;
-        }
         self.heard_count = (self.heard_count + 1).min(QUESTIONS.len());
-        if !self.is_known() {
-            return true;
+        if self.heard_count == QUESTIONS.len() {
+            self.actuator.take_status(driver, self.status, name == "STA");
         }
-        self.is_homing &= !(self.status.is_active() && self.want == Want::Nothing && name == "STA");
-        let state = &mut self.ledger.state;
-        state.time_ns = now_ns;
-        state.jaws = self.status.jaws(state.jaws);
-        state.opening_mm = Some(self.ledger.config.opening_of_count(self.status.position));
         true
     }
+}
 
-    fn watch_deadline(&mut self, now_ns: u64) {
-        let Some((sent, since_ns)) = self.sent else { return };
-        if now_ns.saturating_sub(since_ns) <= ns(self.ledger.config.reply_ms) {
+impl Protocol for Socket {
+    fn linked(&mut self, _driver: &mut DriverState) {
+        *self = Socket { received_ns: self.received_ns, ..Socket::default() };
+    }
+
+    fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]) {
+        let room = (LONGEST + 1).saturating_sub(self.buffer.len()).min(bytes.len());
+        self.buffer.extend_from_slice(&bytes[..room]); // what is longer than any answer is garbage anyway
+        self.received_ns = driver.now_ns();
+        self.read_answer(driver);
+    }
+
+    fn tick(&mut self, driver: &mut DriverState) {
+        self.read_answer(driver);
+        match InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms)
+            .map(|sent| sent.message)
+        {
+            Some(Message::Set(_)) => {
+                self.actuator.goal = Goal::Keep;
+                driver.raise_unanswered("SET");
+            }
+            // A question is asked again in its turn; silence is reported by itself.
+            Some(Message::Get(_)) | None => {}
+        }
+    }
+
+    fn advance(&mut self, driver: &mut DriverState) {
+        if self.in_flight.is_some() {
             return;
         }
-        self.sent = None;
-        // A question is asked again in its turn; silence is told by itself.
-        if let Sent::Set(_) = sent {
-            self.want = Want::Nothing;
-            self.ledger.unanswered("SET");
-        }
-    }
-
-    fn grip(&mut self, command: GripCommand) -> Result<(), Error> {
-        let address = || self.ledger.address.clone();
-        if !self.is_known() {
-            return Err(Error::NotReady { address: address(), expected: "its status" });
-        }
-        if let Some(why) = self.status.fault_in_words() {
-            return Err(Error::FastStop { address: address(), why });
-        }
-        if !self.status.is_active() || self.is_homing {
-            return Err(Error::NotHomed { address: address() });
-        }
-        self.want = match command {
-            GripCommand::Release => Want::Open,
-            GripCommand::Hold { force_n } => Want::Force(self.ledger.admit(force_n)?),
+        let (message, line) = if self.is_on_the_way() {
+            let goal = self.actuator.goal;
+            (Message::Set(goal), Socket::line(goal, driver))
+        } else {
+            let Some(name) = self.next_question(driver) else { return };
+            (Message::Get(name), format!("GET {name}"))
         };
-        Ok(())
-    }
-}
-
-impl Talker for Socket {
-    fn linked(&mut self, now_ns: u64) {
-        self.ledger.linked(now_ns);
-        self.held.clear();
-        (self.status, self.heard_count, self.question, self.round_ns) = (Status::default(), 0, 0, None);
-        (self.want, self.done, self.sent) = (Want::Nothing, Want::Nothing, None);
-        (self.is_homing, self.is_leaving) = (false, false);
-        self.advance(now_ns);
+        self.buffer.clear();
+        write_line(&mut driver.outgoing, &line);
+        self.in_flight = Some(InFlight::new(driver.now_ns(), message));
     }
 
-    fn unlinked(&mut self, _now_ns: u64, why: &str) {
-        self.ledger.unlinked(why);
+    fn check_ready(&self, driver: &DriverState) -> Result<(), Error> {
+        self.actuator.check_ready(driver)
     }
 
-    fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
-        let room = (LONGEST + 1).saturating_sub(self.held.len()).min(bytes.len());
-        self.held.extend_from_slice(&bytes[..room]); // what is longer than any answer is garbage anyway
-        self.held_ns = now_ns;
-        self.read_answer(now_ns);
-        self.advance(now_ns);
-    }
-
-    fn tick(&mut self, now_ns: u64) {
-        if self.ledger.is_linked {
-            self.read_answer(now_ns);
-            self.watch_deadline(now_ns);
-            self.advance(now_ns);
-        }
-    }
-
-    fn outgoing(&mut self) -> &mut Vec<u8> {
-        &mut self.ledger.outgoing
-    }
-}
-
-impl Driver for Socket {
-    fn order(&mut self, now_ns: u64, order: Request) -> Result<(), Error> {
-        self.ledger.ready_for(now_ns, order)?;
-        match order {
-            Request::Grip(command) => self.grip(command)?,
-            Request::Home if self.ledger.state.jaws == Jaws::Holding => return Err(self.ledger.holds_something("home")),
-            Request::Home => (self.want, self.done, self.is_homing) = (Want::Reset, Want::Nothing, true),
-            Request::Acknowledge => {
-                return Err(Error::Unable { address: self.ledger.address.clone(), command: "acknowledge" });
-            }
-            Request::Leave => self.is_leaving = true,
-        }
-        self.advance(now_ns);
+    fn grip(&mut self, _driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
+        self.actuator.grip(command);
         Ok(())
     }
 
-    fn state(&mut self, now_ns: u64) -> Result<GripperState, Error> {
-        self.ledger.report(now_ns)
+    fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
+        self.actuator.home(driver)?;
+        self.done = Goal::Keep;
+        Ok(())
     }
 
-    fn is_busy(&self) -> bool {
-        let is_new = self.ledger.is_linked && !self.is_known();
-        let wants = self.want != Want::Nothing && self.want != self.done;
-        let moves = self.want != Want::Nothing && self.status.object == 0;
-        is_new || wants || moves || self.is_homing || matches!(self.sent, Some((Sent::Set(_), _)))
-    }
-
-    fn next_event(&mut self) -> Option<DriverEvent> {
-        self.ledger.next_event()
-    }
-
-    fn config(&self) -> &Config {
-        &self.ledger.config
-    }
-
-    fn permit_lowering(&mut self, permitted: bool) {
-        self.ledger.permit_lowering(permitted);
+    fn is_busy(&self, driver: &DriverState) -> bool {
+        let is_setting = self.in_flight.as_ref().is_some_and(|sent| matches!(sent.message, Message::Set(_)));
+        is_setting || self.is_on_the_way() || self.actuator.is_busy(driver)
     }
 }

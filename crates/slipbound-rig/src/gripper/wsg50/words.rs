@@ -1,5 +1,9 @@
 //! What the WSG-50's numbers mean.
 
+/// Why a fast stop is latched when a link of ours has ended before.
+pub(crate) const LINK_CUT: &str =
+    "our last link to it was cut without a farewell, as by a pulled cable or a killed program";
+
 /// Commands.
 pub mod id {
     #![allow(missing_docs)]
@@ -63,6 +67,9 @@ pub mod status {
 /// What the jaws are doing with a part.
 pub mod grasp {
     #![allow(missing_docs)]
+
+    use slipbound::port::Jaws;
+
     pub const IDLE: u8 = 0;
     pub const GRASPING: u8 = 1;
     pub const NO_PART: u8 = 2;
@@ -71,6 +78,18 @@ pub mod grasp {
     pub const RELEASING: u8 = 5;
     pub const POSITIONING: u8 = 6;
     pub const ERROR: u8 = 7;
+
+    /// The same for a caller; None: not yet heard.
+    pub(crate) fn jaws(grasp: Option<u8>) -> Jaws {
+        match grasp {
+            Some(GRASPING) => Jaws::Closing,
+            Some(NO_PART) => Jaws::Nothing,
+            Some(PART_LOST) => Jaws::Lost,
+            Some(HOLDING) => Jaws::Holding,
+            Some(IDLE | RELEASING | POSITIONING) => Jaws::Open,
+            _ => Jaws::Unknown,
+        }
+    }
 }
 
 /// Bits of the system state.

@@ -1,8 +1,8 @@
 //! Which plots a run has, by what is known of it.
 
-use super::super::Cycle;
-use slipbound::plant::PlantTruth;
+use slipbound::control::Cycle;
 use slipbound::hand::HandVector;
+use slipbound::plant::PlantTruth;
 
 /// Standard gravity, m/s2 (ISO 80000-3).
 const GRAVITY_M_PER_S2: f64 = 9.80665;

@@ -1,6 +1,6 @@
 //! A picture twice: whole, as a PNG file, and small, as a JPEG for the page.
 
-use super::super::Error;
+use crate::run::error::Error;
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use slipbound::image::Rgb;
 use std::fs::File;

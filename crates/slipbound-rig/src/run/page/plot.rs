@@ -1,22 +1,18 @@
 //! One plot over time as inline SVG. Axes, lines and areas are kuva's; marks, phases and tooltips are put on top, in
 //! the same coordinates.
 
-use super::super::Cycle;
 use super::panels::{Line, Panel, Stroke};
-use super::strips::{PHASE_BAND_PX, phase_band};
+use super::phases::{PHASE_BAND_PX, phase_band};
 use super::text::{Escaped, seconds};
+use super::time_axis::{LEFT_PX, RIGHT_PX, TimeAxis, WIDTH_PX};
 use kuva::plot::{BandPlot, LinePlot};
 use kuva::render::annotations::ReferenceLine;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 use kuva::render::theme::Theme;
+use slipbound::control::Cycle;
 use std::fmt;
 
-/// Width of every plot, in the units of its view box.
-pub(super) const WIDTH_PX: f64 = 1000.0;
-/// Left of the time axis, for labels.
-pub(super) const LEFT_PX: f64 = 68.0;
-const RIGHT_PX: f64 = 14.0;
 /// A number on a mark.
 const BADGE_PX: f64 = 16.0;
 /// Numbers of marks close to each other stand in so many rows at most.
@@ -27,32 +23,6 @@ const POINTS_MOST: usize = 1600;
 const TOOLTIPS_MOST: usize = 180;
 /// Numbers beyond this are drawn as gaps: no force, angle or distance of a hand is there.
 const DRAWN_MOST: f64 = 1e7;
-
-/// Time in the plots.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct TimeAxis {
-    first_ns: u64,
-    last_ns: u64,
-}
-
-impl TimeAxis {
-    /// Over all cycles; None without any.
-    pub fn of(cycles: &[Cycle]) -> Option<Self> {
-        let (first_ns, last_ns) = (cycles.first()?.time_ns, cycles.last()?.time_ns);
-        Some(TimeAxis { first_ns, last_ns: last_ns.max(first_ns.saturating_add(1_000_000)) })
-    }
-
-    /// Where a time is in a plot.
-    pub fn x_px(&self, time_ns: u64) -> f64 {
-        let whole_ns = (self.last_ns - self.first_ns) as f64;
-        let fraction = time_ns.clamp(self.first_ns, self.last_ns).saturating_sub(self.first_ns) as f64 / whole_ns;
-        LEFT_PX + fraction * (WIDTH_PX - LEFT_PX - RIGHT_PX)
-    }
-
-    fn range_s(&self) -> (f64, f64) {
-        (self.first_ns as f64 / 1e9, self.last_ns as f64 / 1e9)
-    }
-}
 
 /// A slip, marked through all plots.
 #[derive(Debug)]

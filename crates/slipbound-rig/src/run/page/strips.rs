@@ -1,89 +1,47 @@
 //! Coloured bands over the time axis: what the task did, which fingers were live, what the loop noted.
 
-use super::super::{Cycle, Event};
-use super::Page;
-use super::plot::{LEFT_PX, TimeAxis, WIDTH_PX};
+use super::phases::{Stretch, class, stretches};
 use super::text::{Escaped, health_name, phase_name, seconds};
+use super::time_axis::{LEFT_PX, TimeAxis, WIDTH_PX};
+use crate::run::event::{Event, TimedEvent};
+use slipbound::control::Cycle;
 use slipbound::hand::Health;
-use slipbound::task::Phase;
 use std::fmt;
 
-/// Height of the phases above each plot.
-pub(super) const PHASE_BAND_PX: f64 = 5.0;
 const ROW_PX: f64 = 20.0;
 /// A band narrower than this has no room for its name.
 const NAMED_PX: f64 = 56.0;
 
-/// A stretch of time in which something stays the same.
-struct Stretch<T> {
-    what: T,
-    from_ns: u64,
-    to_ns: u64,
-}
-
-fn stretches<T: PartialEq + Copy>(cycles: &[Cycle], what: impl Fn(&Cycle) -> T) -> Vec<Stretch<T>> {
-    let mut all: Vec<Stretch<T>> = Vec::new();
-    for cycle in cycles {
-        let now = what(cycle);
-        if let Some(last) = all.last_mut() {
-            last.to_ns = cycle.time_ns;
-            if last.what == now {
-                continue;
-            }
-        }
-        all.push(Stretch { what: now, from_ns: cycle.time_ns, to_ns: cycle.time_ns });
-    }
-    all
-}
-
-fn class(phase: Phase) -> &'static str {
-    match phase {
-        Phase::Grasping => "grasping",
-        Phase::Working => "working",
-        Phase::Waiting => "waiting",
-        Phase::Releasing => "releasing",
-        Phase::Ended(_) => "ended",
-    }
-}
-
-/// The phases as a thin band of rectangles at this height.
-pub(super) fn phase_band(f: &mut fmt::Formatter<'_>, time: &TimeAxis, cycles: &[Cycle], y_px: f64) -> fmt::Result {
-    for Stretch { what, from_ns, to_ns } in stretches(cycles, |c| c.phase) {
-        let (x_px, width_px) = (time.x_px(from_ns), time.x_px(to_ns) - time.x_px(from_ns));
-        let (class, height_px) = (class(what), PHASE_BAND_PX - 1.0);
-        write!(
-            f,
-            "<rect class=\"{class}\" x=\"{x_px:.1}\" y=\"{y_px}\" width=\"{width_px:.1}\" height=\"{height_px}\">"
-        )?;
-        writeln!(f, "<title>{} from {} to {}</title></rect>", phase_name(what), seconds(from_ns), seconds(to_ns))?;
-    }
-    Ok(())
-}
-
 /// Writes the strips: phases always, a finger where it was not live throughout, notes where there are any, and the
 /// stretches in which the whole contact slid.
-pub(super) fn write(f: &mut fmt::Formatter<'_>, time: &TimeAxis, page: &Page<'_>) -> fmt::Result {
-    let mut rows: Vec<(String, String)> = vec![("phase".into(), phases(time, page.cycles))];
+pub(super) fn write(
+    f: &mut fmt::Formatter<'_>,
+    time: &TimeAxis,
+    fingers: &[String],
+    cycles: &[Cycle],
+    events: &[TimedEvent],
+) -> fmt::Result {
+    let mut rows: Vec<(String, String)> = vec![("phase".into(), phases(time, cycles))];
     let gross = |c: &Cycle| c.truth.is_some_and(|truth| truth.gross);
-    if page.cycles.iter().any(gross) {
+    if cycles.iter().any(gross) {
         let name = |slides: bool| if slides { Some(("gone", "whole contact slides")) } else { None };
-        rows.push(("slides".into(), bands(time, &stretches(page.cycles, |c| name(gross(c))))));
+        rows.push(("slides".into(), bands(time, &stretches(cycles, |c| name(gross(c))))));
     }
-    for (i, finger) in page.info.fingers.iter().enumerate() {
+    for (i, finger) in fingers.iter().enumerate() {
         let health = |c: &Cycle| c.hand.health.get(i).copied().unwrap_or_default();
-        if page.cycles.iter().any(|c| health(c) != Health::Live) {
+        if cycles.iter().any(|c| health(c) != Health::Live) {
             let name = |health| Some((if health == Health::Live { "live" } else { "gone" }, health_name(health)));
-            rows.push((finger.clone(), bands(time, &stretches(page.cycles, |c| name(health(c))))));
+            rows.push((finger.clone(), bands(time, &stretches(cycles, |c| name(health(c))))));
         }
     }
-    let notes = notes(time, page);
+    let notes = notes(time, events);
     if !notes.is_empty() {
         rows.push(("notes".into(), notes));
     }
     let height_px = ROW_PX * rows.len() as f64;
     writeln!(f, "<figure class=\"plot strips\">\n<figcaption><b>Phases</b>")?;
     let mut named: Vec<&str> = Vec::new();
-    for Stretch { what, .. } in stretches(page.cycles, |c| c.phase) {
+    for Stretch { what, .. } in stretches(cycles, |c| c.phase) {
         let name = phase_name(what);
         if !named.contains(&name) {
             named.push(name);
@@ -129,9 +87,9 @@ fn bands(time: &TimeAxis, stretches: &[Stretch<Option<(&str, &str)>>]) -> String
     svg
 }
 
-fn notes(time: &TimeAxis, page: &Page<'_>) -> String {
+fn notes(time: &TimeAxis, events: &[TimedEvent]) -> String {
     let mut svg = String::new();
-    for event in page.events {
+    for event in events {
         if let Event::Note { text } = &event.event {
             let x_px = time.x_px(event.time_ns);
             let title = format!("{}: {text}", seconds(event.time_ns));

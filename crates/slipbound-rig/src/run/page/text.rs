@@ -1,6 +1,6 @@
 //! Text for the page: escaped, in words, as base 64.
 
-use super::super::{Event, TimedEvent};
+use crate::run::event::{Event, TimedEvent};
 use slipbound::hand::Health;
 use slipbound::task::Phase;
 use std::fmt::{self, Write};

@@ -1,6 +1,6 @@
-//! What a finger shows by itself: the smooth light on its gel, told from the sharper imprint of an object.
+//! What a finger shows by itself: the smooth light on its gel, separated from the sharper imprint of an object.
 
-use super::shading::smooth;
+use crate::monitor::cell_map::smooth;
 
 /// The rest picture of a finger that is already touched: a smooth surface (a polynomial of degree 6)
 /// fitted to the cells so that the imprint, which is sharper than illumination can be, counts as outliers.

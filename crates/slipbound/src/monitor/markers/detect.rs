@@ -1,9 +1,9 @@
 //! Markers in one picture: spots, their sub-pixel centres, and the markers of the rest frame.
 
-use super::super::imprint::Imprint;
+use super::settings::{Finder, MarkerSettings};
 use super::threshold::ThresholdFinder;
-use super::{Finder, MarkerSettings};
 use crate::image::Mask;
+use crate::monitor::imprint::Imprint;
 use crate::pixels::centroid::EdgeKernel;
 use crate::pixels::dots::{DotFinder, Spot};
 use crate::plane::Vec2;
@@ -101,7 +101,7 @@ impl Detector {
     pub(crate) fn markers_at_rest(&mut self, imprint: &Imprint) -> Vec<RestMarker> {
         self.learn(&imprint.flat);
         let spots = self.spots(imprint, self.settings.birth_min_levels).to_vec();
-        // Strongest first: half of the markers that fit into the image are surely markers.
+        // Strongest first: half of the markers that fit into the image are markers for certain.
         let typical = spots.get((self.expected_count / 2).min(spots.len().saturating_sub(1)));
         let least = typical.map_or(0.0, |s| s.response_levels * self.settings.birth_contrast_fraction as f32);
         let mut markers: Vec<RestMarker> = spots

@@ -4,8 +4,9 @@
 //! contradicts all neighbours is undone; a marker without a spot is sought where its neighbours went. A marker
 //! still without a spot is expected there, and coasts with them.
 
-use super::super::Marker;
+use super::spot_index::SpotIndex;
 use crate::image::SizePx;
+use crate::monitor::report::Marker;
 use crate::pixels::dots::Spot;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
@@ -15,9 +16,9 @@ const NEIGHBOURS: usize = 8;
 /// A match is undone when it is further from what the neighbours say than this: a swap with the next marker is a
 /// whole pitch off, the gradient at the rim of a slipping contact less than half of one.
 const CONTRADICTION_PITCH: f64 = 0.6;
-/// Of the markers in view, this share may be missed in a frame that is believed.
+/// Of the markers in view, this share may be missed in a frame that is trusted.
 const MISSED_FRACTION: f64 = 0.02;
-/// How far, in the root mean square, markers may be from where their neighbours went in a frame that is believed. Real
+/// How far, in the root mean square, markers may be from where their neighbours went in a frame that is trusted. Real
 /// contacts stay below 0.08, matches to noise are at 0.2 and more.
 const DISAGREEMENT_PITCH: f64 = 0.15;
 /// How near a spot must be to where the neighbours went.
@@ -50,11 +51,7 @@ pub(super) struct Matching {
     pitch_px: f64,
     radius_px: f64,
     size: SizePx,
-    bucket_px: f64,
-    buckets: SizePx,
-    bucket_start: Vec<u32>,
-    bucket_spots: Vec<u32>,
-    spots: Vec<Spot>,
+    spots: SpotIndex,
     spot_taken: Vec<bool>,
     least_response: Vec<f32>,
     predicted: Vec<Vec2>,
@@ -64,8 +61,8 @@ pub(super) struct Matching {
     saved_match_of: Vec<u32>,
     saved_predicted: Vec<Vec2>,
     disagreement_pitch: f64,
-    /// The round from which on a marker without a spot is believed to be where its neighbours told; 0 for never.
-    told: Vec<usize>,
+    /// The round from which on the place inferred for a marker without a spot counts for its neighbours; 0 for never.
+    inferred_from_round: Vec<usize>,
     round: usize,
     neighbours: Vec<[u32; NEIGHBOURS]>,
     neighbours_count: Vec<usize>,
@@ -74,10 +71,6 @@ pub(super) struct Matching {
 impl Matching {
     pub(super) fn new(sensor: &Sensor, markers: &[Marker]) -> Self {
         let (size, pitch_px) = (sensor.rectified_px(), sensor.pitch_px);
-        let bucket_px = 0.5 * pitch_px;
-        let along = |px: usize| (px as f64 / bucket_px).ceil() as usize + 1;
-        let buckets = SizePx::new(along(size.width), along(size.height));
-        let most_spots = size.area() / 4 + size.width + size.height;
         let mut neighbours = vec![[0; NEIGHBOURS]; markers.len()];
         let mut neighbours_count = vec![0; markers.len()];
         let mut order: Vec<(f64, u32)> = Vec::new();
@@ -94,12 +87,8 @@ impl Matching {
             radius_px: sensor.marker_diameter_px / 2.0,
             size,
             disagreement_pitch: 0.0,
-            bucket_px,
-            buckets,
-            bucket_start: vec![0; buckets.area() + 1],
-            bucket_spots: Vec::with_capacity(most_spots),
-            spots: Vec::with_capacity(most_spots),
-            spot_taken: Vec::with_capacity(most_spots),
+            spots: SpotIndex::new(size, 0.5 * pitch_px),
+            spot_taken: Vec::with_capacity(SpotIndex::most_spots(size)),
             least_response: vec![0.0; markers.len()],
             predicted: vec![Vec2::ZERO; markers.len()],
             match_of: vec![NO_SPOT; markers.len()],
@@ -108,7 +97,7 @@ impl Matching {
             undone: vec![false; markers.len()],
             saved_match_of: vec![NO_SPOT; markers.len()],
             saved_predicted: vec![Vec2::ZERO; markers.len()],
-            told: vec![0; markers.len()],
+            inferred_from_round: vec![0; markers.len()],
             round: 0,
             neighbours,
             neighbours_count,
@@ -117,30 +106,10 @@ impl Matching {
 
     /// Takes the spots of a frame; every marker is unmatched again.
     pub(super) fn take_spots(&mut self, spots: &[Spot]) {
-        self.spots.clear();
-        self.spots.extend_from_slice(spots);
+        self.spots.take(spots);
         self.spot_taken.clear();
         self.spot_taken.resize(spots.len(), false);
         self.match_of.fill(NO_SPOT);
-        // A counting sort: each entry first counts its bucket, then says where it ends, and, once the spots have been
-        // put in from behind, where it begins.
-        self.bucket_start.fill(0);
-        for spot in &self.spots {
-            let bucket = self.bucket(spot.position);
-            self.bucket_start[bucket] += 1;
-        }
-        let mut end = 0;
-        for start in &mut self.bucket_start {
-            end += *start;
-            *start = end;
-        }
-        self.bucket_spots.clear();
-        self.bucket_spots.resize(spots.len(), 0);
-        for i in (0..spots.len()).rev() {
-            let bucket = self.bucket(self.spots[i].position);
-            self.bucket_start[bucket] -= 1;
-            self.bucket_spots[self.bucket_start[bucket] as usize] = i as u32;
-        }
     }
 
     /// The least contrast of a spot that may be marker `i`.
@@ -159,7 +128,7 @@ impl Matching {
         let (mut sum, mut count) = (0.0, 0u32);
         for place in places.filter(|&p| self.in_view(p)) {
             let mut best = reach_px * reach_px;
-            self.near(place, |_, distance_squared| best = best.min(distance_squared));
+            self.spots.near(place, |_, distance_squared| best = best.min(distance_squared));
             sum += best;
             count += 1;
         }
@@ -178,7 +147,7 @@ impl Matching {
         self.tear(markers) > TORN_FRACTION * markers.len() as f64
     }
 
-    /// Whether the matches of this frame may be believed: hardly a marker in view is missed, and each moved much as
+    /// Whether the matches of this frame can be trusted: hardly a marker in view is missed, and each moved much as
     /// its neighbours did. Noise, glare and swapped markers are not like that.
     pub(super) fn trustworthy(&self) -> bool {
         let (mut missed, mut count) = (0u32, 0u32);
@@ -199,8 +168,8 @@ impl Matching {
             if self.match_of[marker] != NO_SPOT {
                 continue;
             }
-            self.near(self.predicted[marker], |spot, distance_squared| {
-                let strong = self.spots[spot as usize].response_levels >= self.least_response[marker];
+            self.spots.near(self.predicted[marker], |spot, distance_squared| {
+                let strong = self.spots.all()[spot as usize].response_levels >= self.least_response[marker];
                 if strong && !self.spot_taken[spot as usize] && distance_squared <= reach_px * reach_px {
                     pairs.push(Pair { distance_squared, marker: marker as u32, spot });
                 }
@@ -225,8 +194,8 @@ impl Matching {
         self.round = 0;
         let (mut sum, mut count) = (0.0, 0u32);
         for i in 0..markers.len() {
-            let told = self.spot_of(i).zip(self.where_neighbours_went(markers, i));
-            let off_pitch = told.map(|(spot, place)| (spot.position - place).length() / self.pitch_px);
+            let predicted = self.spot_of(i).zip(self.predicted_by_neighbours(markers, i));
+            let off_pitch = predicted.map(|(spot, place)| (spot.position - place).length() / self.pitch_px);
             self.undone[i] = off_pitch.is_some_and(|off| off > CONTRADICTION_PITCH);
             sum += off_pitch.map_or(0.0, |off| off * off);
             count += u32::from(off_pitch.is_some());
@@ -242,19 +211,19 @@ impl Matching {
     }
 
     /// A gel that snaps back moves by a pitch within a frame, and each marker then finds the spot of the next. The
-    /// field is torn where that region ends. Grows it anew from the markers that hardly moved before (`believed`),
+    /// field is torn where that region ends. Grows it anew from the markers that hardly moved before (`trusted`),
     /// and keeps whichever is torn less.
-    pub(super) fn mend_tear(&mut self, markers: &[Marker], believed: impl Iterator<Item = Vec2>) {
+    pub(super) fn repair_tear(&mut self, markers: &[Marker], trusted: impl Iterator<Item = Vec2>) {
         let torn = self.tear(markers);
         self.saved_match_of.copy_from_slice(&self.match_of);
         self.saved_predicted.copy_from_slice(&self.predicted);
-        for ((undone, m), believed) in self.undone.iter_mut().zip(markers).zip(believed) {
-            *undone = (believed - m.rest).length() > STILL_PITCH * self.pitch_px;
+        for ((undone, m), trusted) in self.undone.iter_mut().zip(markers).zip(trusted) {
+            *undone = (trusted - m.rest).length() > STILL_PITCH * self.pitch_px;
         }
         self.spot_taken.fill(false);
         self.match_of.fill(NO_SPOT);
         for (i, m) in markers.iter().enumerate() {
-            // What may have moved is out of reach until a neighbour tells where it went.
+            // What may have moved is out of reach until a neighbour predicts where it went.
             let far = Vec2::new(f64::NAN, f64::NAN);
             self.predicted[i] = if self.undone[i] { far } else { m.rest };
         }
@@ -265,7 +234,7 @@ impl Matching {
         }
         self.match_of.copy_from_slice(&self.saved_match_of);
         self.predicted.copy_from_slice(&self.saved_predicted);
-        self.told.fill(0);
+        self.inferred_from_round.fill(0);
         self.spot_taken.fill(false);
         for &spot in self.match_of.iter().filter(|&&spot| spot != NO_SPOT) {
             self.spot_taken[spot as usize] = true;
@@ -279,8 +248,8 @@ impl Matching {
             None => f64::from(!self.predicted[i].is_finite() || self.in_view(self.predicted[i])),
             Some(spot) => {
                 let off_pitch = self
-                    .where_neighbours_went(markers, i)
-                    .map_or(CONTRADICTION_PITCH, |told| (spot.position - told).length() / self.pitch_px);
+                    .predicted_by_neighbours(markers, i)
+                    .map_or(CONTRADICTION_PITCH, |predicted| (spot.position - predicted).length() / self.pitch_px);
                 let share = (off_pitch / CONTRADICTION_PITCH).min(1.0);
                 share * share
             }
@@ -290,7 +259,7 @@ impl Matching {
 
     /// Seeks markers without a spot where their neighbours went, further in at each round.
     fn ask_neighbours(&mut self, markers: &[Marker], rounds_count: usize) {
-        self.told.fill(0);
+        self.inferred_from_round.fill(0);
         self.round = 0;
         for round in 1..=rounds_count {
             let mut asked = false;
@@ -298,10 +267,11 @@ impl Matching {
                 if self.match_of[i] != NO_SPOT {
                     continue;
                 }
-                if let Some(place) = self.where_neighbours_went(markers, i) {
+                if let Some(place) = self.predicted_by_neighbours(markers, i) {
                     self.predicted[i] = place;
-                    // Believed by others from the next round on.
-                    self.told[i] = if self.told[i] == 0 { round + 1 } else { self.told[i] };
+                    // Used by others from the next round on.
+                    self.inferred_from_round[i] =
+                        if self.inferred_from_round[i] == 0 { round + 1 } else { self.inferred_from_round[i] };
                     asked = true;
                 }
             }
@@ -313,18 +283,18 @@ impl Matching {
         }
     }
 
-    /// Where a marker is: its spot, or where its neighbours have told in an earlier round of asking.
+    /// Where a marker is: its spot, or where its neighbours put it in an earlier round.
     fn known(&self, marker: usize) -> Option<Vec2> {
-        let told = || (1..=self.round).contains(&self.told[marker]).then(|| self.predicted[marker]);
-        self.spot_of(marker).map(|s| s.position).or_else(told)
+        let inferred = || (1..=self.round).contains(&self.inferred_from_round[marker]).then(|| self.predicted[marker]);
+        self.spot_of(marker).map(|s| s.position).or_else(inferred)
     }
 
     /// The spot of a marker.
     pub(super) fn spot_of(&self, marker: usize) -> Option<&Spot> {
-        self.spots.get(self.match_of[marker] as usize)
+        self.spots.all().get(self.match_of[marker] as usize)
     }
 
-    /// Where a marker without a spot is believed to be.
+    /// Where a marker without a spot is expected.
     pub(super) fn expected(&self, marker: usize) -> Vec2 {
         self.predicted[marker]
     }
@@ -333,16 +303,16 @@ impl Matching {
     /// its neighbours went. None without spot or neighbours.
     pub(super) fn cut(&self, markers: &[Marker], marker: usize) -> Option<Vec2> {
         let own = self.spot_of(marker)?.position;
-        let told = self.where_neighbours_went(markers, marker)?;
+        let predicted = self.predicted_by_neighbours(markers, marker)?;
         let near = |v: f64, end: usize| v < self.radius_px + 0.5 || v > end as f64 - 1.5 - self.radius_px;
-        let x = if near(own.x, self.size.width) { told.x } else { own.x };
-        let y = if near(own.y, self.size.height) { told.y } else { own.y };
+        let x = if near(own.x, self.size.width) { predicted.x } else { own.x };
+        let y = if near(own.y, self.size.height) { predicted.y } else { own.y };
         Some(Vec2::new(x, y))
     }
 
     /// Rest position plus the displacement of the neighbours whose place is known, carried over by a plane fitted to it; None
     /// with fewer than three of them.
-    fn where_neighbours_went(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
+    fn predicted_by_neighbours(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
         let here = markers[i].rest;
         let found = || {
             self.neighbours[i][..self.neighbours_count[i]].iter().filter_map(|&n| {
@@ -360,7 +330,7 @@ impl Matching {
             return None;
         }
         let (arm, shift) = (arm / count, shift / count);
-        // Least squares for the slope of the displacement, held down where the neighbours cannot tell it.
+        // Least squares for the slope of the displacement, held down where the neighbours do not determine it.
         let ridge = 0.5 * self.pitch_px * self.pitch_px;
         let (mut xx, mut xy, mut yy) = (ridge, 0.0, ridge);
         let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
@@ -376,27 +346,5 @@ impl Matching {
         let slope_x = (by_x * yy - by_y * xy) / det;
         let slope_y = (by_y * xx - by_x * xy) / det;
         Some(here + shift - slope_x * arm.x - slope_y * arm.y)
-    }
-
-    fn bucket(&self, p: Vec2) -> usize {
-        let index = |v: f64, end: usize| ((v / self.bucket_px).max(0.0) as usize).min(end - 1);
-        index(p.y, self.buckets.height) * self.buckets.width + index(p.x, self.buckets.width)
-    }
-
-    /// Calls back with every spot in the nine buckets around a place: all within half a pitch, and some beyond.
-    fn near(&self, place: Vec2, mut see: impl FnMut(u32, f64)) {
-        if !place.is_finite() {
-            return;
-        }
-        let index = |v: f64, end: usize| ((v / self.bucket_px).max(0.0) as usize).min(end - 1);
-        let (column, row) = (index(place.x, self.buckets.width), index(place.y, self.buckets.height));
-        for row in row.saturating_sub(1)..=(row + 1).min(self.buckets.height - 1) {
-            for column in column.saturating_sub(1)..=(column + 1).min(self.buckets.width - 1) {
-                let b = row * self.buckets.width + column;
-                for &spot in &self.bucket_spots[self.bucket_start[b] as usize..self.bucket_start[b + 1] as usize] {
-                    see(spot, (self.spots[spot as usize].position - place).length_squared());
-                }
-            }
-        }
     }
 }

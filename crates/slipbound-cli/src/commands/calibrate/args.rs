@@ -1,0 +1,178 @@
+//! The arguments of `slipbound calibrate`, and what follows from them alone.
+
+use crate::commands::watch::recording::Recording;
+use crate::commands::watch::simulation;
+use crate::outcome::Failure;
+use anyhow::anyhow;
+use slipbound::calibrate::KnownFacts;
+use slipbound::sensor::{Flip, Polarity, Skin};
+use slipbound_rig::source;
+use std::fs;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// The arguments of `slipbound calibrate`.
+#[derive(Debug, clap::Args)]
+pub struct Calibrate {
+    /// The untouched finger: an image, an image folder, a quoted pattern, a video file, or a scene ('sim:SCENE').
+    /// With --weight-g: a recording that begins untouched, then holds the mass while it stands, and ends with the mass
+    /// hanging still
+    pub(super) source: String,
+    /// The sensor file to write; a picture with the grid drawn in goes beside it
+    #[arg(short, long, value_name = "FILE.toml", value_parser = toml_name)]
+    pub(super) output: PathBuf,
+    /// Distance between neighbouring markers on the gel, measured by you; without it no millimetre is reported
+    #[arg(long, value_name = "MM")]
+    pub(super) pitch_mm: Option<f64>,
+    /// Serial number of this finger
+    #[arg(long)]
+    pub(super) serial: Option<String>,
+    /// What this kind of finger is called [default: the name of the file]
+    #[arg(long)]
+    pub(super) name: Option<String>,
+    /// The mirror image that the camera delivers; a grid cannot tell
+    #[arg(long, value_enum, default_value = "none")]
+    pub(super) flip: FlipArgument,
+    /// What covers the gel; an untouched finger cannot tell
+    #[arg(long, value_enum, default_value = "smooth")]
+    pub(super) skin: SkinArgument,
+    /// Whether markers are dark or bright [default: found]
+    #[arg(long, value_enum)]
+    pub(super) polarity: Option<PolarityArgument>,
+    /// Use frames A up to but not B, all of them untouched [default: those at rest among the first 20]
+    #[arg(long, value_name = "A..B", value_parser = range)]
+    pub(super) frames: Option<Range<u64>>,
+    /// Measure the shear stiffness: the mass in grams that hangs on the finger at the end of SOURCE
+    #[arg(long, value_name = "G", requires = "sensor", conflicts_with_all = ["pitch_mm", "serial", "name", "flip", "skin", "polarity", "frames"])]
+    pub(super) weight_g: Option<f64>,
+    /// With --weight-g: the finger, calibrated before; its file is taken over
+    #[arg(long, value_name = "NAME|FILE.toml", requires = "weight_g")]
+    pub(super) sensor: Option<String>,
+    /// With --weight-g: how many fingers share the mass
+    #[arg(long, value_name = "COUNT", default_value_t = 1, requires = "weight_g")]
+    pub(super) fingers: u32,
+    /// With --weight-g: the mass is held and still stands in frames A up to but not B [default: the longest part in which nothing moves]
+    #[arg(long, value_name = "A..B", value_parser = range, requires = "weight_g")]
+    pub(super) held: Option<Range<u64>>,
+    /// With --weight-g: the mass hangs in frames A up to but not B [default: those at the end in which nothing moves]
+    #[arg(long, value_name = "A..B", value_parser = range, requires = "weight_g")]
+    pub(super) hanging: Option<Range<u64>>,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub(super) enum FlipArgument {
+    None,
+    Vertical,
+    Horizontal,
+    Both,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub(super) enum SkinArgument {
+    Smooth,
+    Fabric,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub(super) enum PolarityArgument {
+    Dark,
+    Bright,
+}
+
+/// `A..B`, A below B.
+fn range(text: &str) -> Result<Range<u64>, String> {
+    let parsed = text.split_once("..").and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
+    match parsed {
+        Some(range) if range.start < range.end => Ok(range),
+        Some(_) => Err(format!("expected A below B, got {text}")),
+        None => Err(format!("expected two whole numbers A..B, got {text}")),
+    }
+}
+
+/// A file that is recognised as one when it is given back as `--sensor`.
+fn toml_name(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension().is_some_and(|e| e == "toml") && path.file_stem().is_some() {
+        true => Ok(path),
+        false => Err(format!("expected a name that ends in .toml, got {text}")),
+    }
+}
+
+impl Calibrate {
+    /// What the user says about the finger.
+    pub(super) fn known(&self) -> KnownFacts {
+        let stem = self.output.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let source = Path::new(&self.source).file_name().map(|s| s.to_string_lossy().into_owned());
+        KnownFacts {
+            name: self.name.clone().unwrap_or(stem),
+            description: format!("Calibrated from {}.", source.unwrap_or_else(|| self.source.clone())),
+            serial: self.serial.clone(),
+            pitch_mm: self.pitch_mm,
+            flip: match self.flip {
+                FlipArgument::None => Flip::None,
+                FlipArgument::Vertical => Flip::Vertical,
+                FlipArgument::Horizontal => Flip::Horizontal,
+                FlipArgument::Both => Flip::Both,
+            },
+            skin: match self.skin {
+                SkinArgument::Smooth => Skin::Smooth,
+                SkinArgument::Fabric => Skin::Fabric,
+            },
+            polarity: self.polarity.map(|p| match p {
+                PolarityArgument::Dark => Polarity::Dark,
+                PolarityArgument::Bright => Polarity::Bright,
+            }),
+        }
+    }
+
+    /// Opens the source.
+    pub(super) fn open(&self) -> Result<Recording, Failure> {
+        if let Some(scene) = simulation::scene(&self.source) {
+            return simulation::open(scene).map(Recording::new);
+        }
+        source::open(&self.source).map(Recording::new).map_err(|e| match e {
+            source::Error::Missing { .. } | source::Error::Pattern { .. } | source::Error::NoImages { .. } => {
+                Failure::arguments(e)
+            }
+            other => Failure::Work(other.into()),
+        })
+    }
+
+    /// The picture with the grid drawn in.
+    pub(super) fn picture(&self) -> PathBuf {
+        self.output.with_extension("png")
+    }
+
+    /// Neither the file nor the picture may fall on the source.
+    pub(super) fn refuse_overwriting(&self) -> Result<(), Failure> {
+        let Ok(source) = fs::canonicalize(&self.source) else { return Ok(()) };
+        for path in [self.output.clone(), self.picture()] {
+            if fs::canonicalize(&path).is_ok_and(|p| p == source) {
+                let path = path.display();
+                return Err(Failure::Arguments(anyhow!(
+                    "--output: expected a place of its own, got {path}, the source"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the sensor file.
+    pub(super) fn write_output(&self, text: &str) -> Result<(), Failure> {
+        fs::write(&self.output, text).map_err(|e| Failure::work(format!("{}: cannot write", self.output.display()), e))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_range_of_frames_and_a_toml_name() {
+        assert_eq!(range("3..9"), Ok(3..9));
+        assert_eq!(range("9..3"), Err("expected A below B, got 9..3".into()));
+        assert_eq!(range("3.."), Err("expected two whole numbers A..B, got 3..".into()));
+        assert!(toml_name("a/b.toml").is_ok());
+        assert_eq!(toml_name("b.json"), Err("expected a name that ends in .toml, got b.json".into()));
+    }
+}

@@ -1,0 +1,140 @@
+//! Faults of a camera from a time on, in the middle of a task: to show that the object stays held.
+
+use super::picture::{copy_picture, encode_again};
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use std::fmt;
+use std::str::FromStr;
+
+/// The kind of fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CameraFaultKind {
+    /// Frames stop coming.
+    Lost,
+    /// The same picture comes again and again.
+    Frozen,
+    /// Every frame is torn.
+    Torn,
+    /// The light goes out.
+    Dark,
+    /// Left and right are exchanged, from the start.
+    Swapped,
+}
+
+const NAMES: [(CameraFaultKind, &str); 5] = [
+    (CameraFaultKind::Lost, "lost"),
+    (CameraFaultKind::Frozen, "frozen"),
+    (CameraFaultKind::Torn, "torn"),
+    (CameraFaultKind::Dark, "dark"),
+    (CameraFaultKind::Swapped, "swapped"),
+];
+
+/// The names of fingers 0 and 1.
+const SIDES: [&str; 2] = ["left", "right"];
+
+/// Latest time at which a fault may begin, in s.
+const LATEST_S: f64 = 3600.0;
+
+/// Grey level of every pixel when the light is out.
+const DARK_LEVEL: u8 = 2;
+
+/// A fault of the cameras: its kind, when it begins, which finger it affects: `frozen@3`, `lost@2.5:left`. Without a time it begins at the
+/// start, without a side it affects both fingers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraFault {
+    kind: CameraFaultKind,
+    from_ns: u64,
+    finger: Option<usize>,
+}
+
+impl CameraFault {
+    /// The kind of fault.
+    pub fn kind(&self) -> CameraFaultKind {
+        self.kind
+    }
+
+    /// Whether left and right are exchanged. The pictures are unchanged then; the caller exchanges the mountings.
+    pub fn swaps_fingers(&self) -> bool {
+        self.kind == CameraFaultKind::Swapped
+    }
+
+    /// Whether it affects this finger: 0 left, 1 right.
+    pub fn applies_to(&self, finger: usize) -> bool {
+        self.finger.is_none_or(|hit| hit == finger)
+    }
+}
+
+/// A text that does not describe a camera fault.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("expected lost, frozen, torn, dark or swapped with @SECONDS and :left or :right as wanted, got `{got}`")]
+pub struct CameraFaultError {
+    /// The text given.
+    pub got: String,
+}
+
+impl FromStr for CameraFault {
+    type Err = CameraFaultError;
+
+    fn from_str(text: &str) -> Result<Self, CameraFaultError> {
+        let refused = || CameraFaultError { got: text.into() };
+        let (rest, finger) = match text.split_once(':') {
+            Some((rest, side)) => {
+                let finger = SIDES.iter().position(|known| *known == side).ok_or_else(refused)?;
+                (rest, Some(finger))
+            }
+            None => (text, None),
+        };
+        let (name, seconds) = rest.split_once('@').unwrap_or((rest, "0"));
+        let (kind, _) = NAMES.iter().find(|(_, known)| *known == name).ok_or_else(refused)?;
+        let seconds_s: f64 = seconds.parse().ok().filter(|s| (0.0..=LATEST_S).contains(s)).ok_or_else(refused)?;
+        Ok(CameraFault { kind: *kind, from_ns: (seconds_s * 1e9) as u64, finger })
+    }
+}
+
+impl fmt::Display for CameraFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = NAMES.iter().find(|(kind, _)| *kind == self.kind).map_or("", |(_, name)| name);
+        write!(f, "{name}@{}", self.from_ns as f64 * 1e-9)?;
+        self.finger.and_then(|finger| SIDES.get(finger)).map_or(Ok(()), |side| write!(f, ":{side}"))
+    }
+}
+
+/// A camera that fails at a given time and stays so.
+#[derive(Debug)]
+pub struct CameraFaults<S> {
+    source: S,
+    fault: Option<CameraFault>,
+    /// The picture that a frozen camera repeats; None before the first.
+    last: Option<FrameBuffer>,
+}
+
+impl<S: FrameSource> CameraFaults<S> {
+    /// The source with a fault; as the source is where there is none.
+    pub fn new(source: S, fault: Option<CameraFault>) -> Self {
+        CameraFaults { source, fault, last: None }
+    }
+}
+
+impl<S: FrameSource> FrameSource for CameraFaults<S> {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        let next = self.source.next(into)?;
+        let Some(fault) = self.fault.filter(|_| next == Next::Frame) else { return Ok(next) };
+        let has_begun = into.time_ns.unwrap_or(0) >= fault.from_ns;
+        match fault.kind {
+            // Kept before the fault begins; a camera that is frozen from the start repeats its first picture.
+            CameraFaultKind::Frozen => match &mut self.last {
+                Some(last) if has_begun => copy_picture(last, into),
+                Some(last) => copy_picture(into, last),
+                None => self.last = Some(into.clone()),
+            },
+            _ if !has_begun => {}
+            CameraFaultKind::Lost => return Ok(Next::Silent),
+            CameraFaultKind::Torn => return Ok(Next::Torn { reason: "cut off".into() }),
+            CameraFaultKind::Dark => {
+                into.pixels.fill(DARK_LEVEL);
+                encode_again(into)?;
+            }
+            CameraFaultKind::Swapped => {}
+        }
+        Ok(next)
+    }
+}

@@ -1,0 +1,200 @@
+//! The score of a simulated run, from the truth: did the task do what it is for, with how much force.
+//!
+//! ```text
+//!   every cycle: time, phase, commanded force, alarms, HandTruth --> RunScore --> succeeded, over-squeeze, ...
+//! ```
+
+use crate::hand::HandTruth;
+use slipbound::task::{Ending, Phase, TaskKind};
+
+/// Least force of the gripper, N per finger: what a perfect controller would still press with.
+const LEAST_GRIP_N: f64 = 5.0;
+
+/// Radius of the cap, mm, and the force per finger, N, for the largest torque that the fingers can exert.
+const CAP_RADIUS_MM: f64 = 14.0;
+const FULL_GRIP_N: f64 = 60.0;
+
+/// Most force on the ground while a tool is put down: this many times its weight, or this force, N.
+const GROUND_WEIGHTS: f64 = 1.5;
+const GROUND_N: f64 = 3.0;
+
+/// Furthest fall of a tool when it is let go, mm.
+const DROP_MM: f64 = 1.0;
+
+/// Most force on the ground while a tool of this weight is put down, N.
+pub fn most_ground_n(weight_n: f64) -> f64 {
+    (GROUND_WEIGHTS * weight_n).max(GROUND_N)
+}
+
+/// What adds up over a run.
+#[derive(Debug, Clone, Default)]
+pub struct RunScore {
+    /// How the task ended; None when the scene was over before.
+    pub ending: Option<Ending>,
+    /// When, s.
+    pub ended_s: Option<f64>,
+    /// Time of the last cycle, s.
+    pub time_s: f64,
+    /// Incipient slips that the controller answered, or would have had it not been at its limit.
+    pub alarms_count: u32,
+    /// Largest commanded force, N per finger.
+    pub most_n: f64,
+    /// Least force from the end of grasping on, N per finger; None when the task never came so far.
+    pub least_held_n: Option<f64>,
+    /// The truth at the end.
+    pub last: HandTruth,
+    /// Largest torque on a cap, N mm.
+    pub torque_n_mm: f64,
+    /// Sums over the cycles in which more than the least grip was required.
+    pressed_sum_n: f64,
+    required_sum_n: f64,
+    first_alarm_used_fraction: Option<f64>,
+}
+
+impl RunScore {
+    /// Takes the next cycle: its time, the phase of the task, the force per finger that was commanded (None for a
+    /// release), the controller's count of alarms so far, and what was true then, where that is known.
+    pub fn add_cycle(
+        &mut self,
+        now_ns: u64,
+        phase: Phase,
+        commanded_n: Option<f64>,
+        alarms_count: u32,
+        truth: Option<&HandTruth>,
+    ) {
+        self.time_s = now_ns as f64 * 1e-9;
+        self.most_n = self.most_n.max(commanded_n.unwrap_or(0.0));
+        if let (Phase::Ended(ending), None) = (phase, self.ending) {
+            self.ending = Some(ending);
+            self.ended_s = Some(self.time_s);
+        }
+        let is_alarm = alarms_count > self.alarms_count;
+        self.alarms_count = alarms_count;
+        let Some(truth) = truth else { return };
+        if is_alarm && self.first_alarm_used_fraction.is_none() && truth.grip_force_n > 0.0 {
+            self.first_alarm_used_fraction = Some(truth.required_n / truth.grip_force_n);
+        }
+        if matches!(phase, Phase::Working | Phase::Waiting | Phase::Ended(_)) {
+            self.least_held_n.get_or_insert(truth.grip_force_n);
+        }
+        self.add_truth(truth);
+        if truth.required_n > LEAST_GRIP_N {
+            self.pressed_sum_n += truth.grip_force_n;
+            self.required_sum_n += truth.required_n;
+        }
+        if let Some(cap) = &truth.cap {
+            self.torque_n_mm = self.torque_n_mm.max(cap.torque_n_mm.abs());
+        }
+    }
+
+    /// Takes what is true when no commands went out: the loop waits, or has been left.
+    pub fn add_truth(&mut self, truth: &HandTruth) {
+        if let Some(least_n) = &mut self.least_held_n {
+            *least_n = least_n.min(truth.grip_force_n);
+        }
+        self.last.clone_from(truth);
+    }
+
+    /// Whether the task did what it is for: it ended as it should, a bottle did not slide, a tool was put down softly.
+    pub fn succeeded(&self, kind: TaskKind) -> bool {
+        match kind {
+            TaskKind::Screw => matches!(self.ending, Some(Ending::Tight | Ending::SlipAtMost)),
+            TaskKind::Unscrew => self.ending == Some(Ending::Opened),
+            TaskKind::Place => {
+                let softly = self.last.ground.as_ref().is_some_and(|ground| {
+                    ground.peak_force_n <= most_ground_n(ground.weight_n)
+                        && ground.free_drop_mm.is_some_and(|mm| mm <= DROP_MM)
+                });
+                self.ending == Some(Ending::Placed) && softly
+            }
+            TaskKind::Lift => self.ending == Some(Ending::Held) && self.last.gross_steps_count == 0,
+        }
+    }
+
+    /// Mean force over mean required force, while more than the gripper's least was required; None when it never was.
+    pub fn over_squeeze_ratio(&self) -> Option<f64> {
+        (self.required_sum_n > 0.0).then(|| self.pressed_sum_n / self.required_sum_n)
+    }
+
+    /// Largest torque on a cap over 2 mu 60 N R; None where there is no cap.
+    pub fn torque_fraction(&self, mu: f64) -> Option<f64> {
+        self.last.cap.as_ref()?;
+        Some(self.torque_n_mm / (2.0 * mu * FULL_GRIP_N * CAP_RADIUS_MM))
+    }
+
+    /// Share of the friction that was used at the first alarm; None without one.
+    pub fn first_alarm_used_fraction(&self) -> Option<f64> {
+        self.first_alarm_used_fraction
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plants::{CapTruth, GroundTruth};
+
+    fn pressed(grip_force_n: f64, required_n: f64) -> HandTruth {
+        HandTruth { grip_force_n, required_n, ..HandTruth::default() }
+    }
+
+    const SECOND_NS: u64 = 1_000_000_000;
+
+    #[test]
+    fn forces_alarms_and_the_ending_add_up_over_cycles() {
+        let mut score = RunScore::default();
+        score.add_cycle(SECOND_NS, Phase::Grasping, Some(10.0), 0, Some(&pressed(2.0, 0.0)));
+        assert_eq!(score.least_held_n, None, "still grasping");
+        score.add_cycle(2 * SECOND_NS, Phase::Working, Some(10.0), 0, Some(&pressed(10.0, 6.0)));
+        score.add_cycle(3 * SECOND_NS, Phase::Waiting, Some(14.0), 1, Some(&pressed(10.0, 8.0)));
+        score.add_cycle(4 * SECOND_NS, Phase::Working, Some(14.0), 2, Some(&pressed(14.0, 4.0)));
+        score.add_truth(&pressed(9.0, 4.0));
+        assert_eq!((score.ending, score.alarms_count, score.most_n), (None, 2, 14.0));
+        assert_eq!((score.least_held_n, score.last.grip_force_n), (Some(9.0), 9.0));
+        assert_eq!(score.first_alarm_used_fraction(), Some(0.8), "at the first of the two");
+        assert_eq!(score.over_squeeze_ratio(), Some(20.0 / 14.0), "only where more than 5 N was required");
+        score.add_cycle(5 * SECOND_NS, Phase::Ended(Ending::Held), None, 2, None);
+        score.add_cycle(6 * SECOND_NS, Phase::Ended(Ending::Lost), None, 2, None);
+        assert_eq!((score.ending, score.ended_s, score.time_s), (Some(Ending::Held), Some(5.0), 6.0));
+        assert_eq!((score.most_n, score.last.grip_force_n), (14.0, 9.0), "a release commands no force");
+        assert_eq!(RunScore::default().over_squeeze_ratio(), None);
+    }
+
+    #[test]
+    fn torque_is_told_as_a_share_of_what_the_fingers_can_exert() {
+        let mut score = RunScore::default();
+        for torque_n_mm in [300.0, -504.0, 100.0] {
+            let cap = CapTruth { torque_n_mm, ..CapTruth::default() };
+            score.add_cycle(0, Phase::Working, None, 0, Some(&HandTruth { cap: Some(cap), ..pressed(20.0, 10.0) }));
+        }
+        // 2 x 0.6 x 60 N x 14 mm = 1008 N mm.
+        assert!((score.torque_fraction(0.6).expect("a cap") - 0.5).abs() < 1e-12);
+        assert_eq!(RunScore::default().torque_fraction(0.6), None);
+    }
+
+    #[test]
+    fn a_task_succeeds_when_it_ended_as_it_should() {
+        let ended = |ending: Ending| RunScore { ending: Some(ending), ..RunScore::default() };
+        for (kind, good) in [(TaskKind::Screw, Ending::Tight), (TaskKind::Unscrew, Ending::Opened)] {
+            assert!(ended(good).succeeded(kind) && !ended(Ending::Stuck).succeeded(kind), "{kind:?}");
+            assert!(!RunScore::default().succeeded(kind), "{kind:?}: the scene was over before");
+        }
+        assert!(ended(Ending::SlipAtMost).succeeded(TaskKind::Screw));
+        let mut lift = ended(Ending::Held);
+        assert!(lift.succeeded(TaskKind::Lift));
+        lift.last.gross_steps_count = 1;
+        assert!(!lift.succeeded(TaskKind::Lift), "it slid");
+    }
+
+    #[test]
+    fn a_tool_is_put_down_softly_or_it_is_no_success() {
+        assert_eq!((most_ground_n(1.0), most_ground_n(4.0)), (3.0, 6.0));
+        let placed = |peak_force_n: f64, free_drop_mm: Option<f64>| {
+            let ground = GroundTruth { weight_n: 4.0, peak_force_n, free_drop_mm, ..GroundTruth::default() };
+            let last = HandTruth { ground: Some(ground), ..HandTruth::default() };
+            RunScore { ending: Some(Ending::Placed), last, ..RunScore::default() }.succeeded(TaskKind::Place)
+        };
+        assert!(placed(6.0, Some(1.0)));
+        assert!(!placed(6.1, Some(1.0)), "pressed on the ground");
+        assert!(!placed(6.0, Some(1.1)) && !placed(6.0, None), "fell, or was not let go");
+    }
+}

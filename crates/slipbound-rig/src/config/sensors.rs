@@ -1,0 +1,210 @@
+//! The fingers that are known: a sensor file each, built in from `sensors/` or written by the user.
+//!
+//! ```toml
+//! extends = "gelslim"       # a built-in name, or a file beside this one
+//! serial = "GS-007"
+//! pitch_px = 15.1           # keys given here replace the extended ones, tables key by key
+//! ```
+
+use super::error::Error;
+use super::layer::{Layer, blame, nearest, typed};
+use slipbound::plane::Vec2;
+use slipbound::sensor::Sensor;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// Name and text of every file in `sensors/`.
+const BUILT_IN: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/sensors.rs"));
+
+/// The names of the built-in fingers.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    BUILT_IN.iter().map(|(name, _)| *name)
+}
+
+/// A finger by its built-in name or its `FILE.toml`; its facts are checked.
+pub fn load(name_or_file: &str) -> Result<Sensor, Error> {
+    let layers = layers(name_or_file, Path::new(""))?;
+    let mut merged = Table::new();
+    for layer in layers.iter().rev() {
+        lay_over(&mut merged, layer.table.clone());
+    }
+    merged.remove("extends");
+    let sensor: Sensor = typed(merged, &layers)?;
+    sensor.check().map_err(|source| Error::OutOfRange { file: blame(&layers, &source.key), source })?;
+    Ok(sensor)
+}
+
+/// The right finger's markers were found 0.97 to 1.03 of its pitch apart (all recordings we have), another finger's
+/// 0.47 to 0.79 or 1.29 to 1.41.
+const PITCH_TRUSTED_RATIO: std::ops::RangeInclusive<f64> = 0.85..=1.18;
+
+/// Why the recording may be of another finger: its markers at rest (rectified px) do not stand a pitch apart.
+pub fn doubt(sensor: &Sensor, markers: &[Vec2]) -> Option<String> {
+    let nearest = |(i, a): (usize, &Vec2)| {
+        let others = markers.iter().enumerate().filter(|(j, _)| *j != i);
+        others.map(|(_, b)| (*b - *a).length()).min_by(f64::total_cmp)
+    };
+    let mut apart: Vec<f64> = markers.iter().enumerate().filter_map(nearest).collect();
+    apart.sort_by(f64::total_cmp);
+    let median_px = *apart.get(apart.len() / 2)?;
+    (!PITCH_TRUSTED_RATIO.contains(&(median_px / sensor.pitch_px))).then(|| {
+        let (name, pitch_px) = (&sensor.name, sensor.pitch_px);
+        format!(
+            "markers expected {pitch_px:.1} px apart (pitch_px of sensor {name}), got {median_px:.1} px: \
+             is it the right sensor file?"
+        )
+    })
+}
+
+/// The file asked for, then what it extends, then what that extends.
+fn layers(name_or_file: &str, folder: &Path) -> Result<Vec<Layer>, Error> {
+    let mut layers = Vec::new();
+    let mut seen: Vec<PathBuf> = Vec::new();
+    let (mut wanted, mut folder) = (name_or_file.to_owned(), folder.to_owned());
+    loop {
+        let is_file = wanted.ends_with(".toml") || wanted.contains(['/', '\\']);
+        let path = folder.join(&wanted);
+        let at = if is_file { path.canonicalize().unwrap_or(path.clone()) } else { PathBuf::from(&wanted) };
+        if seen.contains(&at) {
+            let file = layers.last().map_or_else(String::new, |l: &Layer| l.file.clone());
+            return Err(Error::Circle { file, extends: wanted });
+        }
+        seen.push(at);
+        let layer = if is_file { Layer::read(&path) } else { built_in(&wanted) };
+        let layer = layer.map_err(|e| match layers.last() {
+            Some(Layer { file, .. }) => Error::Extends { file: file.clone(), source: Box::new(e) },
+            None => e,
+        })?;
+        let extends = match layer.table.get("extends") {
+            None => None,
+            Some(Value::String(name)) => Some(name.clone()),
+            Some(other) => {
+                let problem = format!("expected the name of a sensor or of its file, got {other}");
+                return Err(Error::Value { file: layer.file, key: "extends".into(), problem });
+            }
+        };
+        layers.push(layer);
+        match extends {
+            None => return Ok(layers),
+            Some(next) => wanted = next,
+        }
+        if let (true, Some(parent)) = (is_file, path.parent()) {
+            folder = parent.to_owned();
+        }
+    }
+}
+
+fn built_in(name: &str) -> Result<Layer, Error> {
+    match BUILT_IN.iter().find(|(known, _)| *known == name) {
+        Some((name, text)) => Layer::parse(format!("sensors/{name}.toml"), text),
+        None => {
+            let names: Vec<String> = names().map(str::to_owned).collect();
+            Err(Error::UnknownSensor { name: name.into(), nearest: nearest(name, &names), names })
+        }
+    }
+}
+
+/// Puts one table over another: tables key by key, everything else whole.
+fn lay_over(under: &mut Table, over: Table) {
+    for (key, value) in over {
+        match (under.get_mut(&key), value) {
+            (Some(Value::Table(under)), Value::Table(over)) => lay_over(under, over),
+            (_, value) => {
+                under.insert(key, value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slipbound::image::SizePx;
+    use slipbound::sensor::{Flip, Polarity, Skin};
+    use std::fs;
+
+    #[test]
+    fn every_built_in_finger_loads_under_the_name_of_its_file() {
+        let names: Vec<_> = names().collect();
+        assert_eq!(names, ["gelsight", "gelsight_mini_near", "gelsight_mini_wide", "gelslim", "gelslim3"]);
+        for name in names {
+            let sensor = load(name).expect("valid");
+            assert_eq!(sensor.name, name);
+            assert_eq!(sensor.polarity, Polarity::Dark);
+            assert!(!sensor.description.is_empty());
+        }
+    }
+
+    #[test]
+    fn gelslim_is_the_papers() {
+        let sensor = load("gelslim").expect("valid");
+        assert_eq!((sensor.image_px, sensor.rectified_px()), (SizePx::new(427, 320), SizePx::new(327, 320)));
+        assert_eq!((sensor.pitch_px, sensor.pitch_mm), (15.2, Some(1.5)));
+        assert_eq!((sensor.flip, sensor.skin, sensor.edge_bands.len()), (Flip::Vertical, Skin::Fabric, 2));
+        // The middle of the gel is seen near the middle of the picture.
+        let middle = sensor.camera_from_rectified(Vec2::new(163.0, 160.0));
+        assert!((middle - Vec2::new(213.0, 160.0)).length() < 60.0, "{middle:?}");
+    }
+
+    #[test]
+    fn another_pitch_raises_a_doubt() {
+        let sensor = load("gelslim").expect("valid");
+        let grid = |pitch_px: f64| -> Vec<Vec2> {
+            (0..25).map(|i| Vec2::new(f64::from(i % 5) * pitch_px, f64::from(i / 5) * pitch_px)).collect()
+        };
+        assert_eq!(doubt(&sensor, &grid(15.2)), None);
+        assert_eq!(doubt(&sensor, &grid(16.5)), None);
+        let said = doubt(&sensor, &grid(20.0)).expect("a doubt");
+        assert!(said.starts_with("markers expected 15.2 px apart (pitch_px of sensor gelslim), got 20.0 px"), "{said}");
+        assert!(doubt(&sensor, &grid(10.0)).is_some());
+        assert_eq!(doubt(&sensor, &[]), None);
+    }
+
+    fn load_file(text: &str) -> Result<Sensor, Error> {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("mine.toml");
+        fs::write(dir.path().join("base.toml"), "extends = \"gelslim\"\npitch_mm = 1.4\n").expect("writes");
+        fs::write(dir.path().join("circle.toml"), "extends = \"mine.toml\"\n").expect("writes");
+        fs::write(&path, text).expect("writes");
+        load(path.to_str().expect("UTF-8"))
+    }
+
+    #[test]
+    fn a_file_extends_another_key_by_key() {
+        let sensor =
+            load_file("extends = \"base.toml\"\nserial = \"7\"\n[rectification]\ncrop_px = [60, 0, 360, 320]\n")
+                .expect("valid");
+        let base = load("gelslim").expect("valid");
+        assert_eq!((sensor.serial.as_deref(), sensor.pitch_mm), (Some("7"), Some(1.4)));
+        let (mine, theirs) = (sensor.rectification.expect("there"), base.rectification.expect("there"));
+        assert_eq!((mine.crop_px, mine.homography), ([60, 0, 360, 320], theirs.homography));
+        assert_eq!(sensor.name, "gelslim");
+    }
+
+    #[test]
+    fn mistakes_name_file_key_expected_and_got() {
+        for (text, parts) in [
+            ("extends = \"gelslim\"\npich_px = 15\n", ["mine.toml", "`pich_px`", "did you mean `pitch_px`?"]),
+            ("extends = \"gelslim\"\npitch_px = -3\n", ["mine.toml: pitch_px", "a number from", "got -3"]),
+            ("extends = \"gelslim\"\npitch_px = \"15\"\n", ["mine.toml: pitch_px", "\"15\"", "expected a number"]),
+            ("extends = \"gelslim\"\nskin = \"silk\"\n", ["mine.toml: skin", "silk", "`fabric`"]),
+            ("extends = \"gelslim\"\n[rectification]\ncrop = 1\n", ["mine.toml", "`rectification.crop`", "crop_px"]),
+            (
+                "extends = \"gelslin\"\n",
+                ["mine.toml: extends: no built-in sensor", "`gelslin`", "did you mean `gelslim`?"],
+            ),
+            ("extends = \"other.toml\"\n", ["mine.toml: extends: ", "other.toml", "cannot read"]),
+            ("extends = \"circle.toml\"\n", ["circle.toml", "lead back", "mine.toml"]),
+            ("extends = 3\n", ["mine.toml: extends", "expected the name", "got 3"]),
+            ("name = \"x\"\n", ["mine.toml: image_px", "missing field", ""]),
+            ("name = x\n", ["mine.toml", "line 1", ""]),
+        ] {
+            let message = load_file(text).expect_err("refused").to_string();
+            for part in parts {
+                assert!(message.contains(part), "`{message}` lacks `{part}`");
+            }
+        }
+        let message = load("nonesuch").expect_err("refused").to_string();
+        assert!(message.contains("gelsight_mini_wide") && message.contains("FILE.toml"), "{message}");
+    }
+}

@@ -1,0 +1,176 @@
+//! An emulator: a gripper's firmware on a link that can be made to fail.
+
+use super::fault::Fault;
+use super::faults::Faults;
+use super::firmware::Firmware;
+use slipbound::plant::Plant;
+use std::collections::VecDeque;
+
+/// An emulated gripper without its link, a state machine told the time. Its owner moves the bytes, tells the time and
+/// lets time pass in the plant.
+pub struct Emulator {
+    firmware: Box<dyn Firmware>,
+    faults: Faults,
+    random: u64,
+    /// When the first tick was: times of faults count from there.
+    from_ns: Option<u64>,
+    now_ns: u64,
+    /// Bytes received while stalled.
+    unread: Vec<u8>,
+    /// What the firmware has just answered.
+    answer: Vec<u8>,
+    /// Answers and when they are due.
+    late: VecDeque<(u64, Vec<u8>)>,
+    outgoing: Vec<u8>,
+    is_hanging_up: bool,
+}
+
+impl Emulator {
+    /// An emulator with this firmware that does not fail.
+    pub fn new(firmware: Box<dyn Firmware>) -> Self {
+        Emulator {
+            firmware,
+            faults: Faults::default(),
+            random: 1,
+            from_ns: None,
+            now_ns: 0,
+            unread: Vec::new(),
+            answer: Vec::new(),
+            late: VecDeque::new(),
+            outgoing: Vec::new(),
+            is_hanging_up: false,
+        }
+    }
+
+    /// The same, and it fails like this. Times of faults count from the first tick.
+    pub fn with_faults(self, faults: Faults) -> Self {
+        Emulator { random: faults.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1, faults, ..self }
+    }
+
+    /// Somebody has connected.
+    pub fn connected(&mut self, now_ns: u64) {
+        self.unread.clear();
+        self.answer.clear();
+        self.late.clear();
+        self.outgoing.clear();
+        self.firmware.connected(now_ns, &mut self.answer);
+    }
+
+    /// The connection is gone. What is held stays held.
+    pub fn disconnected(&mut self, now_ns: u64) {
+        // What was sent before the end, a farewell say, is read before it.
+        let unread = std::mem::take(&mut self.unread);
+        self.firmware.receive(now_ns, &unread, &mut self.answer);
+        self.firmware.disconnected();
+        self.answer.clear();
+    }
+
+    /// Bytes have been received.
+    pub fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
+        self.now_ns = now_ns;
+        if self.is_stalled() {
+            self.unread.extend_from_slice(bytes);
+        } else {
+            self.firmware.receive(now_ns, bytes, &mut self.answer);
+            self.collect();
+            self.release();
+        }
+    }
+
+    /// Time has passed: the jaws move and press; answers and periodic states fall due. Does not advance the plant.
+    pub fn tick(&mut self, now_ns: u64, plant: &mut dyn Plant) {
+        self.from_ns.get_or_insert(now_ns);
+        self.now_ns = now_ns;
+        self.inject_due();
+        if !self.is_stalled() && !self.unread.is_empty() {
+            let unread = std::mem::take(&mut self.unread);
+            self.firmware.receive(now_ns, &unread, &mut self.answer);
+        }
+        self.firmware.tick(now_ns, plant, &mut self.answer);
+        self.collect();
+        self.release();
+    }
+
+    /// Bytes to be sent; the sender removes from the front what it has sent.
+    pub fn outgoing(&mut self) -> &mut Vec<u8> {
+        &mut self.outgoing
+    }
+
+    /// Something happens to it now. False where it cannot happen to one of its kind.
+    pub fn inject(&mut self, fault: Fault) -> bool {
+        self.is_hanging_up |= fault == Fault::PowerCycle;
+        match fault {
+            Fault::LosePart => self.firmware.jaws_mut().lose_part(),
+            Fault::RefuseForce => self.firmware.jaws_mut().refuse_force(),
+            Fault::FastStop | Fault::PowerCycle | Fault::FixedLimit | Fault::AllowRegrasp => {
+                return self.firmware.inject(fault, &mut self.answer);
+            }
+        }
+        true
+    }
+
+    /// Whether the connection is to be closed now; once asked, it is forgotten.
+    pub fn take_hang_up(&mut self) -> bool {
+        std::mem::take(&mut self.is_hanging_up)
+    }
+
+    /// Normal force per finger it presses with, N.
+    pub fn force_n(&self) -> f64 {
+        self.firmware.jaws().force_n()
+    }
+
+    /// Distance between its fingertips, mm.
+    pub fn opening_mm(&self) -> f64 {
+        self.firmware.jaws().opening_mm()
+    }
+
+    fn is_stalled(&self) -> bool {
+        let since_ns = self.now_ns.saturating_sub(self.from_ns.unwrap_or(self.now_ns));
+        self.faults.stalls_ns.iter().any(|(from_ns, for_ns)| (*from_ns..from_ns + for_ns).contains(&since_ns))
+    }
+
+    /// A number from 0 to 1 (xorshift64*).
+    fn draw(&mut self) -> f64 {
+        self.random ^= self.random >> 12;
+        self.random ^= self.random << 25;
+        self.random ^= self.random >> 27;
+        (self.random.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn inject_due(&mut self) {
+        let since_ns = self.now_ns - self.from_ns.unwrap_or(self.now_ns);
+        let due: Vec<Fault> = self.faults.injections.iter().filter(|(at, _)| *at <= since_ns).map(|f| f.1).collect();
+        self.faults.injections.retain(|(at_ns, _)| *at_ns > since_ns);
+        for fault in due {
+            self.inject(fault);
+        }
+        let closes_count = self.faults.closes_ns.len();
+        self.faults.closes_ns.retain(|at_ns| *at_ns > since_ns);
+        self.is_hanging_up |= self.faults.closes_ns.len() < closes_count;
+    }
+
+    /// Puts what was answered on the link, with the link's faults.
+    fn collect(&mut self) {
+        let mut answer = std::mem::take(&mut self.answer);
+        if answer.is_empty() {
+            return;
+        }
+        if self.faults.corrupt_fraction > 0.0 && self.draw() < self.faults.corrupt_fraction {
+            let place = (self.draw() * answer.len() as f64) as usize;
+            answer[place] ^= 1 + (self.draw() * 255.0) as u8;
+        }
+        if self.faults.drop_fraction > 0.0 && self.draw() < self.faults.drop_fraction {
+            let place = (self.draw() * answer.len() as f64) as usize;
+            answer.remove(place);
+        }
+        self.late.push_back((self.now_ns + self.faults.late_ns, answer));
+    }
+
+    fn release(&mut self) {
+        while !self.is_stalled() && self.late.front().is_some_and(|(due_ns, _)| *due_ns <= self.now_ns) {
+            if let Some((_, answer)) = self.late.pop_front() {
+                self.outgoing.extend(answer);
+            }
+        }
+    }
+}

@@ -1,0 +1,18 @@
+//! What can happen to an emulator from within.
+
+/// What can happen to an emulator from within.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// It stops itself and must be acknowledged.
+    FastStop,
+    /// From now on it refuses every new force.
+    RefuseForce,
+    /// The object is gone.
+    LosePart,
+    /// Its supply fails and comes back: the link breaks, it forgets where its jaws are. They keep their force.
+    PowerCycle,
+    /// A new force limit has no effect on what is already held.
+    FixedLimit,
+    /// A grasp may be given again while holding.
+    AllowRegrasp,
+}

@@ -1,0 +1,117 @@
+//! The jaws behind every emulated protocol.
+
+use slipbound::plant::{JawCommand, JawDrive, JawSettings, Plant};
+
+/// Share of the force asked for at which a grasp counts as established.
+const ESTABLISHED: f64 = 0.9;
+
+/// Jaws that press on a plant. They move by [`JawDrive`], as those of the simulator.
+#[derive(Debug, Clone)]
+pub struct EmulatedJaws {
+    drive: JawDrive,
+    is_part_gone: bool,
+    refuses_force: bool,
+    /// The newest command; the jaws follow it after their delay.
+    newest: JawCommand,
+    newest_ns: u64,
+    now_ns: u64,
+}
+
+impl EmulatedJaws {
+    /// Wide open. Settings out of range give the default's.
+    pub fn new(settings: JawSettings) -> Self {
+        let drive = JawDrive::new(settings).or_else(|_| JawDrive::new(JawSettings::default()));
+        let drive = drive.unwrap_or_else(|_| unreachable!("the default settings are valid"));
+        EmulatedJaws {
+            drive,
+            is_part_gone: false,
+            refuses_force: false,
+            newest: JawCommand::Stay,
+            newest_ns: 0,
+            now_ns: 0,
+        }
+    }
+
+    /// Lets time pass: the jaws move, and press on the plant. Does not advance the plant.
+    pub fn advance_to(&mut self, now_ns: u64, plant: &mut dyn Plant) {
+        let width_mm = plant.width_mm().filter(|_| !self.is_part_gone);
+        self.now_ns = now_ns;
+        self.drive.advance_to(now_ns, width_mm);
+        plant.press(self.drive.force_n());
+    }
+
+    /// Closes with this force, N per finger.
+    pub fn grasp(&mut self, force_n: f64) {
+        self.give(JawCommand::Grasp { force_n });
+    }
+
+    /// Moves to this opening, mm, without pressing.
+    pub fn move_to(&mut self, opening_mm: f64) {
+        self.give(JawCommand::MoveTo { opening_mm });
+    }
+
+    /// Stays where it is, with the force it has.
+    pub fn stay(&mut self) {
+        self.give(JawCommand::Stay);
+    }
+
+    fn give(&mut self, command: JawCommand) {
+        (self.newest, self.newest_ns) = (command, self.now_ns);
+        self.drive.command(command);
+    }
+
+    /// The object is gone.
+    pub fn lose_part(&mut self) {
+        self.is_part_gone = true;
+    }
+
+    /// From now on every new force is refused.
+    pub fn refuse_force(&mut self) {
+        self.refuses_force = true;
+    }
+
+    /// Whether every new force is refused.
+    pub fn refuses_force(&self) -> bool {
+        self.refuses_force
+    }
+
+    /// Whether the newest command has taken effect.
+    pub fn has_begun(&self) -> bool {
+        self.now_ns >= self.newest_ns + self.drive.settings().delay_ns
+    }
+
+    /// Whether the object is touched.
+    pub fn touches(&self) -> bool {
+        self.drive.touches()
+    }
+
+    /// Whether a grasp is established.
+    pub fn holds(&self) -> bool {
+        self.drive.target_n().is_some_and(|target_n| self.touches() && self.force_n() >= ESTABLISHED * target_n)
+    }
+
+    /// Whether a motion to an opening has got there.
+    pub fn is_there(&self) -> bool {
+        match self.newest {
+            JawCommand::MoveTo { opening_mm } => {
+                self.has_begun() && (self.opening_mm() - opening_mm.min(self.settings().stroke_mm)).abs() < 1e-6
+            }
+            _ => false,
+        }
+    }
+
+    /// Normal force per finger, N.
+    pub fn force_n(&self) -> f64 {
+        self.drive.force_n()
+    }
+
+    /// Distance between the fingertips, mm.
+    pub fn opening_mm(&self) -> f64 {
+        self.drive.opening_mm()
+    }
+
+    /// How they move.
+    pub fn settings(&self) -> &JawSettings {
+        self.drive.settings()
+    }
+}

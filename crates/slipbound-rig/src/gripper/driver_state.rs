@@ -1,0 +1,202 @@
+//! What the driver of any gripper keeps: address and settings, its link, the newest state, faults and events.
+
+use super::config::{Config, Lowering};
+use super::error::Error;
+use crate::link::{LinkHealth, LinkProblem};
+use slipbound::port::{DriverEvent, GripperState, Jaws};
+use std::collections::VecDeque;
+
+/// Most events kept; the oldest go first.
+const EVENTS_COUNT: usize = 64;
+
+/// Difference in force that counts as none, N per finger: below what any of these grippers resolves.
+const SAME_FORCE_N: f64 = 0.01;
+
+/// What a [`Driver`](super::Driver) keeps, and what its [`Protocol`](super::Protocol) works on.
+#[derive(Debug)]
+pub struct DriverState {
+    /// Its settings.
+    pub config: Config,
+    /// The newest state of the gripper.
+    pub gripper: GripperState,
+    /// Bytes to be sent.
+    pub outgoing: Vec<u8>,
+    address: String,
+    now_ns: u64,
+    link: LinkHealth,
+    /// Whether a link has ended since the gripper was last acknowledged.
+    has_lost_link: bool,
+    lowering_permitted: bool,
+    /// The last force asked for outside the range, N per finger: it is reported once.
+    clamped_n: Option<f64>,
+    fault: Option<Error>,
+    events: VecDeque<DriverEvent>,
+}
+
+impl DriverState {
+    pub(super) fn new(address: &str, config: Config, needs_link: bool) -> Self {
+        DriverState {
+            gripper: GripperState { time_ns: 0, force_n: None, target_n: None, opening_mm: None, jaws: Jaws::Unknown },
+            outgoing: Vec::new(),
+            address: address.into(),
+            now_ns: 0,
+            link: if needs_link { LinkHealth::new(config.silence_ms) } else { LinkHealth::not_needed() },
+            has_lost_link: false,
+            lowering_permitted: config.lowering == Lowering::Allow,
+            clamped_n: None,
+            fault: None,
+            events: VecDeque::new(),
+            config,
+        }
+    }
+
+    /// Where the gripper is, for messages.
+    pub fn address(&self) -> String {
+        self.address.clone()
+    }
+
+    /// The time of the call under way, ns.
+    pub fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    /// Whether the link is up.
+    pub fn is_linked(&self) -> bool {
+        self.link.is_up()
+    }
+
+    /// Whether a link of ours has ended since [`DriverState::forget_lost_link`]: some grippers latch a fast stop then.
+    pub fn has_lost_link(&self) -> bool {
+        self.has_lost_link
+    }
+
+    /// The gripper has been acknowledged: a later fast stop has another cause.
+    pub fn forget_lost_link(&mut self) {
+        self.has_lost_link = false;
+    }
+
+    /// A valid message was received: the link is alive.
+    pub fn heard(&mut self) {
+        self.link.heard(self.now_ns);
+    }
+
+    /// Whether something is, or may soon be, between the jaws. After a fast stop, say, a gripper presses without
+    /// knowing that it holds.
+    pub fn seems_to_hold(&self) -> bool {
+        let presses = self.gripper.force_n.is_some_and(|force_n| force_n > 0.5 * self.config.least_n);
+        presses || matches!(self.gripper.jaws, Jaws::Holding | Jaws::Closing | Jaws::Stopped)
+    }
+
+    /// Something worth a line in the log of a run.
+    pub fn push_event(&mut self, event: DriverEvent) {
+        if self.events.len() == EVENTS_COUNT {
+            self.events.pop_front();
+        }
+        self.events.push_back(event);
+    }
+
+    /// A request taken over before has failed; the first such failure is reported, once.
+    pub fn raise_fault(&mut self, error: Error) {
+        self.fault.get_or_insert(error);
+    }
+
+    /// A command was not answered in time.
+    pub fn raise_unanswered(&mut self, command: &'static str) {
+        let (address, expected_ms) = (self.address(), self.config.reply_ms);
+        self.raise_fault(Error::Unanswered { address, command, expected_ms });
+    }
+
+    /// A motion did not end in time.
+    pub fn raise_unfinished(&mut self, command: &'static str) {
+        let (address, expected_ms) = (self.address(), self.config.motion_ms);
+        self.raise_fault(Error::Unanswered { address, command, expected_ms });
+    }
+
+    /// The gripper refused a command, in these words.
+    pub fn raise_refused(&mut self, command: &'static str, got: impl Into<String>) {
+        let address = self.address();
+        self.raise_fault(Error::Refused { address, command, got: got.into() });
+    }
+
+    /// The refusal of homing while something is held.
+    pub fn home_while_holding(&self) -> Error {
+        let got = "something between the jaws; release it first".into();
+        Error::Refused { address: self.address(), command: "home", got }
+    }
+
+    pub(super) fn set_time(&mut self, now_ns: u64) {
+        self.now_ns = now_ns;
+    }
+
+    pub(super) fn linked(&mut self) {
+        self.outgoing.clear();
+        self.link.up(self.now_ns);
+        self.fault = None;
+        self.push_event(DriverEvent::Linked);
+    }
+
+    pub(super) fn unlinked(&mut self, why: &str) {
+        self.outgoing.clear();
+        if self.link.down(why) {
+            self.has_lost_link = true;
+            self.push_event(DriverEvent::Unlinked { why: why.into() });
+        }
+    }
+
+    pub(super) fn leave_link(&mut self) {
+        self.link.leave();
+    }
+
+    pub(super) fn may_send(&self) -> bool {
+        self.link.may_send()
+    }
+
+    pub(super) fn check_link(&self) -> Result<(), Error> {
+        self.link.check(self.now_ns).map_err(|problem| match problem {
+            LinkProblem::Down { why } => Error::Lost { address: self.address(), why },
+            LinkProblem::Silent { expected_ms, got_ms } => {
+                Error::Silent { address: self.address(), expected_ms, got_ms }
+            }
+        })
+    }
+
+    pub(super) fn permit_lowering(&mut self, permitted: bool) {
+        self.lowering_permitted = permitted || self.config.lowering == Lowering::Allow;
+    }
+
+    /// A force as it may be sent, N per finger: a number, inside its range, and not lower than the last one while
+    /// something is held unless that is permitted.
+    pub(super) fn admit(&mut self, asked_n: f64) -> Result<f64, Error> {
+        let Config { least_n, most_n, .. } = self.config;
+        let Some(given_n) = self.config.admitted_n(asked_n) else {
+            return Err(Error::Force { address: self.address(), least_n, most_n, got_n: asked_n });
+        };
+        if self.seems_to_hold() && !self.lowering_permitted {
+            let Some(from_n) = self.gripper.target_n.or(self.gripper.force_n) else {
+                let expected = "the force it holds with (or a release, or lowering = \"allow\")";
+                return Err(Error::NotReady { address: self.address(), expected });
+            };
+            if given_n < from_n - SAME_FORCE_N {
+                return Err(Error::Lowering { address: self.address(), from_n, to_n: given_n });
+            }
+        }
+        if given_n != asked_n && self.clamped_n != Some(asked_n) {
+            self.push_event(DriverEvent::Clamped { asked_n, given_n });
+        }
+        self.clamped_n = (given_n != asked_n).then_some(asked_n);
+        Ok(given_n)
+    }
+
+    /// The newest state, or what is wrong.
+    pub(super) fn report(&mut self) -> Result<GripperState, Error> {
+        self.check_link()?;
+        match self.fault.take() {
+            Some(fault) => Err(fault),
+            None => Ok(self.gripper),
+        }
+    }
+
+    pub(super) fn next_event(&mut self) -> Option<DriverEvent> {
+        self.events.pop_front()
+    }
+}

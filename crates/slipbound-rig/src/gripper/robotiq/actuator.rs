@@ -1,0 +1,118 @@
+//! What both interfaces of a 2F-85 keep: where the jaws should go, whether it is activated, what it says of them.
+
+use super::status::{CLOSED, Status};
+use crate::gripper::config::Config;
+use crate::gripper::driver_state::DriverState;
+use crate::gripper::error::Error;
+use slipbound::port::{DriverEvent, GripCommand, Jaws};
+
+/// What the jaws should come to; the newest goal counts.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) enum Goal {
+    /// Nothing: leave everything as it is.
+    #[default]
+    Keep,
+    /// Hold with this force, N per finger.
+    Hold { force_n: f64 },
+    /// Open.
+    Open,
+    /// The first half of homing: deactivate.
+    Deactivate,
+    /// The second half: activate.
+    Activate,
+}
+
+/// Where the jaws are to go: position and force as the gripper's numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Target {
+    pub position: u8,
+    pub speed: u8,
+    pub force: u8,
+}
+
+impl Goal {
+    /// Where the jaws are to go; None where this goal moves them to no place of ours.
+    pub fn target(self, config: &Config) -> Option<Target> {
+        let speed = config.speed_count();
+        match self {
+            Goal::Hold { force_n } => Some(Target { position: CLOSED, speed, force: config.force_count(force_n) }),
+            Goal::Open => Some(Target { position: config.position_count(config.open_mm), speed, force: 0 }),
+            Goal::Keep | Goal::Deactivate | Goal::Activate => None,
+        }
+    }
+}
+
+/// The gripper as its interfaces see it.
+#[derive(Debug, Default)]
+pub(super) struct Actuator {
+    pub goal: Goal,
+    /// None until everything has been heard once since the link was made.
+    status: Option<Status>,
+    is_homing: bool,
+}
+
+impl Actuator {
+    /// Takes a status; `is_activation_new`: its activation was asked for after everything that was sent before.
+    pub fn take_status(&mut self, driver: &mut DriverState, status: Status, is_activation_new: bool) {
+        let fault_before = self.status.and_then(|status| status.fault_in_words());
+        self.status = Some(status);
+        if let (None, Some(why)) = (fault_before, status.fault_in_words()) {
+            driver.push_event(DriverEvent::FastStop { why });
+            self.goal = Goal::Keep;
+        }
+        self.is_homing &= !(is_activation_new && status.is_active() && self.goal == Goal::Keep);
+        driver.gripper.time_ns = driver.now_ns();
+        driver.gripper.jaws = status.jaws(driver.gripper.jaws);
+        driver.gripper.opening_mm = Some(driver.config.opening_of_count(status.position));
+    }
+
+    /// The gripper has taken over what was sent for this goal.
+    pub fn take_over(&mut self, driver: &mut DriverState, goal: Goal) {
+        match goal {
+            Goal::Hold { force_n } => driver.gripper.target_n = Some(force_n),
+            Goal::Deactivate if self.goal == goal => self.goal = Goal::Activate,
+            Goal::Activate if self.goal == goal => self.goal = Goal::Keep,
+            _ => {}
+        }
+    }
+
+    pub fn check_ready(&self, driver: &DriverState) -> Result<(), Error> {
+        let Some(status) = self.status else {
+            return Err(Error::NotReady { address: driver.address(), expected: "its status" });
+        };
+        if let Some(why) = status.fault_in_words() {
+            return Err(Error::FastStop { address: driver.address(), why });
+        }
+        if !status.is_active() || self.is_homing {
+            return Err(Error::NotHomed { address: driver.address() });
+        }
+        Ok(())
+    }
+
+    pub fn grip(&mut self, command: GripCommand) {
+        self.goal = match command {
+            GripCommand::Hold { force_n } => Goal::Hold { force_n },
+            GripCommand::Release => Goal::Open,
+        };
+    }
+
+    pub fn home(&mut self, driver: &DriverState) -> Result<(), Error> {
+        if driver.gripper.jaws == Jaws::Holding {
+            return Err(driver.home_while_holding());
+        }
+        (self.goal, self.is_homing) = (Goal::Deactivate, true);
+        Ok(())
+    }
+
+    /// Whether everything has been heard once since the link was made.
+    pub fn is_known(&self) -> bool {
+        self.status.is_some()
+    }
+
+    /// Whether the first status is awaited, homing is under way or the jaws move.
+    pub fn is_busy(&self, driver: &DriverState) -> bool {
+        let is_new = driver.is_linked() && self.status.is_none();
+        let is_moving = self.goal != Goal::Keep && self.status.is_some_and(|status| status.is_moving());
+        is_new || is_moving || self.is_homing
+    }
+}

@@ -1,0 +1,120 @@
+//! The states that a WSG-50 sends by itself once they are subscribed to.
+
+use super::frame::{self, number};
+use super::words::{flag, grasp, id, status};
+use crate::gripper::driver_state::DriverState;
+use slipbound::port::Jaws;
+
+/// Time after which something that does not come is asked for again, ns.
+const ASK_AGAIN_NS: u64 = 300_000_000;
+
+/// Bytes waiting to be sent beyond which nothing more is asked for.
+const MOST_UNSENT_BYTES: usize = 1024;
+
+/// The states subscribed to.
+const STATES: [u8; 4] = [id::SYSTEM_STATE, id::GRASP_STATE, id::OPENING, id::FORCE];
+
+/// What has been received since the link was made.
+#[derive(Debug, Default)]
+pub(super) struct Telemetry {
+    /// The bits of its system state.
+    pub system: Option<u32>,
+    /// What it does with a part, one of [`grasp`].
+    pub grasp: Option<u8>,
+    /// The force limit it has, in its own newtons.
+    pub limit_own_n: Option<f64>,
+    /// When each of [`STATES`] was last heard or asked for.
+    asked_ns: [Option<u64>; STATES.len()],
+    limit_asked_ns: Option<u64>,
+}
+
+impl Telemetry {
+    /// Subscribes to what does not come, and asks for the limit while it is not known.
+    pub fn ask(&mut self, driver: &mut DriverState) {
+        if driver.outgoing.len() > MOST_UNSENT_BYTES {
+            return; // the link does not take them; asking more often would not help
+        }
+        let now_ns = driver.now_ns();
+        let is_due = |asked_ns: Option<u64>| asked_ns.is_none_or(|asked| now_ns.saturating_sub(asked) > ASK_AGAIN_NS);
+        let [low, high] = (driver.config.update_ms as u16).to_le_bytes();
+        for (id, asked_ns) in STATES.into_iter().zip(&mut self.asked_ns) {
+            if is_due(*asked_ns) {
+                *asked_ns = Some(now_ns);
+                frame::write(&mut driver.outgoing, id, &[1, low, high]);
+            }
+        }
+        if self.limit_own_n.is_none() && is_due(self.limit_asked_ns) {
+            self.limit_asked_ns = Some(now_ns);
+            frame::write(&mut driver.outgoing, id::GET_LIMIT, &[]);
+        }
+    }
+
+    /// Takes a message that is a state or the limit. False: it is an answer to a command.
+    pub fn take(&mut self, driver: &mut DriverState, id: u8, code: u16, rest: &[u8]) -> bool {
+        if id == id::GET_LIMIT {
+            if let (status::OK, Some(own_n)) = (code, number(rest).map(f64::from).filter(|n| n.is_finite())) {
+                self.set_limit(driver, own_n);
+            }
+            return true;
+        }
+        let Some(place) = STATES.iter().position(|state| *state == id) else { return false };
+        self.asked_ns[place] = Some(driver.now_ns());
+        if code == status::OK {
+            self.take_state(driver, id, rest);
+        }
+        true
+    }
+
+    fn take_state(&mut self, driver: &mut DriverState, id: u8, rest: &[u8]) {
+        let value = || number(rest).map(f64::from);
+        driver.gripper.time_ns = driver.now_ns();
+        match id {
+            id::SYSTEM_STATE => match rest.first_chunk() {
+                Some(bits) => self.system = Some(u32::from_le_bytes(*bits)),
+                None => return,
+            },
+            id::GRASP_STATE => self.grasp = rest.first().copied(),
+            id::OPENING => driver.gripper.opening_mm = value().filter(|mm| (-10.0..=1000.0).contains(mm)),
+            _ => driver.gripper.force_n = value().and_then(|own_n| driver.config.from_own_n(own_n)),
+        }
+        driver.gripper.jaws = self.jaws();
+    }
+
+    /// The gripper has this force limit now.
+    pub fn set_limit(&mut self, driver: &mut DriverState, own_n: f64) {
+        self.limit_own_n = Some(own_n);
+        driver.gripper.target_n = driver.config.from_own_n(own_n);
+    }
+
+    /// Whether everything that is needed to command it is known.
+    pub fn is_complete(&self) -> bool {
+        self.system.is_some() && self.grasp.is_some() && self.limit_own_n.is_some()
+    }
+
+    pub fn is_stopped(&self) -> bool {
+        self.system.is_some_and(|bits| bits & flag::FAST_STOP != 0)
+    }
+
+    pub fn is_homed(&self) -> bool {
+        self.system.is_some_and(|bits| bits & flag::REFERENCED != 0)
+    }
+
+    pub fn is_holding(&self) -> bool {
+        self.grasp == Some(grasp::HOLDING)
+    }
+
+    /// The faults of the hardware in words; empty when there is none.
+    pub fn faults(&self) -> String {
+        flag::faults(self.system.unwrap_or(0))
+    }
+
+    fn jaws(&self) -> Jaws {
+        if self.is_stopped() {
+            return Jaws::Stopped;
+        }
+        if !self.is_homed() {
+            return Jaws::Unknown;
+        }
+        grasp::jaws(self.grasp)
+    }
+}

@@ -1,0 +1,120 @@
+//! A link that is kept up: moves bytes between it and an [`Endpoint`], and connects again when it is lost.
+
+use super::clock;
+use super::endpoint::Endpoint;
+use super::stream::{Connector, Link};
+use std::io;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::thread;
+use std::time::Duration;
+
+/// Time between two attempts to connect again, ns.
+const RECONNECT_NS: u64 = 250_000_000;
+
+/// Most reads of one call; with 4 kB each that is more than any gripper sends in a second.
+const MOST_READS: usize = 16;
+
+/// Time between two attempts to send what is left, in [`Connection::flush`].
+const FLUSH_PAUSE: Duration = Duration::from_millis(1);
+
+type Attempt = io::Result<Box<dyn Link>>;
+
+/// A link and what connects it again.
+pub struct Connection {
+    connector: Option<Arc<dyn Connector>>,
+    link: Option<Box<dyn Link>>,
+    attempt: Option<Receiver<Attempt>>,
+    attempt_from_ns: u64,
+    inbox: Vec<u8>,
+}
+
+impl Connection {
+    /// Takes over a link; with a connector it is made again when it is lost.
+    pub fn new(link: Option<Box<dyn Link>>, connector: Option<Arc<dyn Connector>>) -> Self {
+        Connection { connector, link, attempt: None, attempt_from_ns: 0, inbox: Vec::with_capacity(8192) }
+    }
+
+    /// Whether the link is up.
+    pub fn is_up(&self) -> bool {
+        self.link.is_some()
+    }
+
+    /// Whether a lost link is made again.
+    pub fn reconnects(&self) -> bool {
+        self.connector.is_some()
+    }
+
+    /// Reads what has been received, lets time pass, sends what is waiting. Does not wait.
+    pub fn poll_io(&mut self, now_ns: u64, endpoint: &mut dyn Endpoint) {
+        self.reconnect(now_ns, endpoint);
+        self.read(now_ns, endpoint);
+        endpoint.tick(now_ns);
+        self.send(now_ns, endpoint);
+    }
+
+    fn read(&mut self, now_ns: u64, endpoint: &mut dyn Endpoint) {
+        for _ in 0..MOST_READS {
+            let Some(link) = &mut self.link else { return };
+            self.inbox.clear();
+            match link.read(&mut self.inbox) {
+                Ok(0) => return,
+                Ok(_) => endpoint.receive(now_ns, &self.inbox),
+                Err(e) => return self.give_up(now_ns, endpoint, &e.to_string()),
+            }
+        }
+    }
+
+    /// Sends what is waiting. Does not wait.
+    pub fn send(&mut self, now_ns: u64, endpoint: &mut dyn Endpoint) {
+        let Some(link) = &mut self.link else { return };
+        let outgoing = endpoint.outgoing();
+        if outgoing.is_empty() {
+            return;
+        }
+        match link.write(outgoing) {
+            Ok(count) => drop(outgoing.drain(..count)),
+            Err(e) => self.give_up(now_ns, endpoint, &e.to_string()),
+        }
+    }
+
+    /// Sends all that is waiting, for at most this time. The one call here that waits: a device that is being closed
+    /// sends its farewell with it.
+    pub fn flush(&mut self, endpoint: &mut dyn Endpoint, longest_ns: u64) {
+        let from_ns = clock::now_ns();
+        while self.is_up() && !endpoint.outgoing().is_empty() && clock::now_ns() - from_ns < longest_ns {
+            self.send(clock::now_ns(), endpoint);
+            thread::sleep(FLUSH_PAUSE);
+        }
+    }
+
+    /// Closes the link; with a connector it is made again.
+    pub fn give_up(&mut self, now_ns: u64, endpoint: &mut dyn Endpoint, why: &str) {
+        self.link = None;
+        self.attempt_from_ns = now_ns;
+        endpoint.unlinked(now_ns, why);
+    }
+
+    /// Connects a lost link again, on a thread of its own.
+    fn reconnect(&mut self, now_ns: u64, endpoint: &mut dyn Endpoint) {
+        let (None, Some(connector)) = (&self.link, &self.connector) else { return };
+        match self.attempt.as_ref().map(Receiver::try_recv) {
+            Some(Ok(Ok(link))) => {
+                (self.link, self.attempt) = (Some(link), None);
+                endpoint.linked(now_ns);
+            }
+            Some(Ok(Err(_)) | Err(TryRecvError::Disconnected)) => {
+                (self.attempt, self.attempt_from_ns) = (None, now_ns + RECONNECT_NS);
+            }
+            Some(Err(TryRecvError::Empty)) => {}
+            None if now_ns >= self.attempt_from_ns => {
+                let (connector, (sender, receiver)) = (connector.clone(), channel());
+                thread::spawn(move || {
+                    let _ = sender.send(connector.connect()); // nobody waits for it any more: the link is dropped
+                });
+                self.attempt = Some(receiver);
+            }
+            None => {}
+        }
+    }
+}

@@ -1,0 +1,28 @@
+//! A byte stream that never waits, and what opens one.
+
+use std::io;
+
+/// A byte stream in both directions. Neither call waits.
+pub trait Link: Send {
+    /// Appends what has been received, at most some kilobytes. `Ok(0)`: nothing yet. An error is final: the link is
+    /// down; the other side closing it is `UnexpectedEof`.
+    fn read(&mut self, into: &mut Vec<u8>) -> io::Result<usize>;
+
+    /// Sends as much as the system's buffer takes now; returns how many bytes of `from` that were.
+    fn write(&mut self, from: &[u8]) -> io::Result<usize>;
+}
+
+/// Opens a link, as often as needed. Called on a thread of its own, where it may wait.
+pub trait Connector: Send + Sync {
+    /// Opens the link, or says why that failed.
+    fn connect(&self) -> io::Result<Box<dyn Link>>;
+}
+
+/// Nothing to read or write at the moment is not an error.
+pub(super) fn zero_if_not_ready(result: io::Result<usize>) -> io::Result<usize> {
+    match result {
+        Err(e) if matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => Ok(0),
+        Err(e) if e.kind() == io::ErrorKind::Interrupted => Ok(0),
+        other => other,
+    }
+}

@@ -1,0 +1,183 @@
+//! Writes a run folder as the loop goes, and reads it again.
+
+use super::error::Error;
+use super::event::{Event, EventLog, TimedEvent};
+use super::info::{FORMAT_VERSION, Row, RunInfo, file_stem};
+use super::line;
+use super::page::{Page, Picture, picture};
+use slipbound::control::Cycle;
+use slipbound::image::Rgb;
+use slipbound::task::Ending;
+use std::fs::{self, File};
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// Writes a run as it goes.
+#[derive(Debug)]
+pub struct RunFolder {
+    folder: PathBuf,
+    info: RunInfo,
+    reports: Lines,
+    events: Lines,
+    log: EventLog,
+    cycles: Vec<Cycle>,
+    timed_events: Vec<TimedEvent>,
+    pictures: Vec<Picture>,
+}
+
+impl RunFolder {
+    /// Starts a run in a folder that is new or empty; any other is refused. Writes `run.toml`.
+    pub fn create(folder: &Path, info: &RunInfo) -> Result<Self, Error> {
+        let failed = |source| Error::Write { path: folder.to_owned(), source };
+        fs::create_dir_all(folder).map_err(failed)?;
+        if let Some(entry) = fs::read_dir(folder).map_err(failed)?.next() {
+            let found = entry.map_err(failed)?.file_name().to_string_lossy().into_owned();
+            return Err(Error::NotEmpty { folder: folder.to_owned(), found });
+        }
+        write_toml(folder.join("run.toml"), info.table().and_then(|table| toml::to_string(&table)))?;
+        for finger in &info.fingers {
+            write_toml(folder.join(finger.sensor_file()), toml::to_string(&finger.sensor))?;
+        }
+        Ok(RunFolder {
+            folder: folder.to_owned(),
+            info: info.clone(),
+            reports: Lines::create(folder.join("reports.jsonl"))?,
+            events: Lines::create(folder.join("events.jsonl"))?,
+            log: EventLog::new(info.finger_names()),
+            cycles: Vec::new(),
+            timed_events: Vec::new(),
+            pictures: Vec::new(),
+        })
+    }
+
+    /// Appends a cycle, and the events that it brings.
+    pub fn cycle(&mut self, cycle: &Cycle) -> Result<(), Error> {
+        let line = line::write(cycle).map_err(|why| Error::Encode { path: self.reports.path.clone(), why })?;
+        self.reports.push(&line)?;
+        self.cycles.push(*cycle);
+        for event in self.log.see(cycle) {
+            self.event(cycle.time_ns, event)?;
+        }
+        Ok(())
+    }
+
+    /// How many slips have begun. When a call of [`RunFolder::cycle`] raises it, that is the moment for a
+    /// [`RunFolder::picture`] of every finger.
+    pub fn slips_count(&self) -> u32 {
+        self.log.slips_count()
+    }
+
+    /// Keeps what a finger saw at the slip that began last: as `slip_003_left.png`, and smaller in the page. Before any
+    /// slip its number is 0.
+    pub fn picture(&mut self, time_ns: u64, finger: &str, caption: &str, rgb: Rgb<'_>) -> Result<(), Error> {
+        let slip = self.slips_count();
+        let stem = format!("slip_{slip:03}_{}", file_stem(finger));
+        let same_count = self.pictures.iter().filter(|p| p.stem == stem).count();
+        let file = match same_count {
+            0 => format!("{stem}.png"),
+            _ => format!("{stem}_{}.png", same_count + 1),
+        };
+        let jpeg = picture::write(&self.folder.join(&file), rgb)?;
+        let (finger, caption) = (finger.to_owned(), caption.to_owned());
+        self.event(time_ns, Event::Picture { slip, finger: finger.clone(), file: file.clone() })?;
+        self.pictures.push(Picture { slip, stem, finger, caption, file, jpeg });
+        Ok(())
+    }
+
+    /// An event that no cycle shows: a fault put in, a gripper lost.
+    pub fn note(&mut self, time_ns: u64, text: &str) -> Result<(), Error> {
+        self.event(time_ns, Event::Note { text: text.to_owned() })
+    }
+
+    /// Writes the results and `report.html`; answers where that is. `ending`: None for a loop that was broken off.
+    pub fn finish(mut self, results: &[Row], ending: Option<Ending>) -> Result<PathBuf, Error> {
+        let time_ns = self.cycles.last().map_or(0, |cycle| cycle.time_ns);
+        if let Some(event) = self.log.end() {
+            self.event(time_ns, event)?;
+        }
+        for row in results {
+            self.event(time_ns, Event::Result(row.clone()))?;
+        }
+        let path = self.folder.join("report.html");
+        let html = Page {
+            info: &self.info,
+            cycles: &self.cycles,
+            events: &self.timed_events,
+            pictures: &self.pictures,
+            results,
+            ending,
+        }
+        .to_string();
+        fs::write(&path, html).map_err(|source| Error::Write { path: path.clone(), source })?;
+        Ok(path)
+    }
+
+    fn event(&mut self, time_ns: u64, event: Event) -> Result<(), Error> {
+        let event = TimedEvent { time_ns, event };
+        let line = serde_json::to_string(&event)
+            .map_err(|e| Error::Encode { path: self.events.path.clone(), why: e.to_string() })?;
+        self.timed_events.push(event);
+        self.events.push(&line)
+    }
+}
+
+fn write_toml(path: PathBuf, text: Result<String, toml::ser::Error>) -> Result<(), Error> {
+    let text = text.map_err(|e| Error::Encode { path: path.clone(), why: e.to_string() })?;
+    fs::write(&path, text).map_err(|source| Error::Write { path, source })
+}
+
+/// Reads a run again: `run.toml`, and every cycle bit for bit. A last line that broke off while it was written is no
+/// cycle; any other that cannot be read is an error.
+pub fn read(folder: &Path) -> Result<(toml::Table, Vec<Cycle>), Error> {
+    let text = |path: &Path| fs::read_to_string(path).map_err(|source| Error::Read { path: path.to_owned(), source });
+    let path = folder.join("run.toml");
+    let table: toml::Table = text(&path)?
+        .parse()
+        .map_err(|e: toml::de::Error| Error::Syntax { path: path.clone(), problem: e.to_string() })?;
+    let version = table.get("format_version").and_then(toml::Value::as_integer);
+    if version != Some(i64::from(FORMAT_VERSION)) {
+        let got = version.map_or("none".into(), |version| version.to_string());
+        let problem = format!("format_version: expected {FORMAT_VERSION}, got {got}");
+        return Err(Error::Syntax { path, problem });
+    }
+    let path = folder.join("reports.jsonl");
+    let reports = text(&path)?;
+    let whole = reports.rfind('\n').map_or("", |end| &reports[..end]);
+    let cycle = |(i, line)| {
+        line::read(line)
+            .map_err(|problem| Error::Syntax { path: path.clone(), problem: format!("line {}: {problem}", i + 1) })
+    };
+    let cycles = whole.lines().enumerate().map(cycle).collect::<Result<_, Error>>()?;
+    Ok((table, cycles))
+}
+
+/// A file that grows by lines.
+#[derive(Debug)]
+pub(super) struct Lines {
+    path: PathBuf,
+    file: File,
+    /// Bytes of the whole lines.
+    length: u64,
+}
+
+impl Lines {
+    pub(super) fn create(path: PathBuf) -> Result<Self, Error> {
+        match File::create(&path) {
+            Ok(file) => Ok(Lines { path, file, length: 0 }),
+            Err(source) => Err(Error::Write { path, source }),
+        }
+    }
+
+    /// One write a line: not buffered, so nothing is lost when the loop breaks off. Of a line that cannot be written
+    /// whole nothing stays, so that the lines after it can be read.
+    pub(super) fn push(&mut self, line: &str) -> Result<(), Error> {
+        let bytes = format!("{line}\n");
+        let written = self.file.write_all(bytes.as_bytes());
+        match written {
+            Ok(()) => self.length += bytes.len() as u64,
+            // What fails here too is the same disk: the first failure is told.
+            Err(_) => drop(self.file.set_len(self.length).and_then(|()| self.file.seek(SeekFrom::Start(self.length)))),
+        }
+        written.map_err(|source| Error::Write { path: self.path.clone(), source })
+    }
+}

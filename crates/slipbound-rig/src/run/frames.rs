@@ -1,0 +1,146 @@
+//! Every frame of a closed loop, kept and given back.
+//!
+//! ```text
+//!   run/frames.jsonl      a line per cycle: what each finger's source gave
+//!   run/left/000012.jpg   the frames, as they were received
+//! ```
+
+use super::error::Error;
+use super::folder::Lines;
+use crate::source::decode_image;
+use serde::{Deserialize, Serialize};
+use slipbound::control::{CycleOutcome, CycleView};
+use slipbound::finger_pipeline::FingerView;
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use std::collections::VecDeque;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What a finger's source gave in a cycle.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "next")]
+enum Received {
+    /// A frame, kept in the finger's folder.
+    Frame {
+        seq: u64,
+        time_ns: Option<u64>,
+        /// Its file.
+        file: String,
+    },
+    /// A torn frame.
+    Torn { seq: u64, time_ns: Option<u64> },
+    /// Nothing.
+    Silent,
+}
+
+/// A line of `frames.jsonl`: a cycle.
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Line {
+    /// What every finger received.
+    fingers: Vec<Received>,
+    /// Whether gripper or wrist could not be asked, so that nothing was commanded.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    waiting: bool,
+}
+
+/// Keeps frames.
+#[derive(Debug)]
+pub struct FrameRecorder {
+    folder: PathBuf,
+    lines: Lines,
+}
+
+impl FrameRecorder {
+    /// Into the folder of a run.
+    pub fn create(folder: &Path) -> Result<Self, Error> {
+        Ok(FrameRecorder { folder: folder.to_owned(), lines: Lines::create(folder.join("frames.jsonl"))? })
+    }
+
+    /// Keeps what every finger received in a cycle. A cycle in which a source ended is none.
+    pub fn keep(&mut self, view: &CycleView<'_>) -> Result<(), Error> {
+        if view.outcome == Some(&CycleOutcome::SourceEnded) || view.fingers.iter().any(|f| *f.next == Next::End) {
+            return Ok(());
+        }
+        let waiting = view.outcome.is_none_or(|outcome| *outcome == CycleOutcome::Waiting);
+        let mut line = Line { fingers: Vec::with_capacity(view.fingers.len()), waiting };
+        for finger in view.fingers {
+            line.fingers.push(self.received(finger)?);
+        }
+        let why = |e: serde_json::Error| Error::Encode { path: self.folder.join("frames.jsonl"), why: e.to_string() };
+        let line = serde_json::to_string(&line).map_err(why)?;
+        self.lines.push(&line)
+    }
+
+    fn received(&self, finger: &FingerView<'_>) -> Result<Received, Error> {
+        let FrameBuffer { seq, time_ns, encoded, .. } = finger.frame;
+        let (seq, time_ns) = (*seq, *time_ns);
+        Ok(match finger.next {
+            Next::Frame => {
+                let file = format!("{}/{seq:06}.jpg", finger.name);
+                let path = self.folder.join(&file);
+                if encoded.is_empty() {
+                    let why = format!("frame {seq} came without its encoded form, which is what is recorded");
+                    return Err(Error::Encode { path, why });
+                }
+                let folder = self.folder.join(finger.name);
+                fs::create_dir_all(&folder).map_err(|source| Error::Write { path: folder, source })?;
+                fs::write(&path, encoded).map_err(|source| Error::Write { path, source })?;
+                Received::Frame { seq, time_ns, file }
+            }
+            Next::Torn { .. } => Received::Torn { seq, time_ns },
+            Next::Silent | Next::End => Received::Silent,
+        })
+    }
+}
+
+/// A finger's recorded frames as a source.
+#[derive(Debug)]
+pub struct RecordedSource {
+    folder: PathBuf,
+    cycles: VecDeque<Received>,
+}
+
+/// The frames of every finger of a run, and cycle by cycle, whether nothing was commanded because gripper or wrist
+/// could not be asked.
+pub(super) fn read(folder: &Path, fingers_count: usize) -> Result<(Vec<RecordedSource>, VecDeque<bool>), Error> {
+    let path = folder.join("frames.jsonl");
+    let text = fs::read_to_string(&path).map_err(|e| Error::Syntax {
+        path: path.clone(),
+        problem: format!("{e}; expected a run that was made with --record"),
+    })?;
+    let source = |_| RecordedSource { folder: folder.to_owned(), cycles: VecDeque::new() };
+    let mut sources: Vec<RecordedSource> = (0..fingers_count).map(source).collect();
+    let mut waiting = VecDeque::new();
+    let whole = text.rfind('\n').map_or("", |end| &text[..end]);
+    for (n, line) in whole.lines().enumerate() {
+        let wrong = |problem| Error::Syntax { path: path.clone(), problem: format!("line {}: {problem}", n + 1) };
+        let line: Line = serde_json::from_str(line).map_err(|e| wrong(e.to_string()))?;
+        let count = line.fingers.len();
+        if count != fingers_count {
+            return Err(wrong(format!("expected {fingers_count} fingers, got {count}")));
+        }
+        waiting.push_back(line.waiting);
+        sources.iter_mut().zip(line.fingers).for_each(|(source, received)| source.cycles.push_back(received));
+    }
+    Ok((sources, waiting))
+}
+
+impl FrameSource for RecordedSource {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        Ok(match self.cycles.pop_front() {
+            None => Next::End,
+            Some(Received::Silent) => Next::Silent,
+            Some(Received::Torn { seq, time_ns }) => {
+                (into.seq, into.time_ns) = (seq, time_ns);
+                Next::Torn { reason: "it was torn".into() }
+            }
+            Some(Received::Frame { seq, time_ns, file }) => {
+                let path = self.folder.join(&file);
+                into.encoded = fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+                decode_image(into).map_err(|e| format!("{}: {e}", path.display()))?;
+                (into.seq, into.time_ns) = (seq, time_ns);
+                Next::Frame
+            }
+        })
+    }
+}

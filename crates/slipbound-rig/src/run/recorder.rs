@@ -1,0 +1,99 @@
+//! Writes down a run as an observer of its loop.
+
+use super::error::Error;
+use super::folder::RunFolder;
+use super::frames::FrameRecorder;
+use super::info::{Row, RunInfo};
+use super::notes::RunNotes;
+use crate::overlay::Overlay;
+use slipbound::control::{Cycle, CycleObserver, CycleView};
+use slipbound::image::Rgb;
+use slipbound::task::Ending;
+use std::path::{Path, PathBuf};
+
+/// Keeps every cycle, the events they bring, what the fingers saw at each slip, and every frame where that is asked for.
+/// What cannot be written does not stop the loop: it is counted, and told at the end.
+pub struct RunRecorder {
+    folder: RunFolder,
+    overlays: Vec<Overlay>,
+    frames: Option<FrameRecorder>,
+    notes: RunNotes,
+    failed_count: u64,
+    first_failure: Option<Error>,
+}
+
+impl RunRecorder {
+    /// Begins a run in a folder that is new or empty. `keeps_frames`: every frame too, so that the run can be replayed.
+    pub fn create(folder: &Path, info: &RunInfo, keeps_frames: bool) -> Result<Self, Error> {
+        let run = RunFolder::create(folder, info)?;
+        let frames = if keeps_frames { Some(FrameRecorder::create(folder)?) } else { None };
+        Ok(RunRecorder {
+            folder: run,
+            overlays: info.fingers.iter().map(|finger| Overlay::new(&finger.sensor)).collect(),
+            frames,
+            notes: RunNotes::default(),
+            failed_count: 0,
+            first_failure: None,
+        })
+    }
+
+    /// Something that no cycle shows: why the loop was left, say.
+    pub fn note(&mut self, time_ns: u64, text: &str) {
+        let written = self.folder.note(time_ns, text);
+        self.count(written);
+    }
+
+    /// Lines and pictures that could not be written, and the first reason.
+    pub fn failures(&self) -> (u64, Option<&Error>) {
+        (self.failed_count, self.first_failure.as_ref())
+    }
+
+    /// Writes the results and the page; answers where that is. `ending`: None for a loop that was broken off.
+    pub fn finish(self, results: &[Row], ending: Option<Ending>) -> Result<PathBuf, Error> {
+        self.folder.finish(results, ending)
+    }
+
+    fn count(&mut self, written: Result<(), Error>) {
+        if let Err(error) = written {
+            self.failed_count += 1;
+            self.first_failure.get_or_insert(error);
+        }
+    }
+
+    fn write(&mut self, view: &CycleView<'_>, cycle: &Cycle) -> Result<(), Error> {
+        let slips_count = self.folder.slips_count();
+        self.folder.cycle(cycle)?;
+        if self.folder.slips_count() == slips_count {
+            return Ok(());
+        }
+        let force = match cycle.grip_command.force_n() {
+            Some(force_n) => format!("{force_n:.1} N"),
+            None => "released".into(),
+        };
+        for (finger, overlay) in view.fingers.iter().zip(&mut self.overlays) {
+            let (Some(monitor), Some(report)) = (finger.monitor, finger.report) else { continue };
+            overlay.draw(finger.frame.frame().ok().as_ref(), report, monitor);
+            let rgb = overlay.rgb();
+            // The picture has the size that the overlay says.
+            let Ok(picture) = Rgb::new(&rgb, overlay.size()) else { continue };
+            self.folder.picture(cycle.time_ns, finger.name, &force, picture)?;
+        }
+        Ok(())
+    }
+}
+
+impl CycleObserver for RunRecorder {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        if let Some(frames) = &mut self.frames {
+            let kept = frames.keep(view);
+            self.count(kept);
+        }
+        for line in self.notes.see(view) {
+            self.note(view.now_ns, &line);
+        }
+        if let Some(cycle) = view.cycle() {
+            let written = self.write(view, &cycle);
+            self.count(written);
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! A recorded run once more, from its folder alone: the same loop over the recorded frames, and whether every command
+//! comes out the same.
+
+use super::error::Error;
+use super::folder::read;
+use super::frames;
+use crate::config;
+use crate::sensors;
+use serde::de::DeserializeOwned;
+use slipbound::control::{ControlError, ControlLoop, Cycle, CycleObserver, CycleOutcome};
+use slipbound::finger_pipeline::FingerPipeline;
+use slipbound::hand::Mounting;
+use slipbound::monitor::Settings;
+use slipbound::port::{
+    GripCommand, Gripper, GripperError, GripperErrorKind, GripperState, Wrist, WristCommand, WristError,
+    WristErrorKind, WristState,
+};
+use slipbound::sensor::Sensor;
+use slipbound::setting::SettingError;
+use slipbound::task::{TaskKind, TaskSettings};
+use std::collections::VecDeque;
+use std::fmt;
+use std::path::Path;
+
+/// Why a run could not be replayed, or where it went another way.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The folder is not that of a recorded run.
+    #[error(transparent)]
+    Folder(#[from] Error),
+    /// A finger's sensor file cannot be used.
+    #[error(transparent)]
+    Sensor(#[from] config::Error),
+    /// The settings cannot be used.
+    #[error("run.toml: {0}")]
+    Setting(#[from] SettingError),
+    /// The loop failed.
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    /// There are fewer frames than cycles.
+    #[error("frames.jsonl: ends before cycle {cycle} of reports.jsonl")]
+    FramesEnd {
+        /// The first cycle without frames.
+        cycle: usize,
+    },
+    /// A command differs.
+    #[error("cycle {cycle}{difference}")]
+    Differs {
+        /// Its number, from 0.
+        cycle: usize,
+        /// When, what was recorded, what came out.
+        difference: Box<Difference>,
+    },
+}
+
+/// A cycle as it was recorded and as it came out.
+#[derive(Debug)]
+pub struct Difference {
+    /// As it was recorded.
+    pub recorded: Cycle,
+    /// As it came out.
+    pub replayed: Cycle,
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Difference { recorded: a, replayed: b } = self;
+        write!(f, " at {:.3} s: recorded ", a.time_ns as f64 * 1e-9)?;
+        write!(f, "{:?} {:?} {:?}, ", a.grip_command, a.wrist_command, a.phase)?;
+        write!(f, "replayed {:?} {:?} {:?}", b.grip_command, b.wrist_command, b.phase)?;
+        if a.hand != b.hand {
+            write!(f, "; the hand's report differs")?;
+        }
+        Ok(())
+    }
+}
+
+/// What a replay that went the same way did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Replayed {
+    /// Cycles with a command.
+    pub cycles_count: usize,
+}
+
+/// A run, ready to be replayed.
+pub struct Replay {
+    control: ControlLoop,
+    cycles: Vec<Cycle>,
+    waiting: VecDeque<bool>,
+}
+
+/// A gripper and a wrist that say what they said; None: nothing that could be worked with.
+struct Past<'a>(Option<&'a Cycle>);
+
+impl Gripper for Past<'_> {
+    fn command(&mut self, _: GripCommand) -> Result<(), GripperError> {
+        Ok(())
+    }
+
+    fn poll(&mut self) -> Result<GripperState, GripperError> {
+        let cycle = self.0.ok_or_else(|| GripperError::new(GripperErrorKind::Other, "it had a fault"))?;
+        Ok(cycle.gripper)
+    }
+}
+
+impl Wrist for Past<'_> {
+    fn command(&mut self, _: WristCommand) -> Result<(), WristError> {
+        Ok(())
+    }
+
+    fn poll(&mut self) -> Result<WristState, WristError> {
+        let cycle = self.0.ok_or_else(|| WristError::new(WristErrorKind::Other, "it had a fault"))?;
+        Ok(cycle.wrist)
+    }
+}
+
+impl Replay {
+    /// Reads a run that was recorded with its frames.
+    pub fn open(folder: &Path) -> Result<Self, ReplayError> {
+        let (table, cycles) = read(folder)?;
+        let path = folder.join("run.toml");
+        let missing = |key: &str| Error::Syntax { path: path.clone(), problem: format!("{key}: missing") };
+        let settings = table.get("settings").ok_or_else(|| missing("settings"))?;
+        let part = |key: &str| settings.get(key).ok_or_else(|| missing(&format!("settings.{key}")));
+        let task_settings: TaskSettings = typed(&path, "settings.task", part("task")?)?;
+        let monitor: Settings = typed(&path, "settings.monitor", part("monitor")?)?;
+        let task: TaskKind = table.get("task").and_then(toml::Value::as_str).ok_or_else(|| missing("task"))?.parse()?;
+        let fingers = table.get("fingers").and_then(toml::Value::as_array).ok_or_else(|| missing("fingers"))?;
+        let (sources, waiting) = frames::read(folder, fingers.len())?;
+        let mut pipelines = Vec::new();
+        let mut first_sensor: Option<Sensor> = None;
+        for (finger, source) in fingers.iter().zip(sources) {
+            let text = |key: &str| {
+                finger.get(key).and_then(toml::Value::as_str).ok_or_else(|| missing(&format!("fingers.{key}")))
+            };
+            let sensor = sensors::load(&folder.join(text("sensor")?).display().to_string())?;
+            let mut mounting = finger.as_table().cloned().unwrap_or_default();
+            mounting.retain(|key, _| key != "name" && key != "sensor");
+            let mounting: Mounting = typed(&path, "fingers", &mounting.into())?;
+            let source = Box::new(source);
+            pipelines.push(FingerPipeline::new(text("name")?, mounting, sensor.clone(), monitor.clone(), source));
+            first_sensor.get_or_insert(sensor);
+        }
+        let stiffness_mpa_per_mm = first_sensor.and_then(|sensor| sensor.shear_stiffness_mpa_per_mm());
+        let control = ControlLoop::new(pipelines, task_settings.task(task, stiffness_mpa_per_mm)?)?;
+        Ok(Replay { control, cycles, waiting })
+    }
+
+    /// Runs the loop over what was recorded; fails at the first command or report that differs.
+    pub fn run(mut self, observer: &mut dyn CycleObserver) -> Result<Replayed, ReplayError> {
+        let mut next = 0;
+        while let Some(cycle) = self.cycles.get(next) {
+            let known = Some(cycle).filter(|_| !self.waiting.pop_front().unwrap_or_default());
+            let (gripper, wrist) = (&mut Past(known), &mut Past(known));
+            match self.control.cycle(cycle.time_ns, gripper, wrist, observer)? {
+                CycleOutcome::AtRest | CycleOutcome::Waiting => {}
+                CycleOutcome::SourceEnded => return Err(ReplayError::FramesEnd { cycle: next }),
+                CycleOutcome::Commanded(replayed) => {
+                    if !is_same(cycle, &replayed) {
+                        let difference = Box::new(Difference { recorded: *cycle, replayed });
+                        return Err(ReplayError::Differs { cycle: next, difference });
+                    }
+                    next += 1;
+                }
+            }
+        }
+        Ok(Replayed { cycles_count: next })
+    }
+}
+
+/// The same commands bit for bit, and the same report.
+fn is_same(recorded: &Cycle, replayed: &Cycle) -> bool {
+    let bits = |cycle: &Cycle| cycle.grip_command.force_n().map(f64::to_bits);
+    bits(recorded) == bits(replayed)
+        && recorded.grip_command == replayed.grip_command
+        && recorded.wrist_command == replayed.wrist_command
+        && recorded.phase == replayed.phase
+        && recorded.slips_count == replayed.slips_count
+        && recorded.hand == replayed.hand
+}
+
+fn typed<T: DeserializeOwned>(path: &Path, key: &str, value: &toml::Value) -> Result<T, Error> {
+    let wrong =
+        |e: toml::de::Error| Error::Syntax { path: path.to_owned(), problem: format!("{key}: {}", e.message()) };
+    value.clone().try_into().map_err(wrong)
+}

@@ -1,0 +1,224 @@
+//! A source on a thread of its own, so that one that blocks never stalls the loop.
+//!
+//! ```text
+//!   thread: source.next (may block)  --frame--> slot    the newest frame wins, what it replaces is counted
+//!                                    --frame--> queue   or every frame is kept, and the thread waits when it is full
+//!   loop:   next (never blocks)      <--------- Frame, Torn, Silent, End
+//! ```
+
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use std::collections::VecDeque;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread;
+
+/// What the thread has read and the loop has not yet taken.
+#[derive(Default)]
+struct Slot {
+    waiting: VecDeque<(FrameBuffer, Next)>,
+    free: Vec<FrameBuffer>,
+    end: Option<Result<(), SourceError>>,
+    replaced_count: u64,
+    is_abandoned: bool,
+}
+
+struct Shared {
+    slot: Mutex<Slot>,
+    taken: Condvar,
+}
+
+impl Shared {
+    /// A thread that broke down while it held the lock leaves the slot as it was.
+    fn lock(&self) -> MutexGuard<'_, Slot> {
+        self.slot.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A source whose frames are read on a thread of its own. [`FrameSource::next`] never blocks: it is
+/// [`Next::Silent`] while nothing new has come.
+pub struct Newest {
+    shared: Arc<Shared>,
+    frames_count: Option<u64>,
+}
+
+/// Says whether a frame waits, from wherever the loop is driven.
+#[derive(Clone)]
+pub struct Arrivals(Arc<Shared>);
+
+impl Arrivals {
+    /// Whether a frame, or the end of the source, waits to be taken.
+    pub fn is_waiting(&self) -> bool {
+        let slot = self.0.lock();
+        !slot.waiting.is_empty() || slot.end.is_some()
+    }
+}
+
+impl Newest {
+    /// The newest frame wins: for cameras.
+    pub fn new(source: Box<dyn FrameSource + Send>) -> Self {
+        Newest::with_room(source, None)
+    }
+
+    /// Every frame is given in its order, at most `room_count` are read ahead: for recordings.
+    pub fn every_frame(source: Box<dyn FrameSource + Send>, room_count: usize) -> Self {
+        Newest::with_room(source, Some(room_count.max(1)))
+    }
+
+    fn with_room(source: Box<dyn FrameSource + Send>, room_count: Option<usize>) -> Self {
+        let frames_count = source.frames_count();
+        let shared = Arc::new(Shared { slot: Mutex::default(), taken: Condvar::new() });
+        let theirs = shared.clone();
+        thread::spawn(move || read(source, &theirs, room_count));
+        Newest { shared, frames_count }
+    }
+
+    /// Says whether a frame waits.
+    pub fn arrivals(&self) -> Arrivals {
+        Arrivals(self.shared.clone())
+    }
+
+    /// Frames that a newer one replaced before they were taken.
+    pub fn replaced_count(&self) -> u64 {
+        self.shared.lock().replaced_count
+    }
+}
+
+/// Reads until the source ends, fails, or nobody wants its frames any more.
+fn read(mut source: Box<dyn FrameSource + Send>, shared: &Shared, room_count: Option<usize>) {
+    let mut frame = FrameBuffer::default();
+    loop {
+        let next = source.next(&mut frame);
+        let mut slot = shared.lock();
+        if slot.is_abandoned {
+            return;
+        }
+        match next {
+            Ok(Next::Silent) => continue,
+            Ok(Next::End) => {
+                slot.end = Some(Ok(()));
+                return;
+            }
+            Err(error) => {
+                slot.end = Some(Err(error));
+                return;
+            }
+            Ok(next) => {
+                match room_count {
+                    None => {
+                        while let Some((old, _)) = slot.waiting.pop_front() {
+                            slot.free.push(old);
+                            slot.replaced_count += 1;
+                        }
+                    }
+                    Some(room_count) => {
+                        while slot.waiting.len() >= room_count && !slot.is_abandoned {
+                            slot = shared.taken.wait(slot).unwrap_or_else(PoisonError::into_inner);
+                        }
+                    }
+                }
+                let empty = slot.free.pop().unwrap_or_default();
+                slot.waiting.push_back((std::mem::replace(&mut frame, empty), next));
+            }
+        }
+    }
+}
+
+impl FrameSource for Newest {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        let mut slot = self.shared.lock();
+        if let Some((mut frame, next)) = slot.waiting.pop_front() {
+            std::mem::swap(into, &mut frame);
+            slot.free.push(frame);
+            self.shared.taken.notify_one();
+            return Ok(next);
+        }
+        match slot.end.take() {
+            None => Ok(Next::Silent),
+            Some(Ok(())) => {
+                slot.end = Some(Ok(())); // asked again, it is still over
+                Ok(Next::End)
+            }
+            Some(Err(error)) => Err(error),
+        }
+    }
+
+    fn frames_count(&self) -> Option<u64> {
+        self.frames_count
+    }
+}
+
+/// The thread ends at its next frame; one that is blocked in its source is left behind.
+impl Drop for Newest {
+    fn drop(&mut self) {
+        self.shared.lock().is_abandoned = true;
+        self.shared.taken.notify_one();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+    use std::time::{Duration, Instant};
+
+    /// A source that waits for its next frame.
+    struct Blocking(Receiver<Result<Next, SourceError>>, u64);
+
+    impl FrameSource for Blocking {
+        fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+            self.1 += 1;
+            into.seq = self.1;
+            self.0.recv().unwrap_or(Ok(Next::End))
+        }
+    }
+
+    fn blocking() -> (SyncSender<Result<Next, SourceError>>, Box<Blocking>) {
+        let (to, from) = sync_channel(0);
+        (to, Box::new(Blocking(from, 0)))
+    }
+
+    fn until(what: impl Fn() -> bool) {
+        let from = Instant::now();
+        while !what() {
+            assert!(from.elapsed() < Duration::from_secs(20), "it never came");
+            thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    #[test]
+    fn the_newest_frame_wins_and_what_it_replaces_is_counted() {
+        let (give, source) = blocking();
+        let mut newest = Newest::new(source);
+        let mut frame = FrameBuffer::default();
+        assert_eq!(newest.next(&mut frame).expect("goes on"), Next::Silent, "it does not wait");
+        for _ in 0..3 {
+            give.send(Ok(Next::Frame)).expect("read");
+        }
+        until(|| newest.replaced_count() == 2);
+        assert_eq!(newest.next(&mut frame).expect("goes on"), Next::Frame);
+        assert_eq!(frame.seq, 3);
+        give.send(Err("unplugged".into())).expect("read");
+        until(|| newest.arrivals().is_waiting());
+        assert_eq!(newest.next(&mut frame).expect_err("unplugged").to_string(), "unplugged");
+    }
+
+    #[test]
+    fn every_frame_of_a_recording_comes_in_its_order_and_no_more_are_read_than_there_is_room() {
+        let (give, source) = blocking();
+        let mut queue = Newest::every_frame(source, 2);
+        let giver = thread::spawn(move || (0..5).take_while(|_| give.send(Ok(Next::Frame)).is_ok()).count());
+        until(|| queue.shared.lock().waiting.len() == 2);
+        let mut seqs = Vec::new();
+        let mut frame = FrameBuffer::default();
+        while seqs.len() < 5 {
+            if queue.next(&mut frame).expect("goes on") == Next::Frame {
+                seqs.push(frame.seq);
+            }
+            assert!(queue.shared.lock().waiting.len() <= 2);
+        }
+        assert_eq!((seqs, queue.replaced_count()), (vec![1, 2, 3, 4, 5], 0));
+        assert_eq!(giver.join().expect("gave"), 5);
+        until(|| queue.arrivals().is_waiting());
+        assert_eq!(queue.next(&mut frame).expect("over"), Next::End);
+        assert_eq!(queue.next(&mut frame).expect("over"), Next::End, "and stays over");
+    }
+}

@@ -1,0 +1,48 @@
+//! What a calibration finds.
+
+use super::grid::MARGIN_PITCH;
+use crate::plane::Vec2;
+use crate::sensor::Sensor;
+
+/// A marker so far from its node is a defect of the print, not of the map.
+pub const OFF_GRID_PITCH: f64 = 0.15;
+
+/// One marker of the grid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GridMarker {
+    /// Column and row of the grid.
+    pub node: [i32; 2],
+    /// Where it was found in the camera image as delivered, px.
+    pub camera_px: Vec2,
+    /// How far the map puts it from there, in pitches.
+    pub residual_pitch: f64,
+}
+
+/// What was found.
+#[derive(Debug, Clone)]
+pub struct Calibration {
+    /// The facts, checked; `bare_sharpness` is measured on the same frames, if they look untouched.
+    pub sensor: Sensor,
+    /// Every marker on the grid, column by column.
+    pub markers: Vec<GridMarker>,
+    /// RMS of the residuals of all markers, in pitches.
+    pub residual_pitch: f64,
+    /// The same with a homography alone.
+    pub residual_without_distortion_pitch: f64,
+    /// Markers more than [`OFF_GRID_PITCH`] from their node.
+    pub off_grid_count: usize,
+    /// Places in the list of frames that were averaged, first and last.
+    pub averaged: [usize; 2],
+    /// Whether the averaged frames look untouched.
+    pub untouched: bool,
+    /// The averaged picture as delivered, bytes red, green, blue.
+    pub mean_rgb: Vec<u8>,
+}
+
+impl Calibration {
+    /// Where the first column and the first row of the grid meet in the rectified image, px.
+    pub fn origin_px(&self) -> Vec2 {
+        let margin_px = (MARGIN_PITCH * self.sensor.pitch_px).round();
+        Vec2::new(margin_px, margin_px)
+    }
+}

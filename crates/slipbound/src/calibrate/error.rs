@@ -1,0 +1,134 @@
+//! Why a finger is not calibrated, and the limits from which on it is not.
+
+use crate::image::SizePx;
+use crate::setting::SettingError;
+use std::fmt;
+
+/// Fewest markers from which a grid is accepted.
+pub const FEWEST_MARKERS: usize = 16;
+/// Fewest columns, and rows.
+pub(super) const FEWEST_LINES: i32 = 3;
+/// The largest residual of half of the markers at which the map is accepted, in pitches.
+pub(super) const WORST_MEDIAN_PITCH: f64 = 0.08;
+/// The largest RMS residual.
+pub(super) const WORST_RMS_PITCH: f64 = 0.15;
+/// The largest expected error of the map: residual times the root of parameters per marker. This and the residual keep
+/// dots without order out: those found near nodes by chance are some 0.15 pitch off, a fit of p parameters an axis to n of
+/// them leaves 0.15 sqrt(1 - p/n), and 0.15 sqrt(p/n (1 - p/n)) is above this bar for all p/n from 0.02 to 0.98; below,
+/// the residual is above its own.
+pub(super) const WORST_ERROR_PITCH: f64 = 0.02;
+/// Fewest nodes inside the outline of the grid that must have a marker, as a share.
+pub(super) const FEWEST_FILLED: f64 = 0.5;
+/// A second grid in the gaps of the first is there when it has this share of as many spots.
+pub(super) const SECOND_GRID_RATIO: f64 = 0.5;
+
+/// Why there is no calibration.
+#[derive(Debug, Clone, PartialEq)]
+pub enum CalibrationError {
+    /// No frame was given, or all are dark.
+    NoPicture {
+        /// Frames looked at.
+        frames_count: usize,
+    },
+    /// The frames differ in size.
+    Sizes {
+        /// That of the first.
+        expected: SizePx,
+        /// That of another.
+        got: SizePx,
+    },
+    /// Dots on no grid, or none.
+    NoGrid {
+        /// Dots of the most promising size.
+        dots_count: usize,
+        /// Those of them on a grid.
+        on_grid_count: usize,
+    },
+    /// A grid too narrow to fix a map.
+    Narrow {
+        /// Columns and rows found.
+        got: [i32; 2],
+    },
+    /// Many nodes without a marker: the grid may be one of every other dot.
+    Holes {
+        /// Markers found.
+        markers_count: usize,
+        /// Nodes within the outline.
+        nodes_count: usize,
+    },
+    /// As many dots between the nodes as on them.
+    AmbiguousPitch {
+        /// Pitch found, px.
+        pitch_px: f64,
+        /// Spots in the middle of its cells.
+        between_count: usize,
+        /// Markers on its nodes.
+        markers_count: usize,
+    },
+    /// The markers do not lie on what homography and polynomial can do.
+    Residual {
+        /// Half of the markers are further away than this, in pitches.
+        median_pitch: f64,
+        /// RMS, in pitches.
+        rms_pitch: f64,
+    },
+    /// Too few markers for the scatter they have.
+    Uncertain {
+        /// Expected error of the map, in pitches.
+        error_pitch: f64,
+        /// Markers there are.
+        markers_count: usize,
+        /// Their RMS residual, in pitches.
+        rms_pitch: f64,
+    },
+    /// A fact came out that a sensor cannot have.
+    Fact(SettingError),
+}
+
+impl fmt::Display for CalibrationError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            CalibrationError::NoPicture { frames_count } => write!(
+                f,
+                "no picture to calibrate from: expected a lit finger at rest, got {frames_count} frames, all of them dark"
+            ),
+            CalibrationError::Sizes { expected, got } => {
+                write!(f, "frames of different size: expected {expected} as the first, got {got}")
+            }
+            CalibrationError::NoGrid { dots_count, on_grid_count } => write!(
+                f,
+                "no grid of markers: expected at least {FEWEST_MARKERS} dots on a grid, got {on_grid_count} of \
+                 {dots_count} dots (take a sharp picture of the untouched finger, lights on, at its full size)"
+            ),
+            CalibrationError::Narrow { got: [columns, rows] } => write!(
+                f,
+                "grid too narrow: expected at least {FEWEST_LINES} columns and {FEWEST_LINES} rows of markers, got \
+                 {columns} and {rows} (show more of the gel)"
+            ),
+            CalibrationError::Holes { markers_count, nodes_count } => write!(
+                f,
+                "grid with holes: expected markers on half of its nodes or more, got {markers_count} on {nodes_count} \
+                 (glare or dirt? average several frames, or take a picture with even light)"
+            ),
+            CalibrationError::AmbiguousPitch { pitch_px, between_count, markers_count } => write!(
+                f,
+                "ambiguous pitch: expected empty cells, got {between_count} dots amid the cells of a grid of \
+                 {markers_count} at {pitch_px} px (texture as strong as the markers? give --polarity)"
+            ),
+            CalibrationError::Residual { median_pitch, rms_pitch } => write!(
+                f,
+                "markers off the grid: expected half of them within {WORST_MEDIAN_PITCH} pitch and {WORST_RMS_PITCH} \
+                 RMS, got {median_pitch:.3} and {rms_pitch:.3} (was the gel touched? take the finger at rest)"
+            ),
+            CalibrationError::Uncertain { error_pitch, markers_count, rms_pitch } => write!(
+                f,
+                "too few markers for their scatter: expected a map good to {WORST_ERROR_PITCH} pitch, got \
+                 {error_pitch:.3} from {markers_count} markers {rms_pitch:.3} pitch RMS off it (average more frames, or \
+                 show more of the gel)"
+            ),
+            CalibrationError::Fact(e) => e.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for CalibrationError {}

@@ -1,0 +1,261 @@
+//! The control loop: frames in, commands out. Told the time, so that simulation, emulators, replay and hardware drive
+//! the same code.
+//!
+//! ```text
+//!   finger 0: source -> rest -> monitor --.
+//!   finger 1: source -> rest -> monitor --+--> Hand --> Task --> gripper, wrist      a cycle
+//!   gripper, wrist: poll -----------------'                 '--> CycleObserver
+//! ```
+//!
+//! What it promises: a fault of software or of a link never opens a hand. While gripper or wrist have a fault (a lost
+//! link, no answer, a refusal, a latched fast stop, a force that does not follow) the wrist is paused, the force stays
+//! where it is, and the loop goes on looking and waits, for ten seconds. On any other error it leaves: the wrist is
+//! paused first, and the gripper keeps its force, or goes to the force for blind hands where that is set and more.
+//!
+//! The loop has no clock and no threads. Whoever drives it calls [`ControlLoop::cycle`] when the frames are there and
+//! [`Gripper::poll_io`] every few ms in between: `slipbound_rig::realtime` for hardware, `slipbound_lab::lockstep` for
+//! the simulator.
+
+mod cycle;
+mod error;
+mod fault;
+mod observer;
+
+pub use cycle::{Cycle, CycleOutcome};
+pub use error::ControlError;
+pub use fault::{Fault, FaultKind};
+pub use observer::{CycleObserver, CycleView};
+
+use crate::events::{Sign, SlipEpisodes};
+use crate::finger_pipeline::{FingerPipeline, FingerView, MonitorRunner, Sequential};
+use crate::grip::GripController;
+use crate::hand::{FINGERS_MOST, Hand, Mounting};
+use crate::port::{
+    DriverEvent, GripCommand, GripSample, Gripper, GripperError, GripperErrorKind, GripperState, Jaws, Wrist,
+    WristCommand, WristMotion, WristState,
+};
+use crate::setting::SettingError;
+use crate::task::{Observation, Phase, Task, TaskStep};
+use fault::{FaultLog, ForceShortfall};
+
+/// A pause, in whatever the wrist is doing.
+const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);
+
+/// The loop's state.
+pub struct ControlLoop {
+    fingers: Vec<FingerPipeline>,
+    runner: Box<dyn MonitorRunner>,
+    hand: Hand,
+    task: Box<dyn Task + Send>,
+    faults: FaultLog,
+    shortfall: ForceShortfall,
+    refused_lowering: Option<String>,
+    slips: SlipEpisodes,
+    events: Vec<DriverEvent>,
+    last_step: Option<TaskStep>,
+    grip: Option<GripSample>,
+    wrist: Option<WristState>,
+}
+
+impl ControlLoop {
+    /// A loop before its first cycle; its monitors run one after the other. Refuses a hand that cannot be.
+    pub fn new(fingers: Vec<FingerPipeline>, task: Box<dyn Task + Send>) -> Result<Self, SettingError> {
+        let mountings: Vec<Mounting> = fingers.iter().map(FingerPipeline::mounting).collect();
+        Ok(ControlLoop {
+            hand: Hand::new(&mountings)?,
+            fingers,
+            runner: Box::new(Sequential),
+            task,
+            faults: FaultLog::default(),
+            shortfall: ForceShortfall::default(),
+            refused_lowering: None,
+            slips: SlipEpisodes::default(),
+            events: Vec::new(),
+            last_step: None,
+            grip: None,
+            wrist: None,
+        })
+    }
+
+    /// The same loop with its monitors run by `runner`: on threads of their own, say. The reports are the same.
+    #[must_use]
+    pub fn with_runner(self, runner: Box<dyn MonitorRunner>) -> Self {
+        ControlLoop { runner, ..self }
+    }
+
+    /// The fingers.
+    pub fn fingers(&self) -> &[FingerPipeline] {
+        &self.fingers
+    }
+
+    /// The task.
+    pub fn task(&self) -> &dyn Task {
+        self.task.as_ref()
+    }
+
+    /// The fault of gripper or wrist that lasts, or has been over for less than half a second; None when all is well.
+    pub fn fault(&self) -> Option<&Fault> {
+        self.faults.current()
+    }
+
+    /// One cycle: every finger's newest frame, the gripper's and the wrist's state, the commands; then `observer` is shown
+    /// what happened. `now_ns` never goes back. On an error, that of a fault that lasts too long among them, the loop
+    /// has been left ([`ControlLoop::leave`]).
+    pub fn cycle(
+        &mut self,
+        now_ns: u64,
+        gripper: &mut dyn Gripper,
+        wrist: &mut dyn Wrist,
+        observer: &mut dyn CycleObserver,
+    ) -> Result<CycleOutcome, ControlError> {
+        let outcome = self.try_cycle(now_ns, gripper, wrist);
+        if outcome.is_err() {
+            self.leave(gripper, wrist);
+        }
+        self.events.clear();
+        while let Some(event) = gripper.next_event() {
+            self.events.push(event);
+        }
+        // Hand::new has refused no fingers, and more than FINGERS_MOST.
+        let views: [FingerView<'_>; FINGERS_MOST] =
+            std::array::from_fn(|i| self.fingers[i.min(self.fingers.len() - 1)].view());
+        observer.after_cycle(&CycleView {
+            now_ns,
+            outcome: outcome.as_ref().ok(),
+            fingers: &views[..self.fingers.len()],
+            fault: self.faults.current(),
+            refused_lowering: self.refused_lowering.as_deref(),
+            driver_events: &self.events,
+            truth: None,
+        });
+        outcome
+    }
+
+    /// Leaves the hand as it is: the wrist pauses, then the force stays, or rises to that for blind hands if it is
+    /// set. To be called when no further cycle will come before the task has ended.
+    pub fn leave(&mut self, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) {
+        // A wrist that does not take this either runs out of its time to live.
+        let _ = wrist.command(PAUSE);
+        let Some(TaskStep { grip: GripCommand::Hold { force_n }, phase, .. }) = self.last_step else { return };
+        let holds = !matches!(phase, Phase::Releasing | Phase::Ended(_));
+        if let Some(force_n) = self.task.grip().limits().blind_force_n.filter(|n| holds && *n > force_n) {
+            // A gripper that does not take this keeps what it has.
+            let _ = gripper.command(GripCommand::Hold { force_n });
+        }
+    }
+
+    fn try_cycle(
+        &mut self,
+        now_ns: u64,
+        gripper: &mut dyn Gripper,
+        wrist: &mut dyn Wrist,
+    ) -> Result<CycleOutcome, ControlError> {
+        let state = gripper.poll().map_err(Fault::of_gripper).and_then(|state| self.usable(state));
+        // A wrist that cannot be asked stands where it was last; the grip goes on answering slip meanwhile.
+        let wrist_known = match (wrist.poll().map_err(Fault::of_wrist), self.wrist) {
+            (Ok(state), _) => Ok((state, None)),
+            (Err(fault), Some(last)) => Ok((WristState { moving: false, ..last }, Some(fault))),
+            (Err(fault), None) => Err(fault),
+        };
+        self.wrist = wrist_known.as_ref().ok().map(|(state, _)| *state);
+        let known = state.and_then(|state| wrist_known.map(|(wrist_state, fault)| (state, wrist_state, fault)));
+        if let Ok((state, ..)) = &known {
+            self.grip = state.pressed_n().map(|force_n| GripSample { force_n });
+        }
+        if !self.look()? {
+            return Ok(CycleOutcome::SourceEnded);
+        }
+        let (state, wrist_state, wrist_fault) = match known {
+            Ok(known) => known,
+            Err(fault) => {
+                self.raise_fault(now_ns, fault, wrist)?;
+                return Ok(CycleOutcome::Waiting);
+            }
+        };
+        if self.fingers.iter().any(|finger| finger.monitor().is_none()) {
+            self.faults.clear(now_ns);
+            return Ok(CycleOutcome::AtRest);
+        }
+        let hand = self.hand.report();
+        self.slips.see(&Sign::of_hand(now_ns, &hand));
+        let step = self.task.step(&Observation { now_ns, hand: &hand, gripper: &state, wrist: &wrist_state });
+        self.last_step = Some(step);
+        let shortfall = self.shortfall.check(now_ns, &state, &step);
+        match self.command(&step, gripper, wrist).or(shortfall).or(wrist_fault) {
+            Some(fault) => self.raise_fault(now_ns, fault, wrist)?,
+            None => self.faults.clear(now_ns),
+        }
+        let grip = self.task.grip();
+        Ok(CycleOutcome::Commanded(Cycle {
+            time_ns: now_ns,
+            hand,
+            gripper: state,
+            wrist: wrist_state,
+            grip_command: step.grip,
+            wrist_command: step.wrist,
+            phase: step.phase,
+            margin: grip.margin(),
+            alarms_count: grip.alarms_count(),
+            slips_count: self.slips.count(),
+            truth: None,
+            fault: self.faults.current().is_some(),
+        }))
+    }
+
+    /// Every finger's newest frame, judged and shown to the hand. False when a source has ended.
+    fn look(&mut self) -> Result<bool, ControlError> {
+        for finger in &mut self.fingers {
+            if !finger.acquire()? {
+                return Ok(false);
+            }
+        }
+        // Until all know their rest frame none is judged: nothing is commanded yet.
+        if self.fingers.iter().all(|finger| finger.monitor().is_some()) {
+            self.runner.judge(&mut self.fingers, self.grip)?;
+        }
+        for (i, finger) in self.fingers.iter().enumerate() {
+            match finger.report() {
+                Some(report) => self.hand.see(i, report),
+                None => self.hand.missed(i),
+            }
+        }
+        Ok(true)
+    }
+
+    /// A state that can be worked with.
+    fn usable(&self, state: GripperState) -> Result<GripperState, Fault> {
+        let is_over = self.last_step.is_some_and(|step| matches!(step.phase, Phase::Ended(_)));
+        match state.jaws {
+            Jaws::Stopped => Err(Fault::stopped()),
+            Jaws::Unknown if !is_over => Err(Fault::jaws_unknown()),
+            _ => Ok(state),
+        }
+    }
+
+    /// Commands wrist and gripper; what they could not do. While there is a fault the wrist stands.
+    fn command(&mut self, step: &TaskStep, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> Option<Fault> {
+        // A wrist that is to stand stands before the grip changes.
+        let motion = if self.faults.current().is_some() { PAUSE } else { step.wrist };
+        let moved = wrist.command(motion).map_err(Fault::of_wrist);
+        let gripped = gripper.command(step.grip).or_else(|e| self.tolerate(e)).map_err(Fault::of_gripper);
+        gripped.and(moved).err()
+    }
+
+    /// A gripper that must not be told a lower force holds on with the one it has: that is no fault.
+    fn tolerate(&mut self, error: GripperError) -> Result<(), GripperError> {
+        if error.kind != GripperErrorKind::Lowering {
+            return Err(error);
+        }
+        self.refused_lowering.get_or_insert_with(|| error.to_string());
+        Ok(())
+    }
+
+    /// The wrist is paused; an error when the fault lasts too long.
+    fn raise_fault(&mut self, now_ns: u64, fault: Fault, wrist: &mut dyn Wrist) -> Result<(), ControlError> {
+        let _ = wrist.command(PAUSE); // the wrist may be what has the fault: it then pauses by itself
+        self.faults.raise(now_ns, fault)
+    }
+}
+
+#[cfg(test)]
+mod tests;

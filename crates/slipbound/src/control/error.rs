@@ -1,0 +1,83 @@
+//! What ends a control loop before its task.
+
+use super::Fault;
+use crate::image::ImageError;
+use crate::monitor::RestError;
+use crate::port::SourceError;
+use crate::setting::SettingError;
+use std::fmt;
+
+/// Why the loop was left. Whatever the reason, the wrist was paused first and the gripper keeps its force.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum ControlError {
+    /// A finger's source of frames failed.
+    Source {
+        /// The finger.
+        finger: String,
+        /// Why.
+        source: SourceError,
+    },
+    /// A frame does not hold what its size says.
+    Frame {
+        /// The finger.
+        finger: String,
+        /// Expected and got.
+        source: ImageError,
+    },
+    /// A finger's settings or facts cannot be used with its frames.
+    Setting {
+        /// The finger.
+        finger: String,
+        /// Key, expected, got.
+        source: SettingError,
+    },
+    /// The first frames of a finger make no rest frame.
+    Rest {
+        /// The finger.
+        finger: String,
+        /// Why.
+        source: RestError,
+    },
+    /// The thread that runs a finger's monitor has broken down.
+    Monitor {
+        /// The finger.
+        finger: String,
+    },
+    /// A fault of gripper or wrist lasted longer than the loop waits.
+    Fault {
+        /// The fault.
+        fault: Fault,
+        /// How long it was waited for, ns; 0 when the source ended meanwhile.
+        waited_ns: u64,
+    },
+    /// Whoever drives the loop was told to stop.
+    Interrupted,
+}
+
+impl fmt::Display for ControlError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ControlError::Source { finger, source } => write!(f, "{finger}: {source}"),
+            ControlError::Frame { finger, source } => write!(f, "{finger}: {source}"),
+            ControlError::Setting { finger, source } => write!(f, "{finger}: {source}"),
+            ControlError::Rest { finger, source } => write!(f, "{finger}: no rest frame: {source}"),
+            ControlError::Monitor { finger } => write!(f, "{finger}: the thread of its monitor has broken down"),
+            ControlError::Fault { fault, waited_ns: 0 } => write!(f, "{fault}"),
+            ControlError::Fault { fault, waited_ns } => write!(f, "{fault}; waited {} s", waited_ns / 1_000_000_000),
+            ControlError::Interrupted => f.write_str("interrupted; the wrist was paused, the gripper keeps its force"),
+        }
+    }
+}
+
+impl std::error::Error for ControlError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            ControlError::Source { source, .. } => source.source(),
+            ControlError::Frame { source, .. } => source.source(),
+            ControlError::Setting { source, .. } => source.source(),
+            ControlError::Rest { source, .. } => source.source(),
+            ControlError::Monitor { .. } | ControlError::Fault { .. } | ControlError::Interrupted => None,
+        }
+    }
+}

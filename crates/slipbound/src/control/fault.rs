@@ -1,0 +1,142 @@
+//! Faults of gripper and wrist: raised, waited for, cleared.
+//!
+//! ```text
+//!   raise ----------> current: the wrist pauses, the force stays
+//!     | no more fault for 0.5 s: cleared        | 10 s since it began: ControlError::Fault
+//! ```
+
+use super::ControlError;
+use crate::port::{GripCommand, GripperError, GripperErrorKind, GripperState, Jaws, WristError, WristErrorKind};
+use crate::task::TaskStep;
+use std::borrow::Cow;
+use std::fmt;
+
+/// Longest wait for a gripper or wrist with a fault, ns: enough for a cable to be put back.
+const PATIENCE_NS: u64 = 10_000_000_000;
+
+/// Time without a fault after which the wrist may go on, ns.
+const CLEAR_AFTER_NS: u64 = 500_000_000;
+
+/// Longest time for a measured force to come up to what was commanded, ns.
+const FOLLOW_NS: u64 = 1_500_000_000;
+
+/// What may be short of it then: the larger of this force, N, and this share of it.
+const SHORTFALL_N: f64 = 2.0;
+const SHORTFALL_FRACTION: f64 = 0.2;
+
+/// What kind of fault it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FaultKind {
+    /// The gripper failed to be asked or commanded.
+    Gripper(GripperErrorKind),
+    /// The wrist failed to be asked or commanded.
+    Wrist(WristErrorKind),
+    /// The gripper has stopped itself.
+    GripperStopped,
+    /// The gripper does not know where its jaws are.
+    JawsUnknown,
+    /// The measured force stays below the commanded one.
+    ForceShortfall,
+}
+
+/// What gripper or wrist could not do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fault {
+    /// What a caller can act on.
+    pub kind: FaultKind,
+    /// In words: who, what was expected, what was got.
+    pub text: Cow<'static, str>,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl Fault {
+    pub(super) fn of_gripper(error: GripperError) -> Self {
+        Fault { kind: FaultKind::Gripper(error.kind), text: format!("gripper: {error}").into() }
+    }
+
+    pub(super) fn of_wrist(error: WristError) -> Self {
+        Fault { kind: FaultKind::Wrist(error.kind), text: format!("wrist: {error}").into() }
+    }
+
+    pub(super) fn stopped() -> Self {
+        let text = "gripper: it has stopped itself (fast stop); its force stays".into();
+        Fault { kind: FaultKind::GripperStopped, text }
+    }
+
+    pub(super) fn jaws_unknown() -> Self {
+        let text = "gripper: expected jaws that know where they are, got jaws unknown: not heard of yet, or switched \
+                    off and on (then take the object out and home it)";
+        Fault { kind: FaultKind::JawsUnknown, text: text.into() }
+    }
+
+    /// Whether it is the same fault, told again with other numbers.
+    pub fn is_like(&self, other: &Fault) -> bool {
+        let words = |text: &'_ str| -> String { text.chars().filter(|c| !c.is_ascii_digit()).collect() };
+        self.kind == other.kind && words(&self.text) == words(&other.text)
+    }
+}
+
+/// The fault that lasts.
+#[derive(Debug, Default)]
+pub(super) struct FaultLog {
+    /// The newest fault, when the first of this spell was raised, when the last, ns.
+    current: Option<(Fault, u64, u64)>,
+}
+
+impl FaultLog {
+    pub fn current(&self) -> Option<&Fault> {
+        self.current.as_ref().map(|(fault, ..)| fault)
+    }
+
+    /// A fault in this cycle; an error when there have been faults for too long.
+    pub fn raise(&mut self, now_ns: u64, fault: Fault) -> Result<(), ControlError> {
+        let since_ns = self.current.as_ref().map_or(now_ns, |(_, since_ns, _)| *since_ns);
+        let waited_ns = now_ns.saturating_sub(since_ns);
+        if waited_ns >= PATIENCE_NS {
+            return Err(ControlError::Fault { fault, waited_ns });
+        }
+        self.current = Some((fault, since_ns, now_ns));
+        Ok(())
+    }
+
+    /// No fault in this cycle: a past one is cleared after a while.
+    pub fn clear(&mut self, now_ns: u64) {
+        self.current = self.current.take().filter(|(.., last_ns)| now_ns < last_ns + CLEAR_AFTER_NS);
+    }
+}
+
+/// Watches whether the measured force comes up to the commanded one.
+#[derive(Debug, Default)]
+pub(super) struct ForceShortfall {
+    since_ns: Option<u64>,
+}
+
+impl ForceShortfall {
+    /// The fault, when the force has been short of what was commanded for too long.
+    pub fn check(&mut self, now_ns: u64, state: &GripperState, step: &TaskStep) -> Option<Fault> {
+        let short = match step.grip {
+            GripCommand::Hold { force_n } => {
+                let least_n = force_n - SHORTFALL_N.max(SHORTFALL_FRACTION * force_n);
+                state.force_n.filter(|n| state.jaws == Jaws::Holding && *n < least_n).map(|got_n| (force_n, got_n))
+            }
+            GripCommand::Release => None,
+        };
+        let Some((asked_n, measured_n)) = short else {
+            self.since_ns = None;
+            return None;
+        };
+        let since_ns = *self.since_ns.get_or_insert(now_ns);
+        let is_late = now_ns.saturating_sub(since_ns) > FOLLOW_NS;
+        is_late.then(|| Fault {
+            kind: FaultKind::ForceShortfall,
+            text: format!("gripper: expected {asked_n:.1} N per finger, measured {measured_n:.1} N for too long")
+                .into(),
+        })
+    }
+}

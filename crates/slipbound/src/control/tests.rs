@@ -1,0 +1,148 @@
+//! The loop against a gripper and a wrist that write down what they are told.
+
+use super::*;
+use crate::hand::Side;
+use crate::monitor::Settings;
+use crate::port::{FrameBuffer, FrameSource, Next, SourceError, WristError, WristErrorKind};
+use crate::task::{TaskKind, TaskSettings};
+use std::cell::RefCell;
+use std::rc::Rc;
+
+const S: u64 = 1_000_000_000;
+
+/// A camera that is silent.
+struct Silent;
+
+impl FrameSource for Silent {
+    fn next(&mut self, _into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        Ok(Next::Silent)
+    }
+}
+
+/// A gripper and a wrist that write down what they are told.
+#[derive(Clone, Default)]
+struct Scribe {
+    told: Rc<RefCell<Vec<String>>>,
+    is_lost: bool,
+    is_wrist_lost: bool,
+}
+
+impl Gripper for Scribe {
+    fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
+        let force_n = command.force_n().map_or("release".into(), |n| n.to_string());
+        self.told.borrow_mut().push(format!("grip {force_n}"));
+        Ok(())
+    }
+
+    fn poll(&mut self) -> Result<GripperState, GripperError> {
+        if self.is_lost {
+            return Err(GripperError::new(GripperErrorKind::Link, "gone 3 ms ago"));
+        }
+        let (force_n, target_n, opening_mm) = (Some(20.0), Some(20.0), None);
+        Ok(GripperState { time_ns: 0, force_n, target_n, opening_mm, jaws: Jaws::Holding })
+    }
+}
+
+impl Wrist for Scribe {
+    fn command(&mut self, command: WristCommand) -> Result<(), WristError> {
+        self.told.borrow_mut().push(format!("{:?}", command.motion));
+        Ok(())
+    }
+
+    fn poll(&mut self) -> Result<WristState, WristError> {
+        if self.is_wrist_lost {
+            return Err(WristError::new(WristErrorKind::Link, "gone"));
+        }
+        Ok(WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false })
+    }
+}
+
+fn control(blind_force_n: Option<f64>) -> ControlLoop {
+    let mut settings = TaskSettings::default();
+    settings.grip.blind_force_n = blind_force_n;
+    let task = settings.task(TaskKind::Lift, None).expect("valid");
+    let sensor = crate::sensor::tests::smooth();
+    let finger = FingerPipeline::new("left", Mounting::on(Side::Left), sensor, Settings::default(), Box::new(Silent));
+    ControlLoop::new(vec![finger], task).expect("valid")
+}
+
+fn holds(phase: Phase) -> TaskStep {
+    TaskStep { grip: GripCommand::Hold { force_n: 20.0 }, wrist: PAUSE, phase }
+}
+
+fn releases() -> TaskStep {
+    TaskStep { grip: GripCommand::Release, wrist: PAUSE, phase: Phase::Releasing }
+}
+
+#[test]
+fn who_leaves_pauses_the_wrist_first_and_only_ever_presses_harder() {
+    for (blind_force_n, last, expected) in [
+        (None, holds(Phase::Working), vec!["Pause"]),
+        (Some(35.0), holds(Phase::Working), vec!["Pause", "grip 35"]),
+        (Some(12.0), holds(Phase::Working), vec!["Pause"]),
+        (Some(35.0), releases(), vec!["Pause"]),
+    ] {
+        let (scribe, mut control) = (Scribe::default(), control(blind_force_n));
+        control.last_step = Some(last);
+        control.leave(&mut scribe.clone(), &mut scribe.clone());
+        assert_eq!(*scribe.told.borrow(), expected);
+    }
+}
+
+#[test]
+fn a_lost_gripper_is_waited_for_with_the_wrist_paused_for_ten_seconds() {
+    let (scribe, mut control) = (Scribe::default(), control(None));
+    let mut lost = Scribe { is_lost: true, ..scribe.clone() };
+    for now_ns in [S, 5 * S, 10 * S] {
+        assert!(matches!(control.cycle(now_ns, &mut lost, &mut scribe.clone(), &mut ()), Ok(CycleOutcome::Waiting)));
+    }
+    assert_eq!(control.fault().map(|fault| fault.kind), Some(FaultKind::Gripper(GripperErrorKind::Link)));
+    assert!(matches!(
+        control.cycle(10 * S + 1, &mut scribe.clone(), &mut scribe.clone(), &mut ()),
+        Ok(CycleOutcome::AtRest)
+    ));
+    let error = control.cycle(11 * S, &mut lost, &mut scribe.clone(), &mut ()).expect_err("patience ends").to_string();
+    assert_eq!(error, "gripper: gone 3 ms ago; waited 10 s");
+    assert!(scribe.told.borrow().iter().all(|told| told == "Pause"), "{:?}", scribe.told.borrow());
+    assert!(scribe.told.borrow().len() >= 4);
+}
+
+#[test]
+fn a_force_that_does_not_follow_is_trouble_and_one_on_its_way_is_not() {
+    let mut shortfall = ForceShortfall::default();
+    let state = |force_n| GripperState { force_n: Some(force_n), ..Scribe::default().poll_state() };
+    let asked = holds(Phase::Waiting);
+    assert_eq!(shortfall.check(0, &state(10.0), &asked), None);
+    assert_eq!(shortfall.check(S, &state(12.0), &asked), None);
+    assert_eq!(shortfall.check(S + S / 4, &state(17.0), &asked), None, "it has come up");
+    assert_eq!(shortfall.check(2 * S, &state(10.0), &asked), None, "counted anew");
+    let fault = shortfall.check(4 * S, &state(10.0), &asked).expect("too long");
+    assert!(fault.text.contains("expected 20.0 N per finger, measured 10.0 N"), "{fault}");
+    assert_eq!(shortfall.check(5 * S, &state(0.0), &releases()), None);
+}
+
+impl Scribe {
+    fn poll_state(mut self) -> GripperState {
+        Gripper::poll(&mut self).expect("there")
+    }
+}
+
+/// With the wrist gone the loop does not wait: whoever fills the bottle does not wait either.
+#[test]
+fn a_lost_wrist_is_trouble_but_the_loop_goes_on() {
+    let (scribe, mut control) = (Scribe::default(), control(None));
+    let mut lost = Scribe { is_wrist_lost: true, ..scribe.clone() };
+    assert!(
+        matches!(control.cycle(S, &mut scribe.clone(), &mut lost, &mut ()), Ok(CycleOutcome::Waiting)),
+        "never heard of"
+    );
+    assert!(matches!(
+        control.cycle(2 * S, &mut scribe.clone(), &mut scribe.clone(), &mut ()),
+        Ok(CycleOutcome::AtRest)
+    ));
+    assert!(
+        matches!(control.cycle(3 * S, &mut scribe.clone(), &mut lost, &mut ()), Ok(CycleOutcome::AtRest)),
+        "it stands"
+    );
+    assert_eq!(control.wrist.map(|wrist| wrist.moving), Some(false));
+}

@@ -1,0 +1,232 @@
+//! A finger of the control loop: its source of frames, its rest frame, its monitor.
+//!
+//! ```text
+//!   FrameSource --acquire--> first frames --RestFinder--> Rest --> SlipMonitor
+//!                            later frames --judge-----------------> SlipReport
+//! ```
+//!
+//! Frames are acquired by the loop and judged by whoever runs the monitors: one after the other ([`Sequential`]), or on
+//! threads of their own, for which [`FingerPipeline::lend`] hands out monitor and frame.
+
+mod rest_finder;
+
+pub use rest_finder::{FoundRest, RestFinder};
+
+use crate::control::ControlError;
+use crate::hand::Mounting;
+use crate::monitor::{RestError, RestKind, Settings, SlipMonitor, SlipReport};
+use crate::port::{FrameBuffer, FrameSource, GripSample, Next};
+use crate::sensor::Sensor;
+
+/// A finger: where its frames come from, how it is mounted, what judges them.
+pub struct FingerPipeline {
+    name: String,
+    mounting: Mounting,
+    source: Box<dyn FrameSource + Send>,
+    sensor: Sensor,
+    settings: Settings,
+    rest_finder: Option<RestFinder>,
+    rest_kind: Option<RestKind>,
+    monitor: Option<Box<SlipMonitor>>,
+    frame: FrameBuffer,
+    next: Next,
+    report: Option<SlipReport>,
+}
+
+/// A frame and the monitor that is to judge it, on their way to a thread and back.
+pub struct MonitorJob {
+    monitor: Box<SlipMonitor>,
+    frame: FrameBuffer,
+    grip: Option<GripSample>,
+    report: Option<SlipReport>,
+}
+
+impl MonitorJob {
+    /// Judges the frame.
+    pub fn run(&mut self) {
+        // A buffer that does not hold what its size says was refused before it was lent.
+        self.report = self.frame.frame().ok().map(|frame| self.monitor.step(&frame, self.grip));
+    }
+}
+
+/// What an observer may see of a finger in a cycle.
+#[derive(Debug, Clone, Copy)]
+pub struct FingerView<'a> {
+    /// What the finger is called.
+    pub name: &'a str,
+    /// What its source gave in this cycle.
+    pub next: &'a Next,
+    /// The newest frame.
+    pub frame: &'a FrameBuffer,
+    /// What was said of it; None when no frame came, or the finger is still being looked at unloaded.
+    pub report: Option<&'a SlipReport>,
+    /// The monitor after the frame; None before the rest frame is known. An observer behind a queue has it only when a
+    /// slip begins.
+    pub monitor: Option<&'a SlipMonitor>,
+    /// What the finger was doing in its rest frame; None before that is known.
+    pub rest_kind: Option<RestKind>,
+}
+
+impl FingerPipeline {
+    /// A finger before its first frame.
+    pub fn new(
+        name: &str,
+        mounting: Mounting,
+        sensor: Sensor,
+        settings: Settings,
+        source: Box<dyn FrameSource + Send>,
+    ) -> Self {
+        FingerPipeline {
+            name: name.into(),
+            mounting,
+            source,
+            sensor,
+            settings,
+            rest_finder: None,
+            rest_kind: None,
+            monitor: None,
+            frame: FrameBuffer::default(),
+            next: Next::Silent,
+            report: None,
+        }
+    }
+
+    /// What it is called.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// How it sits in the hand.
+    pub fn mounting(&self) -> Mounting {
+        self.mounting
+    }
+
+    /// Its facts, as they were given.
+    pub fn sensor(&self) -> &Sensor {
+        &self.sensor
+    }
+
+    /// Its monitor; None before the rest frame is known, and while it is lent.
+    pub fn monitor(&self) -> Option<&SlipMonitor> {
+        self.monitor.as_deref()
+    }
+
+    /// The newest frame.
+    pub fn frame(&self) -> &FrameBuffer {
+        &self.frame
+    }
+
+    /// What was said of the newest frame; None when none came.
+    pub fn report(&self) -> Option<&SlipReport> {
+        self.report.as_ref()
+    }
+
+    /// What an observer may see of it.
+    pub fn view(&self) -> FingerView<'_> {
+        FingerView {
+            name: &self.name,
+            next: &self.next,
+            frame: &self.frame,
+            report: self.report.as_ref(),
+            monitor: self.monitor.as_deref(),
+            rest_kind: self.rest_kind,
+        }
+    }
+
+    /// Takes the next frame from the source: for the rest frame, or to be judged. False when the source has ended.
+    pub(crate) fn acquire(&mut self) -> Result<bool, ControlError> {
+        self.report = None;
+        self.next = match self.source.next(&mut self.frame) {
+            Ok(next) => next,
+            Err(source) => {
+                self.next = Next::Silent;
+                return Err(ControlError::Source { finger: self.name.clone(), source });
+            }
+        };
+        match (&self.next, &self.monitor) {
+            (Next::End, _) => return Ok(false),
+            (Next::Frame, None) => self.look_for_rest()?,
+            (Next::Frame, Some(_)) => {
+                self.frame.frame().map_err(|source| ControlError::Frame { finger: self.name.clone(), source })?;
+            }
+            (Next::Torn { .. }, Some(monitor)) => {
+                self.report = Some(monitor.torn(self.frame.seq, self.frame.time_ns));
+            }
+            (Next::Torn { .. } | Next::Silent, _) => {}
+        }
+        Ok(true)
+    }
+
+    fn look_for_rest(&mut self) -> Result<(), ControlError> {
+        let finger = || self.name.clone();
+        let finder = match &mut self.rest_finder {
+            Some(finder) => finder,
+            None => {
+                let finder = RestFinder::new(&self.sensor, &self.settings, self.frame.size);
+                self.rest_finder.insert(finder.map_err(|source| ControlError::Setting { finger: finger(), source })?)
+            }
+        };
+        finder.see(&self.frame).map_err(|source| ControlError::Frame { finger: finger(), source })?;
+        if !finder.is_full() {
+            return Ok(());
+        }
+        let found = match self.rest_finder.take().map(RestFinder::find) {
+            Some(Ok(found)) => found,
+            // Dark so far: the loop waits, nothing is held yet.
+            Some(Err(RestError::NoStationaryFrame { .. })) | None => return Ok(()),
+            Some(Err(source)) => return Err(ControlError::Rest { finger: finger(), source }),
+        };
+        self.rest_kind = Some(found.rest.kind());
+        let monitor = SlipMonitor::new(&self.sensor, &self.settings, found.rest);
+        self.monitor =
+            Some(Box::new(monitor.map_err(|source| ControlError::Setting { finger: self.name.clone(), source })?));
+        Ok(())
+    }
+
+    /// Whether a frame waits to be judged.
+    fn awaits_judgement(&self) -> bool {
+        self.next == Next::Frame && self.report.is_none()
+    }
+
+    /// Judges the frame acquired last, if there is one.
+    pub fn judge(&mut self, grip: Option<GripSample>) {
+        if !self.awaits_judgement() {
+            return;
+        }
+        if let (Some(monitor), Ok(frame)) = (&mut self.monitor, self.frame.frame()) {
+            self.report = Some(monitor.step(&frame, grip));
+        }
+    }
+
+    /// Hands out the frame acquired last and the monitor that is to judge it; None when there is nothing to judge. It
+    /// must come back by [`FingerPipeline::take_back`].
+    pub fn lend(&mut self, grip: Option<GripSample>) -> Option<MonitorJob> {
+        if !self.awaits_judgement() {
+            return None;
+        }
+        let monitor = self.monitor.take()?;
+        Some(MonitorJob { monitor, frame: std::mem::take(&mut self.frame), grip, report: None })
+    }
+
+    /// Takes back what was lent, with its report.
+    pub fn take_back(&mut self, job: MonitorJob) {
+        (self.monitor, self.frame, self.report) = (Some(job.monitor), job.frame, job.report);
+    }
+}
+
+/// Runs the monitors of a hand's fingers in every cycle.
+pub trait MonitorRunner: Send {
+    /// Judges every finger's newest frame. An error means that a finger's monitor is gone.
+    fn judge(&mut self, fingers: &mut [FingerPipeline], grip: Option<GripSample>) -> Result<(), ControlError>;
+}
+
+/// Runs the monitors one after the other on the thread of the loop.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Sequential;
+
+impl MonitorRunner for Sequential {
+    fn judge(&mut self, fingers: &mut [FingerPipeline], grip: Option<GripSample>) -> Result<(), ControlError> {
+        fingers.iter_mut().for_each(|finger| finger.judge(grip));
+        Ok(())
+    }
+}

@@ -1,0 +1,73 @@
+//! The finger at rest, found among the first frames of a source: the one policy for recordings and for the control loop.
+
+use crate::image::{ImageError, SizePx};
+use crate::monitor::{Rest, RestBuilder, RestError, RestLook, Settings};
+use crate::port::FrameBuffer;
+use crate::sensor::Sensor;
+use crate::setting::SettingError;
+use std::ops::Range;
+
+/// Looks at the first [`window_count`](crate::monitor::RestSettings::window_count) whole frames, chooses the calm run
+/// among them (untouched if there is one) and averages it. Keeps a copy of every frame of the window.
+#[derive(Debug, Clone)]
+pub struct RestFinder {
+    builder: RestBuilder,
+    window_count: usize,
+    frames: Vec<FrameBuffer>,
+    looks: Vec<RestLook>,
+}
+
+/// A rest frame and where it is from.
+#[derive(Debug, Clone)]
+pub struct FoundRest {
+    /// The rest frame; [`Rest::kind`] says whether something touched the finger already.
+    pub rest: Rest,
+    /// Numbers of the frames averaged into it: from the first up to, not including, the last.
+    pub seqs: Range<u64>,
+}
+
+impl RestFinder {
+    /// A finder for frames of `camera_px`. Fails when a setting or a fact of the sensor cannot be.
+    pub fn new(sensor: &Sensor, settings: &Settings, camera_px: SizePx) -> Result<Self, SettingError> {
+        Ok(RestFinder {
+            builder: RestBuilder::new(sensor, settings, camera_px)?,
+            window_count: settings.rest.window_count as usize,
+            frames: Vec::new(),
+            looks: Vec::new(),
+        })
+    }
+
+    /// The facts of the finger at the size of its frames.
+    pub fn sensor(&self) -> &Sensor {
+        self.builder.sensor()
+    }
+
+    /// Takes the next whole frame of the source. Frames beyond the window are passed over.
+    pub fn see(&mut self, frame: &FrameBuffer) -> Result<(), ImageError> {
+        if self.is_full() {
+            return Ok(());
+        }
+        let look = self.builder.look(&frame.frame()?);
+        self.looks.push(look);
+        self.frames.push(frame.clone());
+        Ok(())
+    }
+
+    /// Whether the window is full: nothing more is needed.
+    pub fn is_full(&self) -> bool {
+        self.frames.len() >= self.window_count
+    }
+
+    /// The rest frame, from what was seen so far. Fails when no frame was calm and bright, or too few markers show.
+    pub fn find(mut self) -> Result<FoundRest, RestError> {
+        let choice = self.builder.choose(&self.looks)?;
+        let run = &self.frames[choice.frames];
+        for buffer in run {
+            // What cannot be read as a frame was refused by `see`.
+            let Ok(frame) = buffer.frame() else { return Err(RestError::Empty) };
+            self.builder.add(&frame)?;
+        }
+        let seqs = run.first().map_or(0, |f| f.seq)..run.last().map_or(0, |f| f.seq + 1);
+        Ok(FoundRest { rest: self.builder.build(choice.kind)?, seqs })
+    }
+}

@@ -1,0 +1,125 @@
+//! The coarse cells of a picture on the rectified image: which camera cell each shows, which of them markers cover,
+//! and an average over neighbouring cells. Contact on smooth gels and the rest frame are computed on these.
+
+use crate::pixels::cells::Cells;
+use crate::plane::Vec2;
+use crate::sensor::Sensor;
+
+/// The geometry of cells on the rectified image: which camera cell each shows.
+#[derive(Debug, Clone)]
+pub(crate) struct CellMap {
+    pub(crate) cell_px: usize,
+    pub(crate) columns: usize,
+    pub(crate) rows: usize,
+    camera_cell: Vec<u32>,
+    /// Cells that the camera does not see, or only next to its border, where markers are cut.
+    pub(crate) unseen: Vec<bool>,
+}
+
+impl CellMap {
+    /// Cells of a sixth of a pitch: fine enough to see between large markers, coarse enough to average noise.
+    pub(crate) fn cell_px(sensor: &Sensor) -> usize {
+        [4, 8, 16].into_iter().rev().find(|&c| c as f64 <= 0.17 * sensor.pitch_px).unwrap_or(4)
+    }
+
+    pub(crate) fn new(sensor: &Sensor, cells: &Cells) -> Self {
+        let (size, cell_px) = (sensor.rectified_px(), cells.cell_px());
+        let (columns, rows) = (size.width / cell_px, size.height / cell_px);
+        let half = (cell_px as f64 - 1.0) / 2.0;
+        let camera_cell = (0..columns * rows)
+            .map(|i| {
+                let centre = Vec2::new((i % columns) as f64, (i / columns) as f64) * cell_px as f64;
+                let there = sensor.camera_from_rectified(centre + Vec2::new(half, half)) / cell_px as f64;
+                let index = |v: f64, end: usize| (v.max(0.0) as usize).min(end - 1);
+                (index(there.y, cells.rows()) * cells.columns() + index(there.x, cells.columns())) as u32
+            })
+            .collect();
+        let margin_px = sensor.marker_diameter_px;
+        let seen = |at: f64, len: usize| at >= margin_px && at <= len as f64 - 1.0 - margin_px;
+        let unseen = (0..columns * rows)
+            .map(|i| {
+                let corner = Vec2::new((i % columns) as f64, (i / columns) as f64) * cell_px as f64;
+                let there = sensor.camera_from_rectified(corner + Vec2::new(half, half));
+                // Without a rectification the border is that of the picture, and known as such.
+                sensor.rectification.is_some()
+                    && !(seen(there.x, sensor.image_px.width) && seen(there.y, sensor.image_px.height))
+            })
+            .collect();
+        CellMap { cell_px, columns, rows, camera_cell, unseen }
+    }
+
+    /// Number of cells.
+    pub(crate) fn count(&self) -> usize {
+        self.camera_cell.len()
+    }
+
+    /// The colour of cell `i`.
+    pub(crate) fn colour(&self, cells: &Cells, i: usize) -> [f32; 3] {
+        cells.means_levels()[self.camera_cell[i] as usize]
+    }
+
+    /// Marks the cells that a marker at `centre` covers.
+    pub(crate) fn cover(&self, centre: Vec2, radius_px: f64, covered: &mut [bool]) {
+        if !centre.is_finite() {
+            return;
+        }
+        let c = self.cell_px as f64;
+        let (left, right) = ((centre.x - radius_px) / c, (centre.x + radius_px) / c);
+        let (top, bottom) = ((centre.y - radius_px) / c, (centre.y + radius_px) / c);
+        // Distance from the marker to the nearest point of a cell, along one axis.
+        let gap = |cell: usize, at: f64| {
+            let from = cell as f64 * c - 0.5;
+            (from - at).max(at - (from + c)).max(0.0)
+        };
+        for row in top.max(0.0) as usize..=(bottom.max(0.0) as usize).min(self.rows - 1) {
+            for column in left.max(0.0) as usize..=(right.max(0.0) as usize).min(self.columns - 1) {
+                let (dx, dy) = (gap(column, centre.x), gap(row, centre.y));
+                if dx * dx + dy * dy <= radius_px * radius_px {
+                    covered[row * self.columns + column] = true;
+                }
+            }
+        }
+    }
+}
+
+/// Radius around a marker within which cells do not count: its own, its blurred rim, and half a cell of motion.
+pub(crate) fn cover_radius_px(sensor: &Sensor) -> f64 {
+    0.55 * sensor.marker_diameter_px + 1.5
+}
+
+/// Averages over a cell's neighbourhood with weights 1 4 6 4 1 each way, leaving out cells of weight 0.
+/// `values` holds three channels and the weight, all premultiplied; the result is divided again.
+pub(crate) fn smooth(values: &mut [[f32; 4]], scratch: &mut [[f32; 4]], columns: usize) {
+    let rows = values.len() / columns;
+    let add = |to: &mut [[f32; 4]], from: &[[f32; 4]], tap: f32| {
+        for (t, f) in to.iter_mut().zip(from) {
+            t.iter_mut().zip(f).for_each(|(t, f)| *t += tap * f);
+        }
+    };
+    const TAPS: [(usize, f32); 2] = [(1, 4.0), (2, 1.0)];
+    for (y, out) in scratch.chunks_exact_mut(columns).enumerate() {
+        let row = |y: usize| &values[y * columns..][..columns];
+        out.fill([0.0; 4]);
+        add(out, row(y), 6.0);
+        for (away, tap) in TAPS {
+            if y >= away {
+                add(out, row(y - away), tap);
+            }
+            if y + away < rows {
+                add(out, row(y + away), tap);
+            }
+        }
+    }
+    for (row, out) in scratch.chunks_exact(columns).zip(values.chunks_exact_mut(columns)) {
+        out.fill([0.0; 4]);
+        add(out, row, 6.0);
+        for (away, tap) in TAPS.into_iter().filter(|(away, _)| *away < columns) {
+            add(&mut out[away..], &row[..columns - away], tap);
+            add(&mut out[..columns - away], &row[away..], tap);
+        }
+    }
+    for v in values {
+        let per_weight = 1.0 / v[3].max(1e-6);
+        v.iter_mut().take(3).for_each(|x| *x *= per_weight);
+    }
+}

@@ -1,0 +1,63 @@
+//! Settings of step 2.
+
+use crate::setting::{SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// How markers are found in a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Finder {
+    /// Peaks of dot-sized contrast, then the pull of the dot's edge: sub-pixel, for dots of any regularity.
+    Edges,
+    /// The paper: a threshold on the flat image, morphology, centres of the blobs.
+    Threshold,
+}
+
+/// Settings of step 2.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MarkerSettings {
+    /// How markers are found.
+    pub finder: Finder,
+    /// A marker of the rest frame has at least this contrast.
+    pub birth_min_levels: f64,
+    /// And at least this share of the median marker's contrast.
+    pub birth_contrast_fraction: f64,
+    /// A known marker is recognised down to this share of its own contrast at rest.
+    pub keep_contrast_fraction: f64,
+    /// Whether a marker's next place is predicted from its last motion. The released code looks where it last was.
+    pub predict: bool,
+    /// A spot this near to the predicted place is the marker. The released code: 7 px at a pitch of 15.2 px.
+    pub match_within_pitch: f64,
+    /// Whether markers not found that way are sought where their neighbours went, and whether a match that
+    /// contradicts all neighbours is undone.
+    pub ask_neighbours: bool,
+}
+
+impl Default for MarkerSettings {
+    fn default() -> Self {
+        MarkerSettings {
+            finder: Finder::Edges,
+            birth_min_levels: 4.0,
+            birth_contrast_fraction: 0.2,
+            keep_contrast_fraction: 0.3,
+            predict: true,
+            match_within_pitch: 0.3,
+            ask_neighbours: true,
+        }
+    }
+}
+
+impl MarkerSettings {
+    /// Whether markers are sought on the flat picture ([`Finder::Threshold`]) instead of the grey one.
+    pub(in crate::monitor) fn finder_needs_flat(&self) -> bool {
+        self.finder == Finder::Threshold
+    }
+
+    pub(in crate::monitor) fn check(&self) -> Result<(), SettingError> {
+        within("markers.birth_min_levels", self.birth_min_levels, 0.5, 128.0)?;
+        within("markers.birth_contrast_fraction", self.birth_contrast_fraction, 0.0, 1.0)?;
+        within("markers.keep_contrast_fraction", self.keep_contrast_fraction, 0.05, 1.0)?;
+        within("markers.match_within_pitch", self.match_within_pitch, 0.01, 0.5)
+    }
+}

@@ -1,0 +1,195 @@
+//! Which of the first frames show the finger at rest.
+
+use crate::monitor::contact::ContactSettings;
+use crate::monitor::rest::{RestError, RestKind, RestSettings};
+use std::ops::Range;
+
+/// Fewer stationary frames in a row than this may be the turning point of a motion.
+const STATIONARY_FRAMES_COUNT: usize = 3;
+
+/// What one candidate frame looks like.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RestLook {
+    /// Mean grey level; None when the frame cannot be judged at all.
+    pub mean_levels: Option<f64>,
+    /// 99th percentile of the change of a cell since the frame before, in levels; infinite for the first.
+    pub change_levels: f64,
+    /// How sharp the picture is between the markers: an imprint is, illumination is not. Smooth gel: grey levels
+    /// (compare [`imprint_levels`](crate::monitor::RestSettings::imprint_levels)); fabric: the share of the image that looks like pressed weave.
+    pub sharpness: f64,
+    /// Whether the frame shows an imprint.
+    pub touched: bool,
+}
+
+/// Which frames make the rest frame.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RestChoice {
+    /// Places in the list of looks.
+    pub frames: Range<usize>,
+    /// What the finger is doing in them.
+    pub kind: RestKind,
+}
+
+/// The run to average; [`RestBuilder::choose`](crate::monitor::RestBuilder::choose) says by what rules. `pictures`: what the
+/// looks saw, in the same order; runs without one are taken to show the same.
+pub(super) fn choose(
+    looks: &[RestLook],
+    pictures: &[Picture],
+    settings: &RestSettings,
+    contact: &ContactSettings,
+) -> Result<RestChoice, RestError> {
+    let runs = runs(looks, settings)?;
+    let mut choice = best_run(&runs, looks, |a, b| differ(a, b, pictures, contact));
+    choice.frames.end = choice.frames.end.min(choice.frames.start + settings.average_count as usize);
+    Ok(choice)
+}
+
+/// The best of the runs, of which there is at least one.
+fn best_run(runs: &[RestChoice], looks: &[RestLook], differ: impl Fn(&RestChoice, &RestChoice) -> bool) -> RestChoice {
+    let long = |r: &&RestChoice| r.frames.len() >= STATIONARY_FRAMES_COUNT;
+    let untouched = |r: &&RestChoice| r.kind == RestKind::Unloaded;
+    let candidates: Vec<&RestChoice> = match runs.iter().filter(long).count() {
+        0 => runs.iter().collect(),
+        _ => runs.iter().filter(long).collect(),
+    };
+    let Some(&first) = candidates.iter().find(|r| untouched(r)) else {
+        return candidates[0].clone();
+    };
+    let sharpness =
+        |r: &RestChoice| looks[r.frames.clone()].iter().map(|l| l.sharpness).sum::<f64>() / r.frames.len() as f64;
+    let others = || candidates.iter().filter(|r| untouched(r) && r.frames != first.frames);
+    let mut choice = first.clone();
+    if others().any(|other| differ(first, other)) {
+        let sharper = others().any(|other| differ(first, other) && sharpness(first) > sharpness(other));
+        choice.kind = if sharper { RestKind::InContact } else { RestKind::Unloaded };
+    } else {
+        for other in others() {
+            if other.frames.len() > choice.frames.len() {
+                choice = (*other).clone();
+            }
+        }
+    }
+    choice
+}
+
+/// Stationary runs of frames of the usual brightness, in their order; at least one.
+fn runs(looks: &[RestLook], settings: &RestSettings) -> Result<Vec<RestChoice>, RestError> {
+    let mut brightness: Vec<f64> = looks.iter().filter_map(|l| l.mean_levels).collect();
+    let unusable_count = looks.len() - brightness.len();
+    brightness.sort_unstable_by(f64::total_cmp);
+    let Some(&median) = brightness.get(brightness.len() / 2) else {
+        return Err(RestError::NoStationaryFrame { looked_at_count: looks.len(), unusable_count });
+    };
+    let bright =
+        |l: &RestLook| l.mean_levels.is_some_and(|m| (m - median).abs() <= settings.brightness_fraction * median);
+    let mut runs: Vec<RestChoice> = Vec::new();
+    for (i, look) in looks.iter().enumerate().filter(|(_, l)| bright(l)) {
+        let kind = if look.touched { RestKind::InContact } else { RestKind::Unloaded };
+        match runs.last_mut() {
+            Some(run) if run.frames.end == i && run.kind == kind && look.change_levels < settings.calm_levels => {
+                run.frames.end = i + 1;
+            }
+            _ => runs.push(RestChoice { frames: i..i + 1, kind }),
+        }
+    }
+    Ok(runs)
+}
+
+/// Whether something was there in one run and not in the other: a share of the cells as large as a contact has
+/// changed as much as a contact changes them.
+fn differ(a: &RestChoice, b: &RestChoice, pictures: &[Picture], contact: &ContactSettings) -> bool {
+    // The middle frame stands for a stationary run.
+    let middle = |r: &RestChoice| pictures.get((r.frames.start + r.frames.end) / 2);
+    let (Some(a), Some(b)) = (middle(a), middle(b)) else { return false };
+    a.changed_share(b, contact.change_levels as f32) > contact.on_area_fraction
+}
+
+/// The cells of a frame that was looked at; empty when it could not be judged.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Picture {
+    pub(super) cells: Vec<[f32; 3]>,
+    pub(super) covered: Vec<bool>,
+}
+
+impl Picture {
+    /// Change of the most changed channel of every cell.
+    fn changes<'a>(&'a self, other: &'a Picture) -> impl Iterator<Item = f32> + 'a {
+        let most = |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
+        self.cells.iter().zip(&other.cells).map(move |(a, b)| most(a, b))
+    }
+
+    /// 99th percentile of the change.
+    pub(super) fn change_levels(&self, other: &Picture) -> f64 {
+        let mut changes: Vec<f32> = self.changes(other).collect();
+        let at = (changes.len() * 99 / 100).min(changes.len() - 1);
+        f64::from(*changes.select_nth_unstable_by(at, f32::total_cmp).1)
+    }
+
+    /// Share of the cells free of markers in both that changed by more than a level.
+    fn changed_share(&self, other: &Picture, level: f32) -> f64 {
+        let free = |i: usize| !self.covered[i] && !other.covered[i];
+        let (mut changed, mut count) = (0u32, 0u32);
+        for (_, change) in self.changes(other).enumerate().filter(|(i, _)| free(*i)) {
+            changed += u32::from(change > level);
+            count += 1;
+        }
+        f64::from(changed) / f64::from(count.max(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn look(mean_levels: f64, change_levels: f64, touched: bool) -> RestLook {
+        RestLook { mean_levels: Some(mean_levels), change_levels, sharpness: if touched { 9.0 } else { 3.0 }, touched }
+    }
+
+    fn choose(looks: &[RestLook], pictures: &[Picture]) -> Result<RestChoice, RestError> {
+        super::choose(looks, pictures, &RestSettings::default(), &ContactSettings::default())
+    }
+
+    #[test]
+    fn dark_stale_and_touched_frames_are_passed_over() {
+        let mut looks = vec![look(64.0, f64::INFINITY, false)]; // dark
+        looks.push(look(90.0, 30.0, true)); // stale: an old touch
+        looks.extend((0..6).map(|i| look(90.0, if i == 0 { 30.0 } else { 0.5 }, false)));
+        looks.extend((0..9).map(|_| look(91.0, 8.0, true)));
+        assert_eq!(choose(&looks, &[]), Ok(RestChoice { frames: 2..8, kind: RestKind::Unloaded }));
+    }
+
+    #[test]
+    fn touched_from_the_start_takes_the_first_stationary_run() {
+        let looks: Vec<_> = (0..21).map(|i| look(90.0, if i < 6 { 0.5 } else { 9.0 }, true)).collect();
+        assert_eq!(choose(&looks, &[]), Ok(RestChoice { frames: 0..6, kind: RestKind::InContact }));
+    }
+
+    /// A light touch is too weak to be detected by itself. When it goes, the picture changes and gets smoother: it was one.
+    /// When it comes, the picture changes and gets sharper: before, there was none.
+    #[test]
+    fn a_light_touch_is_detected_by_what_changes() {
+        const CELLS_COUNT: usize = 4800;
+        let picture = |touched: bool| Picture {
+            cells: (0..CELLS_COUNT).map(|i| [if touched && i < CELLS_COUNT / 5 { 100.0 } else { 90.0 }; 3]).collect(),
+            covered: vec![false; CELLS_COUNT],
+        };
+        for (first_touched, kind) in [(true, RestKind::InContact), (false, RestKind::Unloaded)] {
+            let shows = |i: usize| (i < 5) == first_touched;
+            let pictures: Vec<Picture> = (0..15).map(|i| picture(shows(i))).collect();
+            let looks: Vec<RestLook> = (0..15)
+                .map(|i| {
+                    let sharpness = if shows(i) { 5.0 } else { 3.5 };
+                    RestLook { sharpness, ..look(90.0, if i == 5 { 12.0 } else { 0.5 }, false) }
+                })
+                .collect();
+            assert_eq!(choose(&looks, &pictures), Ok(RestChoice { frames: 0..5, kind }));
+        }
+    }
+
+    #[test]
+    fn black_frames_only_are_refused() {
+        let black = RestLook { mean_levels: None, ..look(0.0, f64::INFINITY, true) };
+        let error = RestError::NoStationaryFrame { looked_at_count: 2, unusable_count: 2 };
+        assert_eq!(choose(&[black, black], &[]), Err(error));
+    }
+}
