@@ -155,11 +155,8 @@ fn main() -> Result<(), Failure> {
         let levels = light.levels.iter().zip(&share.levels).map(|(light, share)| light / share).collect();
         Plane { size, levels }
     });
-    let beside: Vec<f64> = middle
-        .iter()
-        .filter(|at| far(at))
-        .map(|&(x, y)| (fine.at(x, y) - coarse.at(x, y)) / coarse.at(x, y))
-        .collect();
+    let beside: Vec<f64> =
+        middle.iter().filter(|at| far(at)).map(|&(x, y)| (fine.at(x, y) - coarse.at(x, y)) / coarse.at(x, y)).collect();
     println!("weave: {:.1} %", 100.0 * spread(&beside));
 
     // Dots: green in the middle of each against the mean half a pitch beside it; area below half of that.

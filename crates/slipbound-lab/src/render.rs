@@ -18,6 +18,7 @@ mod view;
 
 pub use settings::{CameraSettings, Dots, Light, Texture};
 pub use surface::Surface;
+pub(crate) use surroundings::SURROUNDINGS;
 pub use surroundings::Surroundings;
 
 use crate::random::Random;
@@ -114,6 +115,16 @@ impl Renderer {
             seed,
             settings,
         }
+    }
+
+    /// A camera by the words of a scene; any other camera is a GelSlim's, any other surroundings are the camera's own.
+    pub(crate) fn of_words(camera: &str, surroundings: &str, seed: u64) -> Self {
+        let mut settings = match camera {
+            "gelsight_mini" => CameraSettings::gelsight_mini(),
+            _ => CameraSettings::gelslim(),
+        };
+        settings.surroundings = Surroundings::named(surroundings).unwrap_or(settings.surroundings);
+        Self::new(settings, seed)
     }
 
     /// The same camera and skin with other surroundings.

@@ -94,13 +94,13 @@ fn a_tilted_tool_is_seen_from_its_two_sides_and_a_cap_alike() {
             hand.advance_frame();
         }
         let (left, right) = (hand.marker_shifts_mm(0), hand.marker_shifts_mm(1));
-        assert_eq!((left.len(), right.len()), (420, 420));
+        assert_eq!((left.len(), right.len()), (580, 580));
         let apart = |mirror: bool| {
             let of = |n: usize| {
-                let seen = right[if mirror { (19 - n / 21) * 21 + n % 21 } else { n }];
+                let seen = right[if mirror { (19 - n / 29) * 29 + n % 29 } else { n }];
                 if mirror { Vec2::new(seen.x, -seen.y) } else { seen }
             };
-            (0..420).map(|n| (left[n] - of(n)).length()).sum::<f64>()
+            (0..580).map(|n| (left[n] - of(n)).length()).sum::<f64>()
         };
         let (so, otherwise) = (apart(mirrored), apart(!mirrored));
         assert!(so < 0.3 * otherwise, "{scene}: {so} mm, otherwise {otherwise} mm");

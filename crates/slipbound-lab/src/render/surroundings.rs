@@ -35,6 +35,12 @@ pub enum Surroundings {
     Full,
 }
 
+/// The words for surroundings in a scene: every kind, and `camera` for what the camera has by itself.
+pub(crate) const SURROUNDINGS: [&str; 6] = {
+    let [a, b, c, d, e] = Surroundings::ALL;
+    ["camera", a.name(), b.name(), c.name(), d.name(), e.name()]
+};
+
 impl Surroundings {
     /// Every kind.
     pub const ALL: [Surroundings; 5] = [Self::Housing, Self::Walls, Self::Glare, Self::Dirt, Self::Full];
