@@ -73,8 +73,8 @@ fn a_pull_down_goes_the_same_way_in_both_pictures_and_a_turn_the_other() {
     assert!(left[0] > 1e-3 && (left[0] / right[0] - 1.0).abs() < 0.1, "{left:?} {right:?}");
     let curl = |finger: usize| {
         let shifts = hand.marker_shifts_mm(finger);
-        let columns = 21;
-        let (middle, row) = (shifts.len() / 2, columns);
+        let columns = 29;
+        let (middle, row) = (shifts.len() / 2 + columns / 2, columns);
         // Difference of y along x and of x along y, over the middle of the pad.
         (shifts[middle + 2].y - shifts[middle - 2].y) - (shifts[middle + 2 * row].x - shifts[middle - 2 * row].x)
     };
