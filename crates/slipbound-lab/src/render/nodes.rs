@@ -12,9 +12,9 @@ use slipbound::plane::Vec2;
 
 /// Nodes are at most this far apart on the gel, in mm: a cell of the contact.
 const NODE_MM: f64 = 0.4;
-/// Newton steps at a node, and the distance in mm that is near enough. A ten thousandth of a pitch is 0.002 px.
+/// Newton steps at a node, and the step in mm that is the last: it leaves less than a third of itself, 0.0004 px, as
+/// slopes of the gel differ by less than that from cell to cell.
 const STEPS_COUNT: usize = 12;
-/// A step this short leaves less than a third of it: slopes of the gel stay below that from cell to cell.
 const NEAR_MM: f32 = 1e-4;
 /// How far the gel may be stretched into view from beyond its border, in mm.
 pub(super) const BEYOND_MM: f64 = 2.0;
