@@ -4,6 +4,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use slipbound_lab::contact::shape::Sphere;
 use slipbound_lab::contact::{Command, Displacement, Finger, FingerSettings, Grid, Leg, Path};
+use slipbound_lab::jpeg::Codec;
 use slipbound_lab::render::{Renderer, Surface};
 use std::hint::black_box;
 use zune_jpeg::zune_core::bytestream::ZCursor;
@@ -94,13 +95,8 @@ fn jpeg(criterion: &mut Criterion) {
     let mut rgb = vec![0; 3 * size.area()];
     camera.render(&copied.surface(), 1, &mut rgb);
     let mut encoded = Vec::new();
-    let encode = |rgb: &[u8], into: &mut Vec<u8>| {
-        into.clear();
-        let mut encoder = jpeg_encoder::Encoder::new(into, 85);
-        encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_2_1);
-        let (width, height) = (size.width as u16, size.height as u16);
-        encoder.encode(rgb, width, height, jpeg_encoder::ColorType::Rgb).expect("encodes");
-    };
+    let codec = Codec::new(size, 85);
+    let encode = |rgb: &[u8], into: &mut Vec<u8>| codec.encode(rgb, into).expect("encodes");
     criterion.bench_function("jpeg/encode", |bencher| bencher.iter(|| encode(black_box(&rgb), &mut encoded)));
     encode(&rgb, &mut encoded);
     criterion.bench_function("jpeg/decode", |bencher| {

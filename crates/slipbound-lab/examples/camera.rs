@@ -1,16 +1,16 @@
-//! Frames of the simulated GelSlim beside each other, into out/camera, with numbers measured on them:
+//! Frames of the simulated GelSlim beside each other, into out/camera:
 //! `cargo run --release -p slipbound-lab --example camera`. docs/simulator-camera.jpg is made of these.
 
-use slipbound::image::{Frame, Pixels, Rgb, SizePx};
-use slipbound::monitor::{RestBuilder, RestKind, Settings};
+use slipbound::image::SizePx;
 use slipbound::plane::Vec2;
 use slipbound::sensor::{Flip, Sensor};
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use slipbound_lab::contact::{Command, Displacement, Finger, FingerSettings, Grip, Pose, Wrench};
+use slipbound_lab::jpeg::Codec;
 use slipbound_lab::render::{Renderer, Surface};
 use std::path::Path;
 
-type Failure = Box<dyn std::error::Error>;
+type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// The camera's picture of a shape pressed on and shifted.
 fn picture(
@@ -58,19 +58,6 @@ fn paste(board: &mut [u8], board_px: SizePx, (size, rgb): (SizePx, &[u8]), [left
     }
 }
 
-/// Medians of red, green and blue over a square of the rectified image around a share of its width and height.
-fn medians(size: SizePx, rgb: &[u8], share: [f64; 2]) -> [u8; 3] {
-    let (x, y) = ((share[0] * size.width as f64) as usize, (share[1] * size.height as f64) as usize);
-    std::array::from_fn(|c| {
-        let mut all: Vec<u8> = (y.saturating_sub(25)..(y + 25).min(size.height))
-            .flat_map(|y| (x.saturating_sub(25)..(x + 25).min(size.width)).map(move |x| (x, y)))
-            .map(|(x, y)| rgb[3 * (y * size.width + x) + c])
-            .collect();
-        all.sort_unstable();
-        all[all.len() / 2]
-    })
-}
-
 fn main() -> Result<(), Failure> {
     let folder = Path::new("out/camera");
     std::fs::create_dir_all(folder)?;
@@ -97,55 +84,10 @@ fn main() -> Result<(), Failure> {
         paste(&mut board, board_px, (flat_px, &flat), [left + (size.width - flat_px.width) / 2, size.height]);
     }
     let file = folder.join("camera.jpg");
-    let encoder = jpeg_encoder::Encoder::new_file(&file, 90)?;
-    encoder.encode(&board, board_px.width as u16, board_px.height as u16, jpeg_encoder::ColorType::Rgb)?;
+    let mut jpeg = Vec::new();
+    Codec::new(board_px, 90).encode(&board, &mut jpeg)?;
+    std::fs::write(&file, jpeg)?;
     println!("{}", file.display());
 
-    let (flat_px, flat) = rectified(&sensor, &pictures[0]);
-    for (name, share) in [
-        ("top right", [0.9, 0.1]),
-        ("top left", [0.1, 0.1]),
-        ("middle right", [0.9, 0.5]),
-        ("bottom", [0.5, 0.85]),
-        ("last rows", [0.5, 0.995]),
-    ] {
-        println!("{name}: red, green, blue {:?}", medians(flat_px, &flat, share));
-    }
-    let method = Settings::default();
-    let mut builder = RestBuilder::new(&sensor, &method, size)?;
-    builder.add(&Frame { pixels: Pixels::Rgb(Rgb::new(&pictures[0], size)?), seq: 0, time_ns: None })?;
-    println!("markers found at rest: {}", builder.build(RestKind::Unloaded)?.markers_count());
-    // Dots: green in the middle of each against the green half a pitch beside it; area below half of that.
-    let grid = FingerSettings::standard().grid;
-    let still = vec![Displacement::default(); grid.cells_count()];
-    let pressure_mpa = vec![0.0; grid.cells_count()];
-    let untouched = Surface { grid: &grid, displacement: &still, pressure_mpa: &pressure_mpa };
-    let green = |x: f64, y: f64| -> Option<f64> {
-        let inside = x >= 0.0 && y >= 0.0 && x < flat_px.width as f64 - 0.5 && y < flat_px.height as f64 - 0.5;
-        inside.then(|| f64::from(flat[3 * (y.round() as usize * flat_px.width + x.round() as usize) + 1]))
-    };
-    let (mut contrast, mut diameter) = (Vec::new(), Vec::new());
-    for marker in 0..camera.markers_at_rest_mm().len() {
-        let at = camera.marker_rectified_px(marker, &untouched);
-        let half = sensor.pitch_px / 2.0;
-        let beside: Option<f64> = [(half, half), (-half, half), (half, -half), (-half, -half)]
-            .iter()
-            .map(|(dx, dy)| green(at.x + dx, at.y + dy))
-            .sum();
-        let (Some(middle), Some(beside)) = (green(at.x, at.y), beside.map(|sum| sum / 4.0)) else { continue };
-        contrast.push(middle - beside);
-        let reach = half as i32;
-        let dark = (-reach..=reach)
-            .flat_map(|dy| (-reach..=reach).map(move |dx| (f64::from(dx), f64::from(dy))))
-            .filter(|(dx, dy)| green(at.x + dx, at.y + dy).is_some_and(|level| level < 0.5 * (middle + beside)))
-            .count();
-        diameter.push((4.0 * dark as f64 / std::f64::consts::PI).sqrt());
-    }
-    let median = |values: &mut Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-    };
-    println!("contrast of a dot in green: {:.0} levels", median(&mut contrast));
-    println!("diameter of a dot: {:.1} px, pitch {:.1} px, rectified", median(&mut diameter), sensor.pitch_px);
     Ok(())
 }

@@ -4,10 +4,11 @@ use slipbound::image::SizePx;
 use slipbound::plane::Vec2;
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use slipbound_lab::contact::{Command, Displacement, Finger, FingerSettings, Grip, Pose, Wrench};
+use slipbound_lab::jpeg::Codec;
 use slipbound_lab::render::{Renderer, Surface};
 use std::path::Path;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let folder = Path::new("out/gallery");
     std::fs::create_dir_all(folder)?;
     let flat = || FlatBox { length_mm: 24.0, width_mm: 18.0, edge_radius_mm: 1.0 };
@@ -48,8 +49,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let mut rgb = vec![0; 3 * width * height];
             renderer.render(&surface, 7, &mut rgb);
             let file = folder.join(format!("{camera}_{name}.jpg"));
-            let encoder = jpeg_encoder::Encoder::new_file(&file, 92)?;
-            encoder.encode(&rgb, width as u16, height as u16, jpeg_encoder::ColorType::Rgb)?;
+            let mut jpeg = Vec::new();
+            Codec::new(SizePx::new(width, height), 92).encode(&rgb, &mut jpeg)?;
+            std::fs::write(&file, jpeg)?;
             let mut least_s = f64::MAX;
             for i in 0..100 {
                 let start = std::time::Instant::now();

@@ -4,11 +4,13 @@
 use slipbound::image::{Frame, Pixels, Rgb};
 use slipbound::monitor::{Marker, RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::plane::Vec2;
+use slipbound::port::FrameBuffer;
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use slipbound_lab::contact::{Command, Displacement, Finger, FingerSettings, Grid, Grip, Pose, Wrench};
-use slipbound_lab::render::{CameraSettings, Renderer, Surface};
+use slipbound_lab::jpeg::Codec;
+use slipbound_lab::render::{CameraSettings, Renderer, Surface, Surroundings};
 
-type Failure = Box<dyn std::error::Error>;
+type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 struct Pressed {
     grid: Grid,
@@ -51,11 +53,10 @@ fn photograph(camera: &mut Renderer, surface: &Surface, seed: u64, quality: Opti
     let mut rgb = vec![0; 3 * size.area()];
     camera.render(surface, seed, &mut rgb);
     let Some(quality) = quality else { return Ok(rgb) };
-    let mut jpeg = Vec::new();
-    let mut encoder = jpeg_encoder::Encoder::new(&mut jpeg, quality);
-    encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_2_1); // as a recorded scene
-    encoder.encode(&rgb, size.width as u16, size.height as u16, jpeg_encoder::ColorType::Rgb)?;
-    Ok(zune_jpeg::JpegDecoder::new(std::io::Cursor::new(jpeg)).decode().map_err(|e| format!("{e:?}"))?)
+    let (codec, mut frame) = (Codec::new(size, quality), FrameBuffer::default()); // as a recorded scene
+    codec.encode(&rgb, &mut frame.encoded)?;
+    codec.decode(&mut frame)?;
+    Ok(frame.pixels)
 }
 
 /// Errors of the places of markers, in px of the rectified image.
@@ -142,7 +143,12 @@ fn main() -> Result<(), Failure> {
         s.light.glare_levels = [0.0; 3];
         s.glints = false;
         s.stuck_pixels_count = 0;
+        s.surroundings = Surroundings::Housing;
     };
+    let housing: Change = |s| s.surroundings = Surroundings::Housing;
+    let walls: Change = |s| s.surroundings = Surroundings::Walls;
+    let glare: Change = |s| s.surroundings = Surroundings::Glare;
+    let dirt: Change = |s| s.surroundings = Surroundings::Dirt;
     let even_light: Change = |s| {
         for (levels, middle) in s.light.background_levels.iter_mut().zip([60.0, 120.0, 100.0]) {
             *levels = [0.0; 15];
@@ -155,7 +161,11 @@ fn main() -> Result<(), Failure> {
         ("no weave", vec![no_weave], q),
         ("no shading", vec![no_shade], q),
         ("no JPEG", vec![plain], None),
-        ("no glare", vec![no_glare], q),
+        ("no glare, scratches, stuck pixels, walls", vec![no_glare], q),
+        ("all, in a dark housing", vec![housing], q),
+        ("all, walls alone", vec![walls], q),
+        ("all, walls and highlights", vec![glare], q),
+        ("all, walls and dirt", vec![dirt], q),
         ("only geometry", vec![no_weave, no_shade, no_noise, no_glare, even_light], None),
         ("only weave", vec![no_shade, no_noise, no_glare, even_light], None),
         ("only shading", vec![no_weave, no_noise, no_glare, even_light], None),

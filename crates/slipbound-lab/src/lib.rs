@@ -48,7 +48,7 @@
 pub mod contact;
 pub mod faults;
 pub mod hand;
-mod jpeg;
+pub mod jpeg;
 pub mod layer;
 pub mod lockstep;
 pub mod objects;

@@ -13,10 +13,13 @@ mod atlas;
 mod nodes;
 mod settings;
 mod surface;
+mod surroundings;
 mod view;
 
 pub use settings::{CameraSettings, Dots, Light, Texture};
 pub use surface::Surface;
+pub(crate) use surroundings::SURROUNDINGS;
+pub use surroundings::Surroundings;
 
 use crate::random::Random;
 use atlas::Atlas;
@@ -25,6 +28,7 @@ use slipbound::image::SizePx;
 use slipbound::plane::Vec2;
 use slipbound::sensor::Sensor;
 use std::ops::Range;
+use surroundings::Backdrop;
 use view::View;
 
 /// Numbers kept before they repeat at another offset; a power of two.
@@ -33,6 +37,7 @@ const NOISE_COUNT: usize = 1 << 15;
 #[derive(Debug, Clone)]
 pub struct Renderer {
     settings: CameraSettings,
+    seed: u64,
     view: View,
     atlas: Atlas,
     nodes: Nodes,
@@ -71,10 +76,11 @@ impl Renderer {
         let view = View::new(&settings);
         let size = settings.sensor.image_px;
         let atlas = Atlas::new(&settings, &mut random);
+        let backdrop = Backdrop::new(&settings, seed);
         let mut light_levels = Vec::with_capacity(3 * size.area());
         let mut gel = Vec::with_capacity(size.area());
         for i in 0..size.area() {
-            let (levels, share) = pixel(&settings, &view, size, i);
+            let (levels, share) = pixel(&settings, &view, &backdrop, i);
             light_levels.extend(levels);
             gel.push(share);
         }
@@ -106,8 +112,25 @@ impl Renderer {
             stuck,
             atlas,
             view,
+            seed,
             settings,
         }
+    }
+
+    /// A camera by the words of a scene; any other camera is a GelSlim's, any other surroundings are the camera's own.
+    pub(crate) fn of_words(camera: &str, surroundings: &str, seed: u64) -> Self {
+        let mut settings = match camera {
+            "gelsight_mini" => CameraSettings::gelsight_mini(),
+            _ => CameraSettings::gelslim(),
+        };
+        settings.surroundings = Surroundings::named(surroundings).unwrap_or(settings.surroundings);
+        Self::new(settings, seed)
+    }
+
+    /// The same camera and skin with other surroundings.
+    #[must_use]
+    pub fn with_surroundings(self, surroundings: Surroundings) -> Self {
+        Self::new(CameraSettings { surroundings, ..self.settings }, self.seed)
     }
 
     /// Size of the pictures.
@@ -230,7 +253,8 @@ fn expose_row(rows: [&[f32]; 5], [middle, near, far]: [f32; 3], noise: &[f32], n
 }
 
 /// Light of red, green and blue at pixel `i`, in levels, and how much of it is gel.
-fn pixel(settings: &CameraSettings, view: &View, size: SizePx, i: usize) -> ([f32; 3], f32) {
+fn pixel(settings: &CameraSettings, view: &View, backdrop: &Backdrop, i: usize) -> ([f32; 3], f32) {
+    let size = settings.sensor.image_px;
     let at = Vec2::new((i % size.width) as f64, (i / size.width) as f64);
     let plane = view.plane_from_camera(at);
     let rectified = settings.sensor.rectified_px();
@@ -256,17 +280,15 @@ fn pixel(settings: &CameraSettings, view: &View, size: SizePx, i: usize) -> ([f3
         v * v * v * v,
     ];
     let light = &settings.light;
-    // How far inside the gel, in mm; its border is half a millimetre soft.
-    let inside = (settings.gel_half_mm.x - plane.x.abs()).min(settings.gel_half_mm.y - plane.y.abs());
-    let gel = (inside / 0.5 + 0.5).clamp(0.0, 1.0);
+    let gel = backdrop.gel(plane);
     let glare = (-0.5 * ((settings.gel_half_mm.y - 0.9 - plane.y) / 0.7).powi(2)).exp();
     let glint = if settings.glints { glint(plane) } else { 0.0 };
-    let light_levels = std::array::from_fn(|c| {
+    let lit = std::array::from_fn(|c| {
         let level: f64 = powers.iter().zip(&light.background_levels[c]).map(|(p, b)| p * b).sum();
-        let lit = level.max(1.0) + light.glare_levels[c] * glare + 120.0 * glint;
-        (light.housing_levels[c] + (lit - light.housing_levels[c]) * gel) as f32
+        level.max(1.0) + light.glare_levels[c] * glare + 120.0 * glint
     });
-    (light_levels, gel as f32)
+    let (lit, beyond) = (backdrop.on_gel(plane, lit), backdrop.beyond(plane));
+    (std::array::from_fn(|c| (beyond[c] + (lit[c] - beyond[c]) * gel) as f32), gel as f32)
 }
 
 /// Two scratches of the coating near a corner.

@@ -84,10 +84,7 @@ impl World {
         let surface = object.surface();
         check_place(&grid, &start, &surface)?;
         let finger = Finger::new(settings, surface)?;
-        let camera = match trial.word("camera") {
-            "gelsight_mini" => Renderer::gelsight_mini(trial.seed),
-            _ => Renderer::gelslim(trial.seed),
-        };
+        let camera = Renderer::of_words(trial.word("camera"), trial.word("surroundings"), trial.seed);
         let size = camera.size();
         let rest_frames = trial.number("rest_frames") as u64;
         let moving_frames = (profile.path.seconds_s() * FRAME_RATE_HZ as f64 - 1e-9).ceil() as u64;

@@ -73,8 +73,8 @@ fn a_pull_down_goes_the_same_way_in_both_pictures_and_a_turn_the_other() {
     assert!(left[0] > 1e-3 && (left[0] / right[0] - 1.0).abs() < 0.1, "{left:?} {right:?}");
     let curl = |finger: usize| {
         let shifts = hand.marker_shifts_mm(finger);
-        let columns = 21;
-        let (middle, row) = (shifts.len() / 2, columns);
+        let columns = 29;
+        let (middle, row) = (shifts.len() / 2 + columns / 2, columns);
         // Difference of y along x and of x along y, over the middle of the pad.
         (shifts[middle + 2].y - shifts[middle - 2].y) - (shifts[middle + 2 * row].x - shifts[middle - 2 * row].x)
     };
@@ -94,13 +94,13 @@ fn a_tilted_tool_is_seen_from_its_two_sides_and_a_cap_alike() {
             hand.advance_frame();
         }
         let (left, right) = (hand.marker_shifts_mm(0), hand.marker_shifts_mm(1));
-        assert_eq!((left.len(), right.len()), (420, 420));
+        assert_eq!((left.len(), right.len()), (580, 580));
         let apart = |mirror: bool| {
             let of = |n: usize| {
-                let seen = right[if mirror { (19 - n / 21) * 21 + n % 21 } else { n }];
+                let seen = right[if mirror { (19 - n / 29) * 29 + n % 29 } else { n }];
                 if mirror { Vec2::new(seen.x, -seen.y) } else { seen }
             };
-            (0..420).map(|n| (left[n] - of(n)).length()).sum::<f64>()
+            (0..580).map(|n| (left[n] - of(n)).length()).sum::<f64>()
         };
         let (so, otherwise) = (apart(mirrored), apart(!mirrored));
         assert!(so < 0.3 * otherwise, "{scene}: {so} mm, otherwise {otherwise} mm");

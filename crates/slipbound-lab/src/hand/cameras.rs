@@ -41,10 +41,7 @@ impl Cameras {
         let quality = scene.number("jpeg_quality").map_or(85, |quality| quality as u8);
         let fingers = (0..scene.fingers_count()).map(|finger| {
             let seed = Random::of(scene.seed(), finger as u64).next_u64();
-            let renderer = match scene.word("camera") {
-                "gelsight_mini" => Renderer::gelsight_mini(seed),
-                _ => Renderer::gelslim(seed),
-            };
+            let renderer = Renderer::of_words(scene.word("camera"), scene.word("surroundings"), seed);
             let size = renderer.size();
             FingerCamera {
                 codec: Codec::new(size, quality),

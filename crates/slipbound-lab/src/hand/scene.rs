@@ -6,6 +6,7 @@ use crate::faults::Faults;
 use crate::objects::{Form, Object, ObjectSurface};
 use crate::plants::{Bottle, BottleSettings, Cap, HeldObject, Thread, Tool, ToolSettings};
 use crate::random::Random;
+use crate::render::SURROUNDINGS;
 use crate::scenes::{Key, Kind, Value, number};
 use crate::world::{FRAME_RATE_HZ, SUBSTEPS_COUNT};
 use slipbound::setting::SettingError;
@@ -69,6 +70,7 @@ pub const HAND_KEYS: &[HandKey] = &[
     key("fingers", Kind::Count(1, 2), "2", "fingers with a camera; there are always two"),
     key("grid", Kind::Word(&["standard", "fast"]), "fast", "cells of the gel: 96x72 or 64x48"),
     key("camera", Kind::Word(&["gelslim", "gelsight_mini"]), "gelslim", "camera model"),
+    key("surroundings", Kind::Word(&SURROUNDINGS), "camera", "around the gels; camera: as the camera has them"),
     key("jpeg_quality", Kind::Count(30, 100), "85", "of the frames"),
     key("fault", Kind::Faults, "none", "faults of the cameras, as drop=0.02,torn=0.01"),
     of(&[], number("start_mm", 0.0, 40.0, "4", "opening at the start, beyond the object")),

@@ -12,9 +12,10 @@ use slipbound::plane::Vec2;
 
 /// Nodes are at most this far apart on the gel, in mm: a cell of the contact.
 const NODE_MM: f64 = 0.4;
-/// Newton steps at a node, and the distance in mm that is near enough. A ten thousandth of a pitch is 0.002 px.
+/// Newton steps at a node, and the step in mm that is the last: it leaves less than a third of itself, 0.0004 px, as
+/// slopes of the gel differ by less than that from cell to cell.
 const STEPS_COUNT: usize = 12;
-const NEAR_MM: f32 = 2e-5;
+const NEAR_MM: f32 = 1e-4;
 /// How far the gel may be stretched into view from beyond its border, in mm.
 pub(super) const BEYOND_MM: f64 = 2.0;
 
@@ -35,8 +36,11 @@ struct Site {
 /// A lattice over the camera image.
 #[derive(Debug, Clone)]
 pub(super) struct Nodes {
-    /// Pixels from node to node along x and y.
-    step_px: [usize; 2],
+    /// Pixels from node to node along x.
+    step_px: usize,
+    /// Rows of pixels that have nodes, and for each row of pixels the last of them at or above it.
+    rows_px: Vec<usize>,
+    above: Vec<usize>,
     columns: usize,
     sites: Vec<Site>,
     /// Columns of each row of nodes that a pixel on the gel asks for.
@@ -55,33 +59,40 @@ impl Nodes {
             let most = settings.gel_half_mm + Vec2::new(BEYOND_MM, BEYOND_MM);
             Vec2::new(plane.x.clamp(-most.x, most.x), plane.y.clamp(-most.y, most.y))
         };
-        let step = |dx: usize, dy: usize| {
-            // The longest pixel decides; pixels at the ends of the rows stand for all.
-            let ends = spans.iter().enumerate().filter(|(_, span)| !span.is_empty());
-            let long = ends
-                .flat_map(|(y, span)| [(span.start, y), (span.end - 1, y)])
-                .map(|(x, y)| (place(x + dx, y + dy) - place(x, y)).length())
-                .fold(0.0, f64::max);
-            [8, 4, 2].into_iter().find(|&n| n as f64 * long <= NODE_MM).unwrap_or(1)
+        // The longest pixel of a row, along x or along y, is at one of the ends of its span.
+        let long = |y: usize, dx: usize, dy: usize| {
+            let Some(span) = spans.get(y).filter(|span| !span.is_empty()) else { return 0.0 };
+            let length = |x: usize| (place(x + dx, y + dy) - place(x, y)).length();
+            length(span.start).max(length(span.end - 1))
         };
-        let step_px = [step(1, 0), step(0, 1)];
-        let (columns, rows) = ((width - 1) / step_px[0] + 2, (height - 1) / step_px[1] + 2);
+        let step = |long_mm: f64| [8, 4, 2].into_iter().find(|&n| n as f64 * long_mm <= NODE_MM).unwrap_or(1);
+        let step_px = step((0..height).map(|y| long(y, 1, 0)).fold(0.0, f64::max));
+        let mut rows_px = vec![0];
+        while let Some(&y) = rows_px.last().filter(|&&y| y < height - 1) {
+            let long_mm = (y..y + 8).map(|y| long(y, 0, 1)).fold(0.0, f64::max);
+            rows_px.push(y + step(long_mm));
+        }
+        let above: Vec<usize> =
+            (0..height).map(|y| rows_px.partition_point(|&row| row <= y).min(rows_px.len() - 1) - 1).collect();
+        let (columns, rows) = ((width - 1) / step_px + 2, rows_px.len());
         let mut used = vec![0..0; rows];
         for (y, span) in spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
-            let (row, first, end) = (y / step_px[1], span.start / step_px[0], (span.end - 1) / step_px[0] + 2);
-            for range in &mut used[row..row + 2] {
+            let (first, end) = (span.start / step_px, (span.end - 1) / step_px + 2);
+            for range in &mut used[above[y]..above[y] + 2] {
                 *range = if range.end == 0 { first..end } else { range.start.min(first)..range.end.max(end) };
             }
         }
         let sites = (0..columns * rows)
             .map(|i| {
-                let plane = place(i % columns * step_px[0], i / columns * step_px[1]);
+                let plane = place(i % columns * step_px, rows_px[i / columns]);
                 let parallax = view.parallax(plane);
                 Site { plane_mm: [plane.x as f32, plane.y as f32], parallax: [parallax.x as f32, parallax.y as f32] }
             })
             .collect();
         Nodes {
             step_px,
+            rows_px,
+            above,
             columns,
             sites,
             used,
@@ -98,11 +109,13 @@ impl Nodes {
         let per_mpa = -1.0 / texture.p_ref_mpa as f32;
         let (rest, gain) = (texture.rest_fraction as f32, texture.gain_fraction as f32);
         for (row, used) in self.used.iter().enumerate() {
-            let mut off = [0.0; 2];
+            // The first guess goes on as the last two nodes did.
+            let (mut off, mut change) = ([0.0f32; 2], [0.0f32; 2]);
             for i in used.clone().map(|column| row * self.columns + column) {
                 let site = &self.sites[i];
-                let (piece, cell) = field.seen(site, off);
-                off = [piece[0] - site.plane_mm[0], piece[1] - site.plane_mm[1]];
+                let (piece, cell) = field.seen(site, [off[0] + change[0], off[1] + change[1]]);
+                let now = [piece[0] - site.plane_mm[0], piece[1] - site.plane_mm[1]];
+                (change, off) = ([now[0] - off[0], now[1] - off[1]], now);
                 let pressed = if cell[5] > 0.0 { 1.0 - (cell[5] * per_mpa).exp() } else { 0.0 };
                 let values = [piece[0], piece[1], cell[3], cell[4], rest + gain * pressed];
                 self.lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[i] = value);
@@ -137,8 +150,8 @@ impl Nodes {
     /// The lanes of a row of pixels, written from `span.start` rounded down to a node on; `out` is that much wider
     /// than the image.
     pub fn spread(&mut self, y: usize, span: std::ops::Range<usize>, out: &mut [Vec<f32>; LANES]) {
-        let [step_x, step_y] = self.step_px;
-        let (row, share) = (y / step_y, (y % step_y) as f32 / step_y as f32);
+        let (step_x, row) = (self.step_px, self.above[y]);
+        let share = (y - self.rows_px[row]) as f32 / (self.rows_px[row + 1] - self.rows_px[row]) as f32;
         let (first, last) = (span.start / step_x, (span.end - 1) / step_x + 1);
         for ((lane, line), out) in self.lanes.iter().zip(&mut self.line).zip(out) {
             let from = row * self.columns + first;

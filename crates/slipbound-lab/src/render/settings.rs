@@ -1,5 +1,6 @@
 //! What a simulated camera and the skin it looks at are made of; the two fingers we know.
 
+use super::Surroundings;
 use serde::{Deserialize, Serialize};
 use slipbound::image::SizePx;
 use slipbound::plane::{Homography, Vec2};
@@ -23,6 +24,8 @@ pub struct CameraSettings {
     pub texture: Texture,
     /// The light.
     pub light: Light,
+    /// What lies around the gel and on its lens.
+    pub surroundings: Surroundings,
     /// Standard deviation of the optical blur in px of the camera image, 0.3 to 1.2.
     pub blur_px: f64,
     /// Standard deviation of the noise of a channel at level 128; it grows as the root of the level.
@@ -80,7 +83,7 @@ pub struct Light {
     pub shade: f64,
     /// Levels of the glare at the far edge of the gel (greatest y), per channel.
     pub glare_levels: [f64; 3],
-    /// Levels of the housing beyond the gel, per channel.
+    /// Levels beyond the gel where the surroundings are a housing, per channel.
     pub housing_levels: [f64; 3],
 }
 
@@ -125,9 +128,9 @@ impl CameraSettings {
             sensor: facts.at_size(SizePx::new(640, 480)).expect("the same shape"),
             eye_mm: [-0.9, -30.5, 36.1],
             refractive_index: 1.41,
-            gel_half_mm: Vec2::new(17.4, 16.9),
+            gel_half_mm: Vec2::new(22.0, 16.9),
             dots: Dots {
-                columns_count: 21,
+                columns_count: 29,
                 rows_count: 20,
                 radius_mm: 0.25,
                 jitter_mm: 0.05,
@@ -135,7 +138,7 @@ impl CameraSettings {
                 edge_mm: 0.1,
                 darkness_fraction: 0.62,
             },
-            texture: Texture { thread_mm: 0.5, rest_fraction: 0.03, gain_fraction: 0.55, p_ref_mpa: 0.040 },
+            texture: Texture { thread_mm: 0.5, rest_fraction: 0.10, gain_fraction: 0.48, p_ref_mpa: 0.040 },
             light: Light {
                 background_levels: [
                     [1.3, -11.0, -7.2, 17.0, 21.2, 5.8, -0.9, -12.2, -5.3, 3.4, -6.9, -0.7, 3.6, -5.5, -3.8],
@@ -147,8 +150,9 @@ impl CameraSettings {
                 glare_levels: [150.0, 110.0, 190.0],
                 housing_levels: [3.0, 16.0, 7.0],
             },
+            surroundings: Surroundings::Full,
             blur_px: 0.8,
-            noise_levels: 2.75,
+            noise_levels: 0.15,
             glints: true,
             stuck_pixels_count: 6,
         }
@@ -197,6 +201,7 @@ impl CameraSettings {
                 glare_levels: [0.0; 3],
                 housing_levels: [20.0, 24.0, 24.0],
             },
+            surroundings: Surroundings::Housing, // its gel fills the picture
             blur_px: 0.9,
             noise_levels: 2.5,
             glints: false,

@@ -2,6 +2,7 @@
 
 use crate::faults::Faults;
 use crate::objects::Object;
+use crate::render::SURROUNDINGS;
 use serde::{Deserialize, Serialize};
 use slipbound::setting::SettingError;
 use std::fmt;
@@ -71,6 +72,12 @@ pub const COMMON_KEYS: &[Key] = &[
     number("press_s", 0.05, 30.0, "0.3", "time in which it is pressed"),
     number("settle_s", 0.05, 30.0, "0.2", "time between pressing and what follows"),
     Key { name: "camera", what: "camera model", kind: Kind::Word(&["gelslim", "gelsight_mini"]), default: "gelslim" },
+    Key {
+        name: "surroundings",
+        what: "around the gel and on the lens; camera: as the camera has them",
+        kind: Kind::Word(&SURROUNDINGS),
+        default: "camera",
+    },
     Key { name: "jpeg_quality", what: "of the frames", kind: Kind::Count(30, 100), default: "85" },
     Key {
         name: "grid",
