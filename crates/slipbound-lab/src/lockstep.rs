@@ -4,6 +4,10 @@
 //!   SimHand cameras --> ControlLoop::cycle --> Actuators (the simulator's own, or drivers and emulators) --> SimHand
 //!                            '--> observer, with the truth filled in; RunScore
 //! ```
+//!
+//! ```no_run
+#![doc = include_str!("../examples/hold_simulated.rs")]
+//! ```
 
 use crate::faults::{CameraFault, CameraFaults};
 use crate::hand::{HandScene, SimGripper, SimHand, SimWrist};

@@ -24,11 +24,7 @@
 //! ```
 //!
 //! A gripper that already has a driver of your own needs none of this: implement
-//! [`Gripper`](slipbound::port::Gripper).
-//!
-//! ```
-#![doc = include_str!("../examples/my_gripper.rs")]
-//! ```
+//! [`Gripper`](slipbound::port::Gripper), whose page shows how.
 
 mod address;
 pub mod check_hold;

@@ -13,6 +13,10 @@
 //! The rate in a video's header is often not the rate it was recorded at: nobody measured it, so the clock says
 //! `assumed`. A picture that cannot be decoded whole is [`Next::Torn`](slipbound::port::Next) and the recording
 //! goes on; EXIF orientation is ignored, for a finger's camera is turned by its sensor file.
+//!
+//! ```no_run
+#![doc = include_str!("../examples/watch_recording.rs")]
+//! ```
 
 mod avi;
 mod error;

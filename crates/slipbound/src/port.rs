@@ -113,6 +113,10 @@ pub enum Next {
 }
 
 /// Frames in order: a camera, a recording, a simulator.
+///
+/// ```
+#[doc = include_str!("../examples/my_camera.rs")]
+/// ```
 pub trait FrameSource {
     /// The next frame into a recycled buffer. An error is final; a torn frame is not an error.
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError>;

@@ -201,6 +201,10 @@ impl GripperState {
 }
 
 /// A parallel gripper. Neither call waits for the jaws.
+///
+/// ```
+#[doc = include_str!("../../examples/my_gripper.rs")]
+/// ```
 pub trait Gripper {
     /// Takes over a command. An error means that it was not taken over: the force stays where it was.
     fn command(&mut self, command: GripCommand) -> Result<(), GripperError>;

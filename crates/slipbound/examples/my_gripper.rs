@@ -1,4 +1,4 @@
-//! A gripper of your own behind the port that the control loop uses. `cargo run -p slipbound-rig --example my_gripper`
+//! A gripper of your own behind the port that the control loop uses. `cargo run -p slipbound --example my_gripper`
 
 use slipbound::port::{GripCommand, Gripper, GripperError, GripperErrorKind, GripperState, Jaws};
 

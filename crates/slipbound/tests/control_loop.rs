@@ -1,0 +1,241 @@
+//! The control loop driven with a camera, a gripper, a wrist and an observer of a user's own: nothing of simulator or rig.
+
+mod picture;
+
+use picture::{Painter, Touch};
+use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome, CycleView};
+use slipbound::finger_pipeline::FingerPipeline;
+use slipbound::hand::{Mounting, Side};
+use slipbound::image::SizePx;
+use slipbound::monitor::{RestKind, Settings};
+use slipbound::plane::Vec2;
+use slipbound::port::{
+    Clock, DriverEvent, FrameBuffer, FrameSource, GripCommand, Gripper, GripperError, GripperErrorKind, GripperState,
+    Jaws, Next, PixelFormat, SourceError, Wrist, WristCommand, WristError, WristMotion, WristState,
+};
+use slipbound::sensor::Skin;
+use slipbound::task::{Phase, TaskKind, TaskSettings};
+use std::collections::VecDeque;
+
+const FRAME_NS: u64 = 33_333_333;
+const SIZE: SizePx = SizePx::new(640, 480);
+const PITCH_PX: f64 = 24.0;
+const MIDDLE: Vec2 = Vec2::new(320.0, 240.0);
+
+/// What the finger feels in a frame.
+#[derive(Clone, Copy)]
+enum Scene {
+    Open,
+    /// Held; the rim of the contact lags behind the object by so many px.
+    Held(f64),
+    Torn,
+    Unplugged,
+}
+
+/// A camera that paints its frames.
+struct Camera {
+    painter: Painter,
+    scenes: VecDeque<Scene>,
+    seq: u64,
+}
+
+impl FrameSource for Camera {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        let Some(scene) = self.scenes.pop_front() else { return Ok(Next::End) };
+        (into.seq, into.time_ns, into.clock) = (self.seq, Some(self.seq * FRAME_NS), Clock::Device);
+        self.seq += 1;
+        let touch = Touch { centre: MIDDLE, radii_px: Vec2::new(6.5, 5.5) * PITCH_PX, strength_levels: 32.0 };
+        let (lag_px, touch) = match scene {
+            Scene::Open => (0.0, None),
+            Scene::Held(lag_px) => (lag_px, Some(touch)),
+            Scene::Torn => return Ok(Next::Torn { reason: "cut off".into() }),
+            Scene::Unplugged => return Err("my camera: unplugged".into()),
+        };
+        // The object moves along x; what it touches goes with it, but the rim lags.
+        let lags = |p: Vec2| touch.is_some_and(|touch| touch.depth(p) > 0.72);
+        let moved_px = |p: Vec2| 1.2 * lag_px - if lags(p) { lag_px } else { 0.0 };
+        let dots: Vec<Vec2> = self.painter.rest.iter().map(|&p| p + Vec2::new(moved_px(p), 0.0)).collect();
+        let touch = touch.map(|touch| Touch { centre: MIDDLE + Vec2::new(1.2 * lag_px, 0.0), ..touch });
+        into.pixels = self.painter.paint(&dots, touch.as_ref(), self.seq);
+        (into.format, into.size) = (PixelFormat::Rgb, self.painter.sensor.image_px);
+        Ok(Next::Frame)
+    }
+}
+
+/// A gripper that does at once what it is told, and fails when it is told to.
+#[derive(Default)]
+struct MyGripper {
+    command: Option<GripCommand>,
+    is_lost: bool,
+    refuses_lowering: bool,
+    commands: Vec<GripCommand>,
+    events: Vec<DriverEvent>,
+}
+
+impl Gripper for MyGripper {
+    fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
+        let before_n = self.command.and_then(|c| c.force_n()).unwrap_or(0.0);
+        if self.refuses_lowering && command.force_n().is_some_and(|n| n < before_n) {
+            return Err(GripperError::new(GripperErrorKind::Lowering, "not lower while holding"));
+        }
+        self.commands.push(command);
+        self.command = Some(command);
+        Ok(())
+    }
+
+    fn poll(&mut self) -> Result<GripperState, GripperError> {
+        if self.is_lost {
+            return Err(GripperError::new(GripperErrorKind::Link, "cable out"));
+        }
+        let force_n = self.command.and_then(|c| c.force_n());
+        let jaws = if force_n.is_some() { Jaws::Holding } else { Jaws::Open };
+        Ok(GripperState { time_ns: 0, force_n, target_n: force_n, opening_mm: None, jaws })
+    }
+
+    fn next_event(&mut self) -> Option<DriverEvent> {
+        self.events.pop()
+    }
+}
+
+#[derive(Default)]
+struct MyWrist(Vec<WristMotion>);
+
+impl Wrist for MyWrist {
+    fn command(&mut self, command: WristCommand) -> Result<(), WristError> {
+        self.0.push(command.motion);
+        Ok(())
+    }
+
+    fn poll(&mut self) -> Result<WristState, WristError> {
+        Ok(WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false })
+    }
+}
+
+/// Writes down what it is shown, a word a cycle.
+#[derive(Default)]
+struct Diary {
+    words: Vec<&'static str>,
+    events: Vec<DriverEvent>,
+    slips: Vec<u64>,
+    rest_kind: Option<RestKind>,
+}
+
+impl CycleObserver for Diary {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        self.words.push(match view.outcome {
+            None => "left",
+            Some(CycleOutcome::AtRest) => "rest",
+            Some(CycleOutcome::Waiting) => "waiting",
+            Some(CycleOutcome::SourceEnded) => "end",
+            Some(CycleOutcome::Commanded(cycle)) => match cycle.phase {
+                Phase::Grasping => "grasping",
+                Phase::Ended(_) => "ended",
+                _ => "working",
+            },
+        });
+        if let Some(cycle) = view.cycle()
+            && cycle.slips_count as usize > self.slips.len()
+        {
+            self.slips.push(cycle.hand.seq);
+        }
+        self.events.extend(view.driver_events.iter().cloned());
+        self.rest_kind = view.fingers[0].rest_kind;
+    }
+}
+
+fn control(scenes: impl IntoIterator<Item = Scene>, settings: &TaskSettings) -> ControlLoop {
+    let painter = Painter::new(SIZE, PITCH_PX, 8.0, Skin::Smooth, 0.5, 11);
+    let sensor = painter.sensor.clone();
+    let camera = Camera { painter, scenes: scenes.into_iter().collect(), seq: 0 };
+    let mounting = Mounting::on(Side::Left);
+    let finger = FingerPipeline::new("left", mounting, sensor, Settings::default(), Box::new(camera));
+    ControlLoop::new(vec![finger], settings.task(TaskKind::Lift, None).expect("valid")).expect("a hand")
+}
+
+fn hold() -> TaskSettings {
+    let mut settings = TaskSettings::default();
+    (settings.lift.lift_mm, settings.lift.hold_ns) = (0.0, 60_000_000_000);
+    settings
+}
+
+fn scenes(parts: &[(usize, Scene)]) -> Vec<Scene> {
+    parts.iter().flat_map(|&(count, scene)| std::iter::repeat_n(scene, count)).collect()
+}
+
+/// Runs to the end of the source, or to the error.
+fn run(control: &mut ControlLoop, gripper: &mut MyGripper, wrist: &mut MyWrist, diary: &mut Diary) -> Option<ControlError> {
+    for cycle in 0.. {
+        match control.cycle(cycle * FRAME_NS, gripper, wrist, diary) {
+            Ok(CycleOutcome::SourceEnded) => return None,
+            Ok(_) => {}
+            Err(error) => return Some(error),
+        }
+    }
+    None
+}
+
+#[test]
+fn a_users_camera_and_gripper_hold_harder_when_the_rim_slips() {
+    let parts = [(20, Scene::Open), (20, Scene::Held(0.0)), (3, Scene::Held(9.0)), (12, Scene::Held(9.0))];
+    let mut control = control(scenes(&parts), &hold());
+    let (mut gripper, mut wrist, mut diary) = (MyGripper::default(), MyWrist::default(), Diary::default());
+    gripper.events.push(DriverEvent::Linked);
+    assert!(run(&mut control, &mut gripper, &mut wrist, &mut diary).is_none());
+    assert_eq!(diary.words.iter().filter(|word| **word == "rest").count(), 19, "{:?}", diary.words);
+    assert_eq!(diary.rest_kind, Some(RestKind::Unloaded));
+    assert_eq!(diary.slips, [40], "the rim slips once");
+    assert_eq!(diary.events, [DriverEvent::Linked]);
+    assert_eq!(gripper.command, Some(GripCommand::Hold { force_n: 20.0 }));
+    assert_eq!(diary.words.last(), Some(&"end"));
+}
+
+#[test]
+fn a_lost_gripper_is_waited_for_with_the_wrist_paused_and_frames_judged() {
+    let parts = [(20, Scene::Open), (30, Scene::Held(0.0))];
+    let mut control = control(scenes(&parts), &hold());
+    let (mut gripper, mut wrist, mut diary) = (MyGripper::default(), MyWrist::default(), Diary::default());
+    for cycle in 0..50 {
+        gripper.is_lost = (35..40).contains(&cycle);
+        let outcome = control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut diary).expect("goes on");
+        assert_eq!(outcome == CycleOutcome::Waiting, gripper.is_lost, "cycle {cycle}");
+        assert!(cycle < 20 || control.fingers()[0].report().is_some(), "cycle {cycle} was judged");
+        if gripper.is_lost {
+            assert_eq!(wrist.0.last(), Some(&WristMotion::Pause));
+        }
+    }
+    assert!(gripper.commands.iter().all(|c| c.force_n() >= Some(10.0)), "{:?}", gripper.commands);
+    assert!(control.fault().is_none() || diary.words.len() == 50);
+}
+
+#[test]
+fn an_unplugged_camera_ends_the_loop_with_the_wrist_paused_and_the_force_kept() {
+    let parts = [(20, Scene::Open), (20, Scene::Held(0.0)), (1, Scene::Torn), (3, Scene::Held(0.0)), (1, Scene::Unplugged)];
+    let mut control = control(scenes(&parts), &hold());
+    let (mut gripper, mut wrist, mut diary) = (MyGripper::default(), MyWrist::default(), Diary::default());
+    let error = run(&mut control, &mut gripper, &mut wrist, &mut diary).expect("unplugged");
+    assert!(matches!(&error, ControlError::Source { finger, .. } if finger == "left"));
+    assert_eq!(error.to_string(), "left: my camera: unplugged");
+    assert_eq!((diary.words.last(), wrist.0.last()), (Some(&"left"), Some(&WristMotion::Pause)));
+    assert_eq!(gripper.command, Some(GripCommand::Hold { force_n: 10.0 }));
+}
+
+#[test]
+fn a_finger_that_starts_in_contact_says_so() {
+    let mut control = control(scenes(&[(22, Scene::Held(0.0))]), &hold());
+    let (mut gripper, mut wrist, mut diary) = (MyGripper::default(), MyWrist::default(), Diary::default());
+    assert!(run(&mut control, &mut gripper, &mut wrist, &mut diary).is_none());
+    assert_eq!(diary.rest_kind, Some(RestKind::InContact));
+}
+
+#[test]
+fn a_gripper_that_refuses_a_lower_force_is_no_fault() {
+    let mut settings = hold();
+    (settings.on_slip.step_n, settings.grip.start_n) = (-4.0, 20.0);
+    let parts = [(20, Scene::Open), (20, Scene::Held(0.0)), (6, Scene::Held(9.0))];
+    let mut control = control(scenes(&parts), &settings);
+    let mut gripper = MyGripper { refuses_lowering: true, ..MyGripper::default() };
+    let (mut wrist, mut diary) = (MyWrist::default(), Diary::default());
+    assert!(run(&mut control, &mut gripper, &mut wrist, &mut diary).is_none());
+    assert_eq!(gripper.command, Some(GripCommand::Hold { force_n: 20.0 }));
+    assert!(control.fault().is_none() && !diary.slips.is_empty());
+}
