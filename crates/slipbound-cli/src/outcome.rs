@@ -1,5 +1,7 @@
 //! How a command can end.
 
+use slipbound::port::SourceError;
+use slipbound_rig::gripper::{self, SessionError};
 use std::error::Error;
 use std::fmt::Display;
 
@@ -8,7 +10,7 @@ use std::fmt::Display;
 pub enum Outcome {
     /// Everything was done.
     Done,
-    /// Everything was done that could be, but frames were torn.
+    /// Everything was done that could be, but frames were torn or something could not be written.
     DataLost,
 }
 
@@ -38,5 +40,28 @@ impl Failure {
 impl From<anyhow::Error> for Failure {
     fn from(e: anyhow::Error) -> Self {
         Failure::Work(e)
+    }
+}
+
+/// A source that failed on the way.
+impl From<SourceError> for Failure {
+    fn from(e: SourceError) -> Self {
+        Failure::Work(anyhow::Error::from_boxed(e))
+    }
+}
+
+/// A gripper that could not be opened: a wrong argument, or nobody there.
+impl From<gripper::Error> for Failure {
+    fn from(e: gripper::Error) -> Self {
+        match e {
+            gripper::Error::Address { .. } | gripper::Error::Config(_) => Failure::arguments(e),
+            other => Failure::Work(other.into()),
+        }
+    }
+}
+
+impl From<SessionError> for Failure {
+    fn from(e: SessionError) -> Self {
+        Failure::Work(e.into())
     }
 }
