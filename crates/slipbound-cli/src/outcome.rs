@@ -5,7 +5,7 @@ use slipbound_rig::gripper::{self, SessionError};
 use std::error::Error;
 use std::fmt::Display;
 
-/// A command that came to its end.
+/// A command that finished.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// Everything was done.
@@ -14,14 +14,14 @@ pub enum Outcome {
     DataLost,
 }
 
-/// A command that did not.
+/// A command that did not finish.
 #[derive(Debug)]
 pub enum Failure {
     /// What was asked for cannot be.
     Arguments(anyhow::Error),
     /// Something failed on the way.
     Work(anyhow::Error),
-    /// Whoever read our output closed it: no reason to complain.
+    /// The reader of standard output closed it, which is no error.
     ReaderLeft,
 }
 
@@ -50,7 +50,7 @@ impl From<SourceError> for Failure {
     }
 }
 
-/// A gripper that could not be opened: a wrong argument, or nobody there.
+/// A gripper that could not be opened: a wrong argument, or no answer.
 impl From<gripper::Error> for Failure {
     fn from(e: gripper::Error) -> Self {
         match e {

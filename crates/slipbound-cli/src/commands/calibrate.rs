@@ -56,11 +56,11 @@ impl Calibrate {
         debug_assert_eq!(written.image_px, found.sensor.image_px);
         let picture = self.picture();
         calibration::write_grid_picture(&picture, &found).map_err(|e| Failure::Work(e.into()))?;
-        self.tell(&mut terminal, &found, [from, to])?;
+        self.print(&mut terminal, &found, [from, to])?;
         Ok(if torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
     }
 
-    fn tell(&self, terminal: &mut Terminal, found: &Calibration, [from, to]: [u64; 2]) -> Result<(), Failure> {
+    fn print(&self, terminal: &mut Terminal, found: &Calibration, [from, to]: [u64; 2]) -> Result<(), Failure> {
         let sensor = &found.sensor;
         let lines = |axis: usize| {
             let all = || found.markers.iter().map(|m| m.node[axis]);

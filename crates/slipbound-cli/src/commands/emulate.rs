@@ -1,4 +1,4 @@
-//! `slipbound emulate`: a gripper that is not there, at a port of this computer.
+//! `slipbound emulate`: an emulated gripper at a port of this computer.
 
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};

@@ -53,7 +53,7 @@ enum Action {
 }
 
 impl Gripper {
-    /// Opens the gripper, has it do it, says what came of it.
+    /// Opens the gripper, carries out the action, prints the state it leads to.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let interrupted = interruption::listen()?;
         let mut device = Device::open(&self.address, self.config.as_deref())?;
@@ -90,8 +90,8 @@ impl Gripper {
 fn say_verdict(terminal: &mut Terminal, verdict: &Verdict) -> Result<Outcome, Failure> {
     match verdict {
         Verdict::Held { least_n: None, .. } => {
-            let said = "the jaws stayed closed, but this gripper measures no force, so a dip would not have been seen";
-            terminal.say(&format!("{said}: put a load cell between the jaws before you allow lowering"))?;
+            let held = "the jaws stayed closed, but this gripper measures no force, so a dip would not have been seen";
+            terminal.say(&format!("{held}: put a load cell between the jaws before you allow lowering"))?;
         }
         Verdict::Held { least_n, opened_mm } => {
             let known = |value: &Option<f64>, unit| value.map_or("not told".into(), |v| format!("{v:.2} {unit}"));

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-/// The frames: two fingers on a cap that is turned until they slip, seconds 0 to 4.
+/// The frames: two fingers on a cap that the wrist rotates until they slip, seconds 0 to 4.
 const SCENE: &str = "screw?longest_s=4";
 
 /// Width of what the emulator holds, mm.
@@ -77,15 +77,15 @@ impl Latency {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(failed)?;
         let address =
             format!("wsg50://{}?part_width_mm={WIDTH_MM}&lowering=allow", listener.local_addr().map_err(failed)?);
-        let go_on = Arc::new(AtomicBool::new(true));
-        let goes_on = go_on.clone();
+        let is_serving = Arc::new(AtomicBool::new(true));
+        let serves = is_serving.clone();
         let mut emulator = by_name("wsg50").context("no emulator is called wsg50")?;
-        let other_side = thread::spawn(move || {
-            serve_tcp(listener, &mut emulator, &mut Block::new(WIDTH_MM), || goes_on.load(Ordering::Relaxed))
+        let emulator_thread = thread::spawn(move || {
+            serve_tcp(listener, &mut emulator, &mut Block::new(WIDTH_MM), || serves.load(Ordering::Relaxed))
         });
         let measured = self.measure_all(&hand, &address);
-        go_on.store(false, Ordering::Relaxed);
-        let _ = other_side.join(); // what it could not do shows in what was measured
+        is_serving.store(false, Ordering::Relaxed);
+        let _ = emulator_thread.join(); // its failure shows in what was measured
         measured
     }
 

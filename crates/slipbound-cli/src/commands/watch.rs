@@ -71,7 +71,7 @@ impl Watch {
         Ok(if summary.torn_count() > 0 { Outcome::DataLost } else { Outcome::Done })
     }
 
-    /// The loop: a frame in, its report out to everyone who wants it.
+    /// The loop: a frame in, its report out to every output.
     fn judge(
         &self,
         recording: &mut ReadAhead,

@@ -23,9 +23,9 @@ pub struct Origin {
     pub rate_hz: u32,
 }
 
-/// Everyone who wants a report.
+/// Every output that was asked for.
 pub struct Outputs {
-    /// Looks on while a frame is judged.
+    /// Measures the steps while a frame is judged.
     pub stopwatch: Stopwatch,
     json: Option<Json>,
     overlay: Option<(Overlay, OverlayWriter)>,
