@@ -12,12 +12,12 @@ use crate::commands::trials::Trials;
 use crate::commands::watch::Watch;
 use clap::{Parser, Subcommand};
 
-/// Told below every help text.
+/// Below every help text.
 const EXIT_CODES: &str = "Exit codes:
   0  done
   1  failed on the way, or interrupted; a report so far written is kept
   2  what was asked for cannot be: arguments, sensor or settings file, nothing to read
-  3  finished, but frames were torn";
+  3  finished, but frames were torn or something could not be written";
 
 /// Says from the pictures of a camera inside a soft fingertip whether what it holds begins to slip.
 #[derive(Debug, Parser)]

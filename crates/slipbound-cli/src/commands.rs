@@ -5,6 +5,7 @@ pub mod demo;
 pub mod emulate;
 pub mod gripper;
 pub mod latency;
+mod recording;
 pub mod replay;
 pub mod run;
 mod scenes;

@@ -12,7 +12,7 @@ use slipbound_rig::wrist::LineWrist;
 use std::fmt;
 use std::str::FromStr;
 
-/// Time between two looks of driver and emulator at each other, ns.
+/// Time between two exchanges of bytes of driver and emulator, ns.
 const STEP_NS: u64 = 2_000_000;
 
 /// Which gripper is emulated, with its settings: `wsg50`, `robotiq?most_n=40`.
@@ -43,7 +43,7 @@ impl fmt::Display for EmulatedGripper {
 }
 
 impl EmulatedGripper {
-    /// The address of the gripper at a place, HOST:PORT; `width_mm` is that of the object, which a WSG-50 must be told.
+    /// The address of the gripper at a place, HOST:PORT; `width_mm` is the width of the object, a setting that a WSG-50 needs.
     pub fn address(&self, place: &str, width_mm: f64) -> String {
         let scheme = if self.name == "robotiq-rtu" { "robotiq:///dev/" } else { &format!("{}://", self.name) };
         let width = match self.query.contains("part_width_mm=") {
@@ -83,7 +83,7 @@ pub struct LinkFaults {
     pub wrist: Faults,
 }
 
-/// Drivers and emulators of gripper and wrist around a simulated world, in lock-step.
+/// Drivers and emulators of gripper and wrist that move a simulated world, in lock-step.
 pub struct EmulatedActuators {
     gripper: Joined<Driver>,
     wrist: Joined<LineWrist>,

@@ -1,4 +1,4 @@
-//! The command `slipbound` as a function, so that another program can be its face: `python -m slipbound`, say.
+//! The command `slipbound` as a function, so that another program can offer it too: `python -m slipbound`, say.
 
 mod args;
 mod commands;
@@ -14,12 +14,13 @@ use outcome::{Failure, Outcome};
 use std::ffi::OsString;
 
 /// Does what the arguments ask, the first of which is the program's name, and answers with the exit code: 0 done, 1 failed
-/// on the way, 2 bad arguments, 3 finished, but data was lost. Help and usage errors are printed like everything else.
+/// on the way, 2 bad arguments, 3 finished, but frames were torn or something could
+/// not be written. Help and usage errors are printed like everything else.
 pub fn run<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> u8 {
     let args = match args::Args::try_parse_from(args) {
         Ok(args) => args,
         Err(help) => {
-            let _ = help.print(); // with the terminal gone nobody reads it
+            let _ = help.print(); // a closed terminal is no failure
             return u8::try_from(help.exit_code()).unwrap_or(2);
         }
     };

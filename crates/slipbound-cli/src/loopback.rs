@@ -28,11 +28,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-/// Time between two looks of the emulators at their links.
+/// Time between two polls of the links by the emulators.
 const PAUSE: Duration = Duration::from_millis(1);
 
-/// What every camera saw, and what was true.
-struct Sight {
+/// A frame of every camera, and the truth at its time.
+struct WorldFrame {
     frames: Vec<FrameBuffer>,
     truth: HandTruth,
 }
@@ -41,11 +41,11 @@ struct Sight {
 type Slot = Arc<Mutex<Option<FrameBuffer>>>;
 
 /// A finger's source: what the world's thread has sent.
-struct Fed {
+struct SlotSource {
     slot: Slot,
 }
 
-impl FrameSource for Fed {
+impl FrameSource for SlotSource {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
         Ok(match self.slot.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(frame) => {
@@ -61,10 +61,10 @@ impl FrameSource for Fed {
 pub struct Loopback {
     control: ControlLoop,
     slots: Vec<Slot>,
-    sights: Receiver<Sight>,
+    world_frames: Receiver<WorldFrame>,
     gripper: String,
     wrist: String,
-    go_on: Arc<AtomicBool>,
+    is_running: Arc<AtomicBool>,
     world: Option<JoinHandle<anyhow::Result<()>>>,
 }
 
@@ -80,8 +80,9 @@ impl Loopback {
     ) -> anyhow::Result<Self> {
         let hand = SimHand::new(scene)?;
         let slots: Vec<Slot> = (0..scene.fingers_count()).map(|_| Slot::default()).collect();
-        let fed = |(i, slot): (usize, &Slot)| finger(&hand, i, monitor, fault, Box::new(Fed { slot: slot.clone() }));
-        let fingers = slots.iter().enumerate().map(fed).collect();
+        let pipeline =
+            |(i, slot): (usize, &Slot)| finger(&hand, i, monitor, fault, Box::new(SlotSource { slot: slot.clone() }));
+        let fingers = slots.iter().enumerate().map(pipeline).collect();
         let task = settings.task(scene.task_name().parse()?, hand.sensor(0).shear_stiffness_mpa_per_mm())?;
         let control = ControlLoop::new(fingers, task)?.with_runner(Box::new(MonitorWorkers::new()));
         let bind = || TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("cannot listen on this computer");
@@ -90,27 +91,27 @@ impl Loopback {
         let wrist = format!("line://{}", wrist_port.local_addr()?);
         let emulators = (emulated.emulator(&faults.gripper)?, wrist_emulator(&faults.wrist)?);
         let ports = (Server::new(gripper_port)?, Server::new(wrist_port)?);
-        let (send, sights) = sync_channel(2);
-        let go_on = Arc::new(AtomicBool::new(true));
-        let (scene, goes_on) = (scene.clone(), go_on.clone());
-        let world = thread::spawn(move || world(&scene, ports, emulators, &send, &goes_on));
-        Ok(Loopback { control, slots, sights, gripper, wrist, go_on, world: Some(world) })
+        let (send, world_frames) = sync_channel(2);
+        let is_running = Arc::new(AtomicBool::new(true));
+        let (scene, runs) = (scene.clone(), is_running.clone());
+        let world = thread::spawn(move || world(&scene, ports, emulators, &send, &runs));
+        Ok(Loopback { control, slots, world_frames, gripper, wrist, is_running, world: Some(world) })
     }
 
     /// Runs the loop to its end; the world goes on a second longer, and the truth at its end is in the tally.
     pub fn run(mut self, stop: &AtomicBool, output: &mut QueuedOutput, tally: &mut Tally) -> anyhow::Result<()> {
         let truth = tally.truth.clone();
-        let now_true = |sight: HandTruth| *truth.lock().unwrap_or_else(PoisonError::into_inner) = Some(sight);
-        let ran = self.try_run(stop, output, tally, &now_true);
+        let set_truth = |now: HandTruth| *truth.lock().unwrap_or_else(PoisonError::into_inner) = Some(now);
+        let ran = self.try_run(stop, output, tally, &set_truth);
         // The world goes on without the loop: what is let go of now was not held.
         let until_ns = now_ns() + AFTERWARDS_NS;
         while now_ns() < until_ns {
-            self.sights.recv_timeout(PAUSE).into_iter().for_each(|sight| now_true(sight.truth));
+            self.world_frames.recv_timeout(PAUSE).into_iter().for_each(|world_frame| set_truth(world_frame.truth));
         }
         truth.lock().unwrap_or_else(PoisonError::into_inner).iter().for_each(|truth| tally.score.add_truth(truth));
-        self.go_on.store(false, Ordering::Relaxed);
-        let broken = || Err(anyhow!("the simulated world broke down"));
-        let ended = self.world.take().map_or(Ok(()), |world| world.join().unwrap_or_else(|_| broken()));
+        self.is_running.store(false, Ordering::Relaxed);
+        let panicked = || Err(anyhow!("the simulated world broke down"));
+        let ended = self.world.take().map_or(Ok(()), |world| world.join().unwrap_or_else(|_| panicked()));
         ran.and(ended)
     }
 
@@ -119,16 +120,16 @@ impl Loopback {
         stop: &AtomicBool,
         output: &mut QueuedOutput,
         tally: &mut Tally,
-        now_true: &dyn Fn(HandTruth),
+        set_truth: &dyn Fn(HandTruth),
     ) -> anyhow::Result<()> {
         let mut gripper = gripper::Device::open(&self.gripper, None)?;
         let mut wrist = wrist::open(&self.wrist)?;
         let mut is_due = || {
-            let Some(sight) = self.sights.try_iter().last() else { return false };
-            for (slot, frame) in self.slots.iter().zip(sight.frames) {
+            let Some(world_frame) = self.world_frames.try_iter().last() else { return false };
+            for (slot, frame) in self.slots.iter().zip(world_frame.frames) {
                 *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(frame);
             }
-            now_true(sight.truth);
+            set_truth(world_frame.truth);
             true
         };
         let mut observer = WithTruth { output, tally };
@@ -154,20 +155,20 @@ impl CycleObserver for WithTruth<'_> {
 /// Time the world goes on for after the loop, ns.
 const AFTERWARDS_NS: u64 = 1_000_000_000;
 
-/// The world and the emulators that press and move it, until told to stop or the scene is over.
+/// The world and the emulators that press and move it, until stopped or the scene is over.
 fn world(
     scene: &HandScene,
     (mut gripper_port, mut wrist_port): (Server, Server),
     (mut gripper, mut wrist): (Emulator, Emulator),
-    send: &SyncSender<Sight>,
-    go_on: &AtomicBool,
+    send: &SyncSender<WorldFrame>,
+    is_running: &AtomicBool,
 ) -> anyhow::Result<()> {
     let hand = SimHand::new(scene)?;
     let mut plant = hand.plant();
     let mut cameras: Vec<_> = (0..scene.fingers_count()).map(|finger| hand.camera(finger)).collect();
     let from_ns = now_ns();
     let mut seen = None;
-    while go_on.load(Ordering::Relaxed) {
+    while is_running.load(Ordering::Relaxed) {
         gripper_port.serve(&mut gripper, &mut plant)?;
         wrist_port.serve(&mut wrist, &mut OnlyMoved(&mut plant))?;
         plant.advance_to(now_ns() - from_ns);
@@ -184,7 +185,7 @@ fn world(
                 }
             }
             // A loop that is busy misses frames, as with a real camera.
-            let _ = send.try_send(Sight { frames, truth: hand.truth() });
+            let _ = send.try_send(WorldFrame { frames, truth: hand.truth() });
         }
         thread::sleep(PAUSE);
     }

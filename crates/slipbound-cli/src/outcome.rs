@@ -1,25 +1,27 @@
 //! How a command can end.
 
+use slipbound::port::SourceError;
+use slipbound_rig::gripper::{self, SessionError};
 use std::error::Error;
 use std::fmt::Display;
 
-/// A command that came to its end.
+/// A command that finished.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// Everything was done.
     Done,
-    /// Everything was done that could be, but frames were torn.
+    /// Everything was done that could be, but frames were torn or something could not be written.
     DataLost,
 }
 
-/// A command that did not.
+/// A command that did not finish.
 #[derive(Debug)]
 pub enum Failure {
     /// What was asked for cannot be.
     Arguments(anyhow::Error),
     /// Something failed on the way.
     Work(anyhow::Error),
-    /// Whoever read our output closed it: no reason to complain.
+    /// The reader of standard output closed it, which is no error.
     ReaderLeft,
 }
 
@@ -38,5 +40,28 @@ impl Failure {
 impl From<anyhow::Error> for Failure {
     fn from(e: anyhow::Error) -> Self {
         Failure::Work(e)
+    }
+}
+
+/// A source that failed on the way.
+impl From<SourceError> for Failure {
+    fn from(e: SourceError) -> Self {
+        Failure::Work(anyhow::Error::from_boxed(e))
+    }
+}
+
+/// A gripper that could not be opened: a wrong argument, or no answer.
+impl From<gripper::Error> for Failure {
+    fn from(e: gripper::Error) -> Self {
+        match e {
+            gripper::Error::Address { .. } | gripper::Error::Config(_) => Failure::arguments(e),
+            other => Failure::Work(other.into()),
+        }
+    }
+}
+
+impl From<SessionError> for Failure {
+    fn from(e: SessionError) -> Self {
+        Failure::Work(e.into())
     }
 }

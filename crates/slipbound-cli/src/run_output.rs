@@ -1,4 +1,4 @@
-//! Where a run is written down and told: its folder, the terminal, and what adds up.
+//! What a run writes: its folder, lines on the terminal, and its score.
 
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -19,8 +19,8 @@ const QUEUE_DEPTH_COUNT: usize = 128;
 const LONGEST_DISK: Duration = Duration::from_secs(10);
 const LONGEST_TERMINAL: Duration = Duration::from_secs(1);
 
-/// A change of the commanded force that is told, N.
-const TOLD_STEP_N: f64 = 4.5;
+/// Least change of the commanded force that is worth a line, N.
+const SHOWN_STEP_N: f64 = 4.5;
 
 /// The folder of a run and the terminal.
 pub struct RunOutput {
@@ -42,7 +42,7 @@ impl RunOutput {
         if let Some(recorder) = &mut self.recorder {
             recorder.note(now_ns, text);
         }
-        self.console.tell(&format!("{}  {text}", at(now_ns)));
+        self.console.say(&format!("{}  {text}", at(now_ns)));
     }
 
     /// A line for the user alone.
@@ -58,7 +58,7 @@ impl RunOutput {
         }
     }
 
-    /// Says the results, writes the page, tells what was lost.
+    /// Prints the results, writes the page, reports what was lost.
     pub fn finish(
         self,
         rows: &[Row],
@@ -107,12 +107,12 @@ pub struct QueuedOutput {
 }
 
 impl QueuedOutput {
-    /// Waits for what is queued, but not for ever.
+    /// Waits for what is queued, for a limited time.
     pub fn finish(self) -> RunOutput {
         let recorder = self.recorder.map(|queue| queue.finish(LONGEST_DISK));
         let (recorder, lost_count) =
             recorder.map_or((None, 0), |Finished { observer, lost_count }| (observer, lost_count));
-        // A terminal that nobody reads loses nothing that is not in the folder.
+        // A blocked terminal loses nothing that is not in the folder.
         let console = self.console.finish(LONGEST_TERMINAL).observer.unwrap_or_else(|| Console::new(Terminal::plain()));
         RunOutput { recorder, console, lost_count }
     }
@@ -139,11 +139,11 @@ impl Console {
         Console { terminal, notes: RunNotes::default(), last: None }
     }
 
-    fn tell(&mut self, line: &str) {
+    fn say(&mut self, line: &str) {
         let _ = self.terminal.say(line); // a terminal that is gone does not end the run: everything is in the folder
     }
 
-    fn tell_cycle(&mut self, cycle: &Cycle) {
+    fn show_cycle(&mut self, cycle: &Cycle) {
         let at = at(cycle.time_ns);
         let before = self.last.as_ref();
         let force_n = cycle.gripper.pressed_n().unwrap_or(0.0);
@@ -152,7 +152,7 @@ impl Console {
             lines.push(format!("{at}  slip {} at {force_n:.0} N", cycle.slips_count));
         }
         let commanded_n = before.and_then(|last| last.grip_command.force_n()).zip(cycle.grip_command.force_n());
-        if let Some((_, to_n)) = commanded_n.filter(|(from_n, to_n)| (from_n - to_n).abs() >= TOLD_STEP_N) {
+        if let Some((_, to_n)) = commanded_n.filter(|(from_n, to_n)| (from_n - to_n).abs() >= SHOWN_STEP_N) {
             lines.push(format!("{at}  grip to {to_n:.0} N"));
         }
         if let Phase::Ended(ending) = cycle.phase
@@ -160,7 +160,7 @@ impl Console {
         {
             lines.push(format!("{at}  {}", ending.evidence()));
         }
-        lines.iter().for_each(|line| self.tell(line));
+        lines.iter().for_each(|line| self.say(line));
         let bar = "#".repeat((force_n / 2.0).round().clamp(0.0, 40.0) as usize);
         let angle_deg = cycle.wrist.angle_rad.to_degrees();
         self.terminal.status(&format!("{at}  {angle_deg:6.1} deg  {force_n:5.1} N {bar}"));
@@ -171,22 +171,22 @@ impl Console {
 impl CycleObserver for Console {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
         for line in self.notes.see(view) {
-            self.tell(&format!("{}  {line}", at(view.now_ns)));
+            self.say(&format!("{}  {line}", at(view.now_ns)));
         }
         if let Some(cycle) = view.cycle() {
-            self.tell_cycle(&cycle);
+            self.show_cycle(&cycle);
         }
     }
 }
 
-/// Adds up the score of a run that is not in lock-step; `truth` is what is true at the moment, where that is known.
+/// Adds up the score of a run that is not in lock-step; `truth` is what is true now, where that is known.
 #[derive(Default)]
 pub struct Tally {
     /// What adds up.
     pub score: RunScore,
     /// What the task was doing last; None before the first command.
     pub phase: Option<Phase>,
-    /// What is true, as the simulated world's thread says.
+    /// What is true now, set by the thread of the simulated world.
     pub truth: Arc<Mutex<Option<HandTruth>>>,
 }
 

@@ -1,20 +1,20 @@
-//! What a person reads: lines, a progress bar, complaints.
+//! Lines, a progress bar and error messages on the terminal.
 
 use crate::outcome::Failure;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{self, ErrorKind, IsTerminal, Write};
 
-/// Says on standard error what went wrong, once, and passes on the exit code.
+/// Writes the error and its causes to standard error, each once; returns the exit code.
 pub fn complain(e: &anyhow::Error, code: u8) -> u8 {
     let mut text = String::new();
     for cause in e.chain().map(ToString::to_string) {
         if text.is_empty() {
             text = cause;
         } else if !text.contains(&cause) {
-            text = format!("{text}: {cause}"); // most errors of ours tell their cause themselves
+            text = format!("{text}: {cause}"); // most of our errors contain their cause
         }
     }
-    let _ = writeln!(io::stderr(), "slipbound: {text}"); // with standard error gone nobody listens
+    let _ = writeln!(io::stderr(), "slipbound: {text}"); // a closed standard error is no failure
     code
 }
 
@@ -86,7 +86,7 @@ impl Terminal {
     /// A line that is not part of the result, on standard error.
     pub fn note(&self, line: &str) {
         self.bar.suspend(|| {
-            let _ = writeln!(io::stderr(), "slipbound: {line}"); // with standard error gone nobody listens
+            let _ = writeln!(io::stderr(), "slipbound: {line}"); // a closed standard error is no failure
         });
     }
 }

@@ -16,6 +16,7 @@
 //! [`WristDrive`]: slipbound::plant::WristDrive
 
 mod block;
+mod block_log;
 mod emulated;
 mod fault;
 pub mod faults;
@@ -31,6 +32,7 @@ mod weiss;
 pub mod wsg50;
 
 pub use block::Block;
+pub use block_log::LoggedBlock;
 pub use emulated::Emulator;
 pub use fault::Fault;
 pub use faults::Faults;

@@ -41,6 +41,8 @@ pub mod line;
 mod protocol;
 mod request;
 pub mod robotiq;
+mod session;
+mod settled;
 pub mod wsg50;
 
 pub use address::driver;
@@ -52,3 +54,5 @@ pub use driver_state::DriverState;
 pub use error::Error;
 pub use protocol::Protocol;
 pub use request::Request;
+pub use session::{Session, SessionError};
+pub use settled::{Settled, describe};

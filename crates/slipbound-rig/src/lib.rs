@@ -8,6 +8,8 @@
 //! | settings files, and how a mistake in one is reported | [`config`] |
 //! | which fingers a hand has and how they are mounted | [`config::hand`] |
 //! | reports as JSON lines | [`report_json`] |
+//! | reports in words | [`report_summary`] |
+//! | how long each step takes | [`timings`] |
 //! | pictures of what was found | [`overlay`] |
 //! | Motion-JPEG AVI files | [`avi_writer`] |
 //! | the control loop in real time | [`realtime`] |
@@ -47,8 +49,10 @@ pub mod link;
 pub mod overlay;
 pub mod realtime;
 pub mod report_json;
+pub mod report_summary;
 pub mod run;
 pub mod source;
+pub mod timings;
 pub mod wrist;
 
 pub use config::sensors;

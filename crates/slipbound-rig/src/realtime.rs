@@ -6,78 +6,11 @@
 //!        monitors of all but one finger on threads ([`MonitorWorkers`])           '--> [`QueuedObserver`]: a thread
 //! ```
 
+pub mod latency;
 mod queue;
+mod runner;
 mod workers;
 
 pub use queue::{Finished, QueuedObserver};
+pub use runner::run;
 pub use workers::MonitorWorkers;
-
-use crate::link::now_ns;
-use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome};
-use slipbound::port::{Gripper, Wrist};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
-use std::time::Duration;
-
-/// Time between two looks at the links while no frame is due.
-const PAUSE: Duration = Duration::from_millis(1);
-
-/// Longest time between two cycles, ns: a camera that is silent is noticed, and the wrist told, before its last motion
-/// has run out.
-const LONGEST_CYCLE_NS: u64 = 100_000_000;
-
-/// Time in which the last commands get away, ns.
-const LAST_COMMANDS_NS: u64 = 150_000_000;
-
-/// Runs cycles until the task has ended, a source has, or `stop` is set, which is [`ControlError::Interrupted`].
-/// `is_due` says whether it is time for a cycle: the frames are there. Whatever ends the loop, the wrist stands and the
-/// gripper keeps its force. Times are those of [`now_ns`].
-pub fn run(
-    control: &mut ControlLoop,
-    gripper: &mut dyn Gripper,
-    wrist: &mut dyn Wrist,
-    stop: &AtomicBool,
-    is_due: &mut dyn FnMut() -> bool,
-    observer: &mut dyn CycleObserver,
-) -> Result<(), ControlError> {
-    let ran = cycles(control, gripper, wrist, stop, is_due, observer);
-    control.leave(gripper, wrist);
-    let until_ns = now_ns() + LAST_COMMANDS_NS;
-    while gripper.is_busy() && now_ns() < until_ns {
-        poll_io(gripper, wrist);
-    }
-    ran
-}
-
-fn cycles(
-    control: &mut ControlLoop,
-    gripper: &mut dyn Gripper,
-    wrist: &mut dyn Wrist,
-    stop: &AtomicBool,
-    is_due: &mut dyn FnMut() -> bool,
-    observer: &mut dyn CycleObserver,
-) -> Result<(), ControlError> {
-    loop {
-        let latest_ns = now_ns() + LONGEST_CYCLE_NS;
-        while !is_due() && now_ns() < latest_ns && !stop.load(Ordering::Relaxed) {
-            poll_io(gripper, wrist);
-        }
-        if stop.load(Ordering::Relaxed) {
-            return Err(ControlError::Interrupted);
-        }
-        let outcome = control.cycle(now_ns(), gripper, wrist, observer)?;
-        if outcome == CycleOutcome::SourceEnded {
-            let fault = control.fault().cloned();
-            return fault.map_or(Ok(()), |fault| Err(ControlError::Fault { fault, waited_ns: 0 }));
-        }
-        if outcome.has_ended() {
-            return Ok(());
-        }
-    }
-}
-
-fn poll_io(gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) {
-    gripper.poll_io();
-    wrist.poll_io();
-    thread::sleep(PAUSE);
-}

@@ -34,7 +34,7 @@ mod replay;
 
 pub use error::Error;
 pub use event::{Event, TimedEvent};
-pub use folder::{RunFolder, read};
+pub use folder::{RunFolder, free_folder, read};
 pub use frames::{FrameRecorder, RecordedSource};
 pub use info::{FORMAT_VERSION, FingerInfo, Row, RunInfo};
 pub use notes::RunNotes;

@@ -26,6 +26,7 @@ mod jpeg;
 mod natural;
 mod newest;
 mod picture;
+mod read_ahead;
 mod riff;
 
 pub use avi::Avi;
@@ -33,6 +34,7 @@ pub use error::Error;
 pub use ffmpeg::Ffmpeg;
 pub use folder::Folder;
 pub use newest::{Arrivals, Newest};
+pub use read_ahead::{AheadFrame, ReadAhead, most_common_size};
 pub use riff::Rate;
 
 use slipbound::port::FrameSource;

@@ -1,33 +1,38 @@
 //! `slipbound calibrate`: the sensor file of an unknown finger from pictures of it; its shear stiffness from a weight.
 
 mod args;
-mod weight;
 
 pub use args::Calibrate;
 
-use super::watch::recording::{Arrived, Recording};
+use super::recording;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::calibrate::{Calibration, FRAMES_MOST, calibrate};
-use slipbound::image::{Frame, SizePx};
-use slipbound::port::FrameBuffer;
+use slipbound::image::Frame;
+use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::Polarity;
-use slipbound_rig::{calibration, sensors};
+use slipbound_rig::calibration::{self, HangingMass, HangingMassError, MeasuredShear, ShearFileError};
+use slipbound_rig::sensors;
+use slipbound_rig::source::{ReadAhead, most_common_size};
+use std::path::Path;
+
+/// Heaviest mass that makes sense on a fingertip, g.
+const HEAVIEST_G: f64 = 20_000.0;
 
 impl Calibrate {
     /// Calibrates and writes the file.
     pub fn run(&self) -> Result<Outcome, Failure> {
         self.refuse_overwriting()?;
         match self.weight_g {
-            Some(weight_g) => weight::run(self, weight_g),
+            Some(weight_g) => self.hanging_mass(weight_g),
             None => self.finger(),
         }
     }
 
     fn finger(&self) -> Result<Outcome, Failure> {
         let mut terminal = Terminal::plain();
-        let mut recording = self.open()?;
+        let mut recording = recording::open(&self.source)?;
         let (buffers, torn_count) = self.frames(&mut recording)?;
         let size = most_common_size(&buffers);
         let same: Vec<&FrameBuffer> = buffers.iter().filter(|b| Some(b.size) == size).collect();
@@ -51,11 +56,11 @@ impl Calibrate {
         debug_assert_eq!(written.image_px, found.sensor.image_px);
         let picture = self.picture();
         calibration::write_grid_picture(&picture, &found).map_err(|e| Failure::Work(e.into()))?;
-        self.tell(&mut terminal, &found, [from, to])?;
+        self.print(&mut terminal, &found, [from, to])?;
         Ok(if torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
     }
 
-    fn tell(&self, terminal: &mut Terminal, found: &Calibration, [from, to]: [u64; 2]) -> Result<(), Failure> {
+    fn print(&self, terminal: &mut Terminal, found: &Calibration, [from, to]: [u64; 2]) -> Result<(), Failure> {
         let sensor = &found.sensor;
         let lines = |axis: usize| {
             let all = || found.markers.iter().map(|m| m.node[axis]);
@@ -101,26 +106,67 @@ impl Calibrate {
         ))
     }
 
+    /// The shear stiffness from the mass that hangs on the finger, put into its sensor file.
+    fn hanging_mass(&self, mass_g: f64) -> Result<Outcome, Failure> {
+        if !(mass_g > 0.0 && mass_g <= HEAVIEST_G) {
+            return Err(Failure::Arguments(anyhow!(
+                "--weight-g: expected grams above 0, at most {HEAVIEST_G}, got {mass_g}"
+            )));
+        }
+        if !(1..=16).contains(&self.fingers) {
+            return Err(Failure::Arguments(anyhow!("--fingers: expected 1 to 16, got {}", self.fingers)));
+        }
+        let name = self.sensor.as_deref().unwrap_or_default();
+        let sensor = sensors::load(name).map_err(Failure::arguments)?;
+        let file_name = Path::new(&self.source).file_name().map(|n| n.to_string_lossy().into_owned());
+        let mass = HangingMass {
+            mass_g,
+            fingers_count: self.fingers,
+            held: self.held.clone(),
+            hanging: self.hanging.clone(),
+            recording: file_name.unwrap_or_else(|| self.source.clone()),
+        };
+        let measured = mass.measure(&mut recording::open(&self.source)?, &sensor).map_err(|e| match e {
+            HangingMassError::Source(e) => e.into(),
+            HangingMassError::Frame(e) => Failure::work(&self.source, e),
+            other => Failure::Arguments(anyhow!("{}: {other}", self.source)),
+        });
+        let MeasuredShear { shear, torn_count } = measured?;
+        let text = calibration::sensor_file_with_shear(name, &self.output, &shear).map_err(|e| match e {
+            ShearFileError::Folder { .. } => Failure::Arguments(anyhow!("--output: {e}")),
+            ShearFileError::Read { .. } => Failure::Work(e.into()),
+        });
+        self.write_output(&text?)?;
+        sensors::load(&self.output.display().to_string()).map_err(|e| Failure::Work(e.into()))?;
+        let mut terminal = Terminal::plain();
+        terminal.say(&format!("{}: {}", self.source, shear.provenance))?;
+        terminal.say(&format!("stiffness {:.4} N per marker and pitch", shear.stiffness_n_per_pitch))?;
+        terminal.say(&format!("written: {}", self.output.display()))?;
+        Ok(if torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
+    }
+
     /// The whole frames to calibrate from, and how many were torn.
-    fn frames(&self, recording: &mut Recording) -> Result<(Vec<FrameBuffer>, usize), Failure> {
-        let (mut whole, mut torn_count, mut last) = (Vec::new(), 0, None);
+    fn frames(&self, recording: &mut ReadAhead) -> Result<(Vec<FrameBuffer>, usize), Failure> {
+        let (mut whole, mut torn_count, mut last_seq) = (Vec::new(), 0, None);
         let mut first_torn = String::new();
+        let mut buffer = FrameBuffer::default();
         let until = self.frames.as_ref().map(|f| f.end);
-        while until.map_or(whole.len() < FRAMES_MOST, |until| last.is_none_or(|seq| seq + 1 < until)) {
-            match recording.next()? {
-                Arrived::Over => break,
-                Arrived::Torn(reason) => {
+        while until.map_or(whole.len() < FRAMES_MOST, |until| last_seq.is_none_or(|seq| seq + 1 < until)) {
+            match recording.next(&mut buffer)? {
+                Next::End => break,
+                Next::Silent => continue,
+                Next::Torn { reason } => {
                     if torn_count == 0 {
                         first_torn = format!(": {reason}");
                     }
                     torn_count += 1;
                 }
-                Arrived::Whole if self.frames.as_ref().is_none_or(|f| f.contains(&recording.frame().seq)) => {
-                    whole.push(recording.frame().clone());
+                Next::Frame if self.frames.as_ref().is_none_or(|f| f.contains(&buffer.seq)) => {
+                    whole.push(buffer.clone());
                 }
-                Arrived::Whole => {}
+                Next::Frame => {}
             }
-            last = Some(recording.frame().seq);
+            last_seq = Some(buffer.seq);
         }
         match (&self.frames, whole.is_empty()) {
             (_, false) => Ok((whole, torn_count)),
@@ -136,10 +182,4 @@ impl Calibrate {
             ))),
         }
     }
-}
-
-/// The size that most frames have; of equally many the first.
-fn most_common_size(frames: &[FrameBuffer]) -> Option<SizePx> {
-    let count = |size: SizePx| frames.iter().filter(|f| f.size == size).count();
-    frames.iter().map(|f| f.size).rev().max_by_key(|&size| count(size))
 }

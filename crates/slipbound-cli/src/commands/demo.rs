@@ -18,7 +18,7 @@ use slipbound_rig::emulator::Faults;
 use slipbound_rig::gripper::clamp_to_gripper;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::realtime::MonitorWorkers;
-use slipbound_rig::run::{FingerInfo, RunInfo};
+use slipbound_rig::run::{self, FingerInfo, RunInfo};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -86,7 +86,7 @@ impl Demo {
             (settings, clamped) = clamp_to_gripper(&settings, task, driver.config()).map_err(Failure::arguments)?;
         }
         let monitor = Settings::default();
-        let folder = self.output.clone().unwrap_or_else(|| next_free(FOLDER));
+        let folder = self.output.clone().unwrap_or_else(|| run::free_folder(FOLDER));
         let faults = LinkFaults { gripper: self.gripper_fault.clone(), wrist: self.wrist_fault.clone() };
         let lockstep = LockStep::new(&scene, &settings, &monitor, self.fault).map_err(Failure::arguments)?;
         let mut output =
@@ -174,10 +174,4 @@ impl Demo {
             fingers: lockstep.control().fingers().iter().map(FingerInfo::of).collect(),
         }
     }
-}
-
-/// A folder of this name, or with the next free number.
-pub fn next_free(name: &str) -> PathBuf {
-    let names = std::iter::once(name.to_owned()).chain((2..).map(|n| format!("{name}-{n}")));
-    names.map(PathBuf::from).find(|folder| !folder.exists()).unwrap_or_else(|| name.into())
 }

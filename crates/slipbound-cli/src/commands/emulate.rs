@@ -1,16 +1,13 @@
-//! `slipbound emulate`: a gripper that is not there, at a port of this computer.
+//! `slipbound emulate`: an emulated gripper at a port of this computer.
 
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
-use slipbound::plant::Plant;
-use slipbound_rig::emulator::{Block, Emulator, Faults, NAMES, by_name, faults, serve_tcp};
+use slipbound_rig::emulator::{Block, Emulator, Faults, LoggedBlock, NAMES, by_name, faults, serve_tcp};
 use std::fs::File;
-use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, TcpListener};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The arguments of `slipbound emulate`.
 #[derive(Debug, clap::Args)]
@@ -42,51 +39,6 @@ pub struct Emulate {
     fail: Faults,
 }
 
-/// Time between two lines of the log, ns.
-const LOG_NS: u64 = 10_000_000;
-
-/// A block that writes down what is done to it.
-struct Logged {
-    block: Block,
-    log: Option<File>,
-    due_ns: u64,
-}
-
-impl Logged {
-    fn new(block: Block, log: Option<&Path>) -> Result<Self, Failure> {
-        let create =
-            |path: &Path| File::create(path).map_err(|e| Failure::work(format!("{}: cannot write", path.display()), e));
-        Ok(Logged { block, log: log.map(create).transpose()?, due_ns: 0 })
-    }
-}
-
-impl Plant for Logged {
-    fn width_mm(&self) -> Option<f64> {
-        self.block.width_mm()
-    }
-
-    fn press(&mut self, force_n: f64) {
-        self.block.press(force_n);
-    }
-
-    fn place_wrist(&mut self, angle_rad: f64, lowered_mm: f64) {
-        self.block.place_wrist(angle_rad, lowered_mm);
-    }
-
-    fn advance_to(&mut self, now_ns: u64) {
-        self.block.advance_to(now_ns);
-        let (Some(log), true) = (&mut self.log, now_ns >= self.due_ns) else { return };
-        self.due_ns = now_ns + LOG_NS;
-        let unix_ns = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
-        let Block { force_n, angle_rad, lowered_mm, is_carried, .. } = self.block;
-        // Who deletes the log while it is written does not want it.
-        let _ = writeln!(
-            log,
-            "{{\"unix_ns\":{unix_ns},\"force_n\":{force_n:.3},\"angle_rad\":{angle_rad:.6},\"lowered_mm\":{lowered_mm:.4},\"is_carried\":{is_carried}}}"
-        );
-    }
-}
-
 /// The faults that can be asked for, as a table.
 fn fault_help() -> String {
     let rows = faults::WORDS.iter().map(|(word, what)| format!("  {word:<18} {what}"));
@@ -111,7 +63,10 @@ impl Emulate {
         let mut emulator = emulator.with_faults(self.fail.clone());
         let width_mm = (self.width > 0.0).then_some(self.width);
         let block = Block { width_mm, least_n: self.weight / (2.0 * self.mu), ..Block::default() };
-        let mut block = Logged::new(block, self.log.as_deref())?;
+        let create = |path: &PathBuf| {
+            File::create(path).map_err(|e| Failure::work(format!("{}: cannot write", path.display()), e))
+        };
+        let mut block = LoggedBlock::new(block, self.log.as_ref().map(create).transpose()?);
         match self.name.as_str() {
             "robotiq-rtu" => self.serve_serial(&mut emulator, &mut block, &interrupted)?,
             _ => self.serve_tcp(&mut emulator, &mut block, &interrupted)?,
@@ -128,7 +83,12 @@ impl Emulate {
         Ok(Outcome::Done)
     }
 
-    fn serve_tcp(&self, emulator: &mut Emulator, block: &mut Logged, interrupted: &AtomicBool) -> Result<(), Failure> {
+    fn serve_tcp(
+        &self,
+        emulator: &mut Emulator,
+        block: &mut LoggedBlock<File>,
+        interrupted: &AtomicBool,
+    ) -> Result<(), Failure> {
         let bound = TcpListener::bind((self.listen, self.port));
         let listener =
             bound.map_err(|e| Failure::work(format!("cannot listen at {}:{}", self.listen, self.port), e))?;
@@ -139,7 +99,7 @@ impl Emulate {
     }
 
     #[cfg(not(target_os = "linux"))]
-    fn serve_serial(&self, _: &mut Emulator, _: &mut Logged, _: &AtomicBool) -> Result<(), Failure> {
+    fn serve_serial(&self, _: &mut Emulator, _: &mut LoggedBlock<File>, _: &AtomicBool) -> Result<(), Failure> {
         Err(Failure::Arguments(anyhow::anyhow!("robotiq-rtu: expected Linux, whose pseudo-terminals have names")))
     }
 
@@ -147,7 +107,7 @@ impl Emulate {
     fn serve_serial(
         &self,
         emulator: &mut Emulator,
-        block: &mut Logged,
+        block: &mut LoggedBlock<File>,
         interrupted: &AtomicBool,
     ) -> Result<(), Failure> {
         use slipbound_rig::emulator::serve_link;

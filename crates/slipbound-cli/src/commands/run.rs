@@ -13,7 +13,7 @@ use slipbound::task::{ControllerKind, Ending, Phase, TaskKind, TaskSettings};
 use slipbound_rig::gripper::clamp_to_gripper;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::realtime::{self, MonitorWorkers};
-use slipbound_rig::run::{FingerInfo, Row, RunInfo};
+use slipbound_rig::run::{self, FingerInfo, Row, RunInfo};
 use slipbound_rig::source::Newest;
 use slipbound_rig::{config, gripper, sensors, source, wrist};
 use std::path::PathBuf;
@@ -122,11 +122,10 @@ impl Hardware {
         }
         let monitor = Settings::default();
         let fingers = self.fingers()?;
-        let driver =
-            gripper::driver(&self.gripper, self.gripper_config.as_deref()).map_err(super::gripper::opening_failed)?;
+        let driver = gripper::driver(&self.gripper, self.gripper_config.as_deref())?;
         let (settings, clamped) = clamp_to_gripper(settings, task, driver.config()).map_err(Failure::arguments)?;
         let mut control = self.control(&fingers, task, &settings, &monitor)?;
-        let folder = self.output.clone().unwrap_or_else(|| super::demo::next_free("slipbound-run"));
+        let folder = self.output.clone().unwrap_or_else(|| run::free_folder("slipbound-run"));
         let info = RunInfo {
             name: name.into(),
             task,
@@ -142,8 +141,7 @@ impl Hardware {
             output.note(now_ns(), &clamped);
         }
         let stop = interruption::listen()?;
-        let mut gripper = gripper::Device::open(&self.gripper, self.gripper_config.as_deref())
-            .map_err(super::gripper::opening_failed)?;
+        let mut gripper = gripper::Device::open(&self.gripper, self.gripper_config.as_deref())?;
         let mut wrist = wrist::open(wrist).map_err(|error| match error {
             wrist::Error::Address { .. } => Failure::arguments(error),
             other => Failure::Work(other.into()),
@@ -206,7 +204,8 @@ impl Hardware {
         let fingers: Vec<FingerInfo> = match (&self.hand, &self.sensor) {
             (Some(hand), _) => {
                 let hand = config::hand::load(hand).map_err(Failure::arguments)?;
-                let finger = |f: config::hand::FingerConfig| FingerInfo { name: f.name, mounting: f.mounting, sensor: f.sensor };
+                let finger =
+                    |f: config::hand::FingerConfig| FingerInfo { name: f.name, mounting: f.mounting, sensor: f.sensor };
                 hand.fingers.into_iter().map(finger).collect()
             }
             (None, Some(sensor)) => {

@@ -32,7 +32,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// Opens a gripper as [`super::open`] does.
+    /// Opens a gripper as [`open`] does.
     pub fn open(address: &str, config: Option<&Path>) -> Result<Self, Error> {
         let (driver, connector): Resolved = resolve(address, config)?;
         let link = connector.as_ref().map(|connector| connector.connect()).transpose();

@@ -1,7 +1,7 @@
 //! The strips above and below the panels: verdict in words, legend.
 
 use super::canvas::{Canvas, Colour, Text};
-use super::{CONTACT, INNER, LOST, MEASURED, PAPER, RIGID, SLIP, SLIPPING};
+use super::palette::{CONTACT, INNER, LOST, MEASURED, PAPER, RIGID, SLIP, SLIPPING};
 use slipbound::monitor::{SlipKind, SlipMonitor, SlipReport, SlipState};
 use slipbound::plane::Vec2;
 

@@ -1,6 +1,6 @@
 //! Overlay pictures into a folder or a video.
 
-use super::Overlay;
+use super::drawing::Overlay;
 use crate::avi_writer::{self, AviWriter};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use std::fs::{self, File};

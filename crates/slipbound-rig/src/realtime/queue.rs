@@ -14,7 +14,7 @@ use slipbound::plant::PlantTruth;
 use slipbound::port::{DriverEvent, FrameBuffer, Next};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
 use std::thread;
 use std::time::Duration;
 
@@ -74,10 +74,7 @@ impl<O: CycleObserver + Send + 'static> QueuedObserver<O> {
     /// Ends the queue: waits at most `longest` for the observer to be shown what is queued.
     pub fn finish(self, longest: Duration) -> Finished<O> {
         drop(self.filled);
-        let observer = match self.observer.recv_timeout(longest) {
-            Ok(observer) => Some(observer),
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-        };
+        let observer = self.observer.recv_timeout(longest).ok();
         let shown_count = self.shown.load(Ordering::Relaxed);
         Finished { observer, lost_count: self.lost_count + self.queued_count.saturating_sub(shown_count) }
     }

@@ -12,6 +12,12 @@ use std::fs::{self, File};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+/// A folder of this name, or with the next number that is free: `run`, `run-2`, `run-3`, ...
+pub fn free_folder(name: &str) -> PathBuf {
+    let names = std::iter::once(name.to_owned()).chain((2..).map(|n| format!("{name}-{n}")));
+    names.map(PathBuf::from).find(|folder| !folder.exists()).unwrap_or_else(|| name.into())
+}
+
 /// Writes a run as it goes.
 #[derive(Debug)]
 pub struct RunFolder {

@@ -1,12 +1,9 @@
 //! The arguments of `slipbound calibrate`, and what follows from them alone.
 
-use crate::commands::watch::recording::Recording;
-use crate::commands::watch::simulation;
 use crate::outcome::Failure;
 use anyhow::anyhow;
 use slipbound::calibrate::KnownFacts;
 use slipbound::sensor::{Flip, Polarity, Skin};
-use slipbound_rig::source;
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -123,19 +120,6 @@ impl Calibrate {
                 PolarityArgument::Bright => Polarity::Bright,
             }),
         }
-    }
-
-    /// Opens the source.
-    pub(super) fn open(&self) -> Result<Recording, Failure> {
-        if let Some(scene) = simulation::scene(&self.source) {
-            return simulation::open(scene).map(Recording::new);
-        }
-        source::open(&self.source).map(Recording::new).map_err(|e| match e {
-            source::Error::Missing { .. } | source::Error::Pattern { .. } | source::Error::NoImages { .. } => {
-                Failure::arguments(e)
-            }
-            other => Failure::Work(other.into()),
-        })
     }
 
     /// The picture with the grid drawn in.

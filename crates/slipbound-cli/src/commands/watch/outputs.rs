@@ -1,12 +1,12 @@
 //! Where a frame's report goes: JSON lines, overlay, timings.
 
-use super::Watch;
-use super::timings::{Stopwatch, Timings};
+use super::args::Watch;
 use crate::outcome::Failure;
 use slipbound::monitor::{Reason, SlipMonitor, SlipReport};
 use slipbound::port::{Clock, FrameBuffer};
 use slipbound_rig::overlay::{self, Overlay, OverlayWriter};
 use slipbound_rig::report_json::{Header, ReportJson, RestOrigin};
+use slipbound_rig::timings::{Stopwatch, Timings};
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 use std::path::PathBuf;
@@ -23,9 +23,9 @@ pub struct Origin {
     pub rate_hz: u32,
 }
 
-/// Everyone who wants a report.
+/// Every output that was asked for.
 pub struct Outputs {
-    /// Looks on while a frame is judged.
+    /// Measures the steps while a frame is judged.
     pub stopwatch: Stopwatch,
     json: Option<Json>,
     overlay: Option<(Overlay, OverlayWriter)>,

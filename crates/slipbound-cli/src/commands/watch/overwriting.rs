@@ -1,7 +1,6 @@
 //! What is written must not destroy what is read, nor what else is written.
 
-use super::Watch;
-use super::rest::RestArgument;
+use super::args::{RestArgument, Watch};
 use crate::outcome::Failure;
 use anyhow::anyhow;
 use std::fs;

@@ -1,57 +1,26 @@
 //! The finger at rest: found among the first frames, or named by the user.
 
-use super::Watch;
-use super::recording::{Ahead, Recording};
-use super::summary::{called, torn};
+use super::args::{RestArgument, Watch};
+use crate::commands::recording;
 use crate::outcome::Failure;
 use anyhow::anyhow;
+use slipbound::finger_pipeline::{FoundRest, RestFinder};
 use slipbound::image::SizePx;
-use slipbound::monitor::{Rest, RestBuilder, RestKind, RestLook, Settings};
-use slipbound::port::FrameBuffer;
+use slipbound::monitor::{Rest, RestBuilder, RestKind, Settings};
+use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::Sensor;
 use slipbound_rig::report_json::{RestOrigin, RestOriginKind};
-use slipbound_rig::source;
-use std::fmt::{self, Display, Formatter};
+use slipbound_rig::report_summary::{frame_name, torn};
+use slipbound_rig::source::{self, AheadFrame, ReadAhead, most_common_size};
+use std::fmt::Display;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::Path;
 
-/// Said in the report and on standard error when the finger is never seen untouched.
+/// In the report and on standard error when the finger is never seen untouched.
 const IN_CONTACT: &str = "starts in contact: displacement counts from the first calm frames, the contact region of a \
                           smooth gel is taken from the imprint itself";
 
-/// The argument `--rest`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum RestArgument {
-    /// Frames of the source.
-    Frames(Range<u64>),
-    /// An image of its own.
-    Image(PathBuf),
-}
-
-impl RestArgument {
-    /// `A..B`, or the name of an image.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let is_range = text.contains("..") && text.chars().all(|c| c == '.' || c.is_ascii_digit());
-        let range = text.split_once("..").and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
-        match range {
-            Some(frames) if frames.is_empty() => Err(format!("expected A below B, got {text}")),
-            Some(frames) => Ok(RestArgument::Frames(frames)),
-            None if is_range => Err(format!("expected two whole numbers A..B, got {text}")),
-            None => Ok(RestArgument::Image(text.into())),
-        }
-    }
-}
-
-impl Display for RestArgument {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        match self {
-            RestArgument::Frames(range) => write!(f, "--rest {}..{}", range.start, range.end),
-            RestArgument::Image(path) => write!(f, "--rest {}", path.display()),
-        }
-    }
-}
-
-/// The finger at rest, and where that knowledge is from.
+/// The finger at rest, and what it was made from.
 pub struct Found {
     /// The rest frame.
     pub rest: Rest,
@@ -68,80 +37,91 @@ pub struct Found {
 /// Finds the finger at rest. `sensor_for`: the finger for frames of a size, with a note where that was a choice.
 pub fn find(
     args: &Watch,
-    recording: &mut Recording,
+    recording: &mut ReadAhead,
     settings: &Settings,
     sensor_for: impl Fn(SizePx) -> Result<(Sensor, Option<String>), Failure>,
 ) -> Result<Found, Failure> {
-    let given = match &args.rest {
-        None => None,
-        Some(RestArgument::Image(path)) => Some((image(path)?, None)),
-        Some(RestArgument::Frames(range)) => Some((frames(args, range)?, Some([range.start, range.end]))),
-    };
+    let given = args.rest.as_ref().map(|argument| given_frames(args, argument)).transpose()?;
     // Also when rest is given: one frame alone could be of an odd size.
-    let window: Vec<&Ahead> = recording.read_ahead(settings.rest.window_count as usize).collect();
-    let whole: Vec<&FrameBuffer> = match &given {
-        Some((frames, _)) => frames.iter().collect(),
-        None => window.iter().filter(|a| a.torn.is_none()).map(|a| &a.frame).collect(),
-    };
-    let seen: Vec<&FrameBuffer> = window.iter().filter(|a| a.torn.is_none()).map(|a| &a.frame).collect();
-    let Some(size) = most_common_size(&seen) else {
-        let first_torn = window.first().and_then(|a| Some(torn(&a.frame, a.torn.as_deref()?)));
+    let window: Vec<&AheadFrame> = recording.read_ahead(settings.rest.window_count as usize).collect();
+    let seen: Vec<&FrameBuffer> = window.iter().filter(|a| a.torn.is_none()).map(|a| &a.buffer).collect();
+    let Some(size) = most_common_size(seen.iter().copied()) else {
+        let first_torn = window.first().and_then(|a| Some(torn(&a.buffer, a.torn.as_deref()?)));
         return Err(match (recording.take_failure(), first_torn) {
-            (Some(e), _) => Failure::Work(anyhow::Error::from_boxed(e)),
+            (Some(error), _) => error.into(),
             (None, Some(first)) => {
                 anyhow!("{}: expected at least one whole frame, got none; {first}", args.source).into()
             }
             (None, None) => anyhow!("{}: expected frames, got none", args.source).into(),
         });
     };
-    if let (Some(argument), Some(other)) = (&args.rest, whole.iter().find(|f| f.size != size)) {
+    let other = given.iter().flatten().find(|frame| frame.size != size);
+    if let (Some(argument), Some(other)) = (&args.rest, other) {
         let (got, source) = (other.size, &args.source);
         return Err(Failure::Arguments(anyhow!("{argument}: expected {size} as the frames of {source}, got {got}")));
     }
     let (sensor, note) = sensor_for(size)?;
     let wrong_sensor =
         |e| Failure::Arguments(anyhow!("{}: frames of {size}: sensor {}: {e}", args.source, sensor.name));
-    let mut builder = RestBuilder::new(&sensor, settings, size).map_err(wrong_sensor)?;
-    let failed = |e| Failure::work(&args.source, e);
-
-    let looks: Vec<RestLook> = whole.iter().flat_map(|f| f.frame().ok()).map(|f| builder.look(&f)).collect();
-    let (chosen, kind, origin) = match given.as_ref() {
-        Some((_, frames)) => {
-            let touched_count = looks.iter().filter(|l| l.touched).count();
-            let kind = if 2 * touched_count > looks.len() { RestKind::InContact } else { RestKind::Unloaded };
-            (0..whole.len(), kind, RestOrigin { kind: RestOriginKind::Given, frames: *frames })
+    let (rest, origin) = match (&args.rest, &given) {
+        (Some(argument), Some(frames)) => {
+            let builder = RestBuilder::new(&sensor, settings, size).map_err(wrong_sensor)?;
+            (build_given(args, argument, frames, builder)?, origin_given(argument))
         }
-        None => {
-            let choice = builder.choose(&looks).map_err(failed)?;
-            let seqs = [whole[choice.frames.start].seq, whole[choice.frames.end - 1].seq + 1];
-            (choice.frames, choice.kind, RestOrigin { kind: choice.kind.into(), frames: Some(seqs) })
+        _ => {
+            let mut finder = RestFinder::new(&sensor, settings, size).map_err(wrong_sensor)?;
+            for frame in &seen {
+                finder.see(frame).map_err(|e| Failure::work(&args.source, e))?;
+            }
+            let FoundRest { rest, seqs } = finder.find().map_err(|e| Failure::work(&args.source, e))?;
+            let origin = RestOrigin { kind: rest.kind().into(), frames: Some([seqs.start, seqs.end]) };
+            (rest, origin)
         }
     };
-    for buffer in &whole[chosen] {
-        let frame = buffer.frame().map_err(|e| Failure::work(&args.source, e))?;
-        builder.add(&frame).map_err(|e| match &args.rest {
-            Some(argument) => Failure::Arguments(anyhow!("{argument}: {}: {e}", called(buffer))),
-            None => failed(e),
-        })?;
-    }
-    let rest = builder.build(kind).map_err(failed)?;
-    let report_note = (kind == RestKind::InContact).then(|| IN_CONTACT.to_owned());
+    let report_note = (rest.kind() == RestKind::InContact).then(|| IN_CONTACT.to_owned());
     let notes = note.into_iter().chain(report_note.iter().map(|n| format!("{}: {n}", args.source))).collect();
     Ok(Found { rest, sensor, origin, report_note, notes })
 }
 
-/// The size that most frames have; of equally many the first.
-fn most_common_size(frames: &[&FrameBuffer]) -> Option<SizePx> {
-    let count = |size: SizePx| frames.iter().filter(|f| f.size == size).count();
-    frames.iter().map(|f| f.size).rev().max_by_key(|&size| count(size))
+/// The rest frame from the frames that the user named: all of them, in contact when most look touched.
+fn build_given(
+    args: &Watch,
+    argument: &RestArgument,
+    frames: &[FrameBuffer],
+    mut builder: RestBuilder,
+) -> Result<Rest, Failure> {
+    let looks = frames.iter().flat_map(FrameBuffer::frame).map(|frame| builder.look(&frame));
+    let touched_count = looks.filter(|look| look.touched).count();
+    let kind = if 2 * touched_count > frames.len() { RestKind::InContact } else { RestKind::Unloaded };
+    for buffer in frames {
+        let frame = buffer.frame().map_err(|e| Failure::work(&args.source, e))?;
+        let refused = |e| Failure::Arguments(anyhow!("{argument}: {}: {e}", frame_name(buffer)));
+        builder.add(&frame).map_err(refused)?;
+    }
+    builder.build(kind).map_err(|e| Failure::work(&args.source, e))
+}
+
+fn origin_given(argument: &RestArgument) -> RestOrigin {
+    let frames = match argument {
+        RestArgument::Frames(range) => Some([range.start, range.end]),
+        RestArgument::Image(_) => None,
+    };
+    RestOrigin { kind: RestOriginKind::Given, frames }
+}
+
+fn given_frames(args: &Watch, argument: &RestArgument) -> Result<Vec<FrameBuffer>, Failure> {
+    match argument {
+        RestArgument::Image(path) => image(path),
+        RestArgument::Frames(range) => frames(&args.source, range),
+    }
 }
 
 /// The frame of an image file.
-fn image(path: &std::path::Path) -> Result<Vec<FrameBuffer>, Failure> {
+fn image(path: &Path) -> Result<Vec<FrameBuffer>, Failure> {
     let shown = path.display().to_string();
     let refused = |why: &dyn Display| Failure::Arguments(anyhow!("--rest {shown}: {why}"));
-    let mut recording = Recording::new(source::open(&shown).map_err(|e| refused(&e))?);
-    let mut all = recording.read_ahead(2).map(|a| (a.frame.clone(), a.torn.clone()));
+    let mut recording = ReadAhead::new(source::open(&shown).map_err(|e| refused(&e))?);
+    let mut all = recording.read_ahead(2).map(|a| (a.buffer.clone(), a.torn.clone()));
     match (all.next(), all.next()) {
         (Some((frame, None)), None) => Ok(vec![frame]),
         (Some((_, Some(reason))), None) => Err(refused(&reason)),
@@ -150,57 +130,27 @@ fn image(path: &std::path::Path) -> Result<Vec<FrameBuffer>, Failure> {
     }
 }
 
-/// Frames of the source, read on their own. Torn ones are passed over.
-fn frames(args: &Watch, range: &Range<u64>) -> Result<Vec<FrameBuffer>, Failure> {
-    let mut recording = args.open()?;
-    let mut frames = Vec::new();
-    let mut frames_count = 0;
-    loop {
-        let arrived = recording.next()?;
-        let frame = recording.frame();
-        match arrived {
-            super::Arrived::Over => {
+/// Frames of the source, opened a second time. Torn ones are passed over.
+fn frames(source: &str, range: &Range<u64>) -> Result<Vec<FrameBuffer>, Failure> {
+    let mut recording = recording::open(source)?;
+    let (mut frames, mut frames_count) = (Vec::new(), 0);
+    let mut buffer = FrameBuffer::default();
+    while frames_count < range.end {
+        match recording.next(&mut buffer)? {
+            Next::End => {
                 let (from, to, last) = (range.start, range.end, range.end - 1);
-                let source = &args.source;
                 return Err(Failure::Arguments(anyhow!(
                     "--rest {from}..{to}: {source} ends before frame {last}: it has {frames_count} frames"
                 )));
             }
-            super::Arrived::Whole if range.contains(&frame.seq) => frames.push(frame.clone()),
-            _ => {}
+            Next::Silent => continue,
+            Next::Frame if range.contains(&buffer.seq) => frames.push(buffer.clone()),
+            Next::Frame | Next::Torn { .. } => {}
         }
-        frames_count = frame.seq + 1;
-        if frames_count >= range.end {
-            break;
-        }
+        frames_count = buffer.seq + 1;
     }
-    if frames.is_empty() {
-        return Err(Failure::Arguments(anyhow!("--rest {}..{}: every frame is torn", range.start, range.end)));
-    }
-    Ok(frames)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_range_or_an_image() {
-        assert_eq!(RestArgument::parse("3..9"), Ok(RestArgument::Frames(3..9)));
-        assert_eq!(RestArgument::parse("../a.png"), Ok(RestArgument::Image("../a.png".into())));
-        assert_eq!(RestArgument::parse("../..jpg"), Ok(RestArgument::Image("../..jpg".into())));
-        for half in ["3..", "..3", "..", "3...5", "1..99999999999999999999"] {
-            assert_eq!(RestArgument::parse(half), Err(format!("expected two whole numbers A..B, got {half}")));
-        }
-        assert_eq!(RestArgument::parse("9..9"), Err("expected A below B, got 9..9".into()));
-    }
-
-    #[test]
-    fn the_most_common_size_wins_then_the_first() {
-        let of = |w| FrameBuffer { size: SizePx::new(w, 1), ..FrameBuffer::default() };
-        let (a, b) = (of(1), of(2));
-        assert_eq!(most_common_size(&[&a, &b, &b]), Some(b.size));
-        assert_eq!(most_common_size(&[&a, &b]), Some(a.size));
-        assert_eq!(most_common_size(&[]), None);
+    match frames.is_empty() {
+        true => Err(Failure::Arguments(anyhow!("--rest {}..{}: every frame is torn", range.start, range.end))),
+        false => Ok(frames),
     }
 }

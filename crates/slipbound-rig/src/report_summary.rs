@@ -1,12 +1,12 @@
-//! The lines a person reads: what was torn, when slip began and ended, and how it all went.
+//! Reports in words: when slip began and ended, which frames were torn, and totals at the end.
 
 use slipbound::events::SlipEvent;
 use slipbound::monitor::{Reason, SlipKind, SlipReport, SlipState};
 use slipbound::port::FrameBuffer;
 
-/// Frames by state, slips, and what could not be judged.
+/// Counts frames by state, slips, and frames that could not be judged.
 #[derive(Debug, Default)]
-pub struct Summary {
+pub struct ReportSummary {
     states: Vec<(SlipState, u64)>,
     reasons: Vec<Unjudged>,
     slips_count: u64,
@@ -21,10 +21,10 @@ struct Unjudged {
     first: String,
 }
 
-impl Summary {
+impl ReportSummary {
     /// Before the first frame.
     pub fn new() -> Self {
-        Summary::default()
+        ReportSummary::default()
     }
 
     /// Counts a frame. `torn`: why it did not arrive whole.
@@ -49,7 +49,7 @@ impl Summary {
             Some(unjudged) => unjudged.count += 1,
             None => {
                 let reason = torn.map_or_else(|| reason.to_string(), str::to_owned);
-                let first = format!("the first is {}: {reason}", called(frame));
+                let first = format!("the first is {}: {reason}", frame_name(frame));
                 self.reasons.push(Unjudged { why, count: 1, first });
             }
         }
@@ -81,7 +81,8 @@ impl Summary {
     pub fn lines(&self) -> Vec<String> {
         let mut states = self.states.clone();
         states.sort_by_key(|(state, _)| *state as u8);
-        let parts: Vec<String> = states.iter().map(|(state, count)| format!("{count} {}", name(*state))).collect();
+        let parts: Vec<String> =
+            states.iter().map(|(state, count)| format!("{count} {}", state_name(*state))).collect();
         let (frames, slips) = (counted(self.frames_count(), "frame"), counted(self.slips_count, "slip"));
         let mut lines = vec![match parts.is_empty() {
             true => format!("{frames}, {slips}"),
@@ -104,13 +105,13 @@ impl Summary {
     }
 }
 
-/// What is said of a torn frame.
+/// A torn frame and why, in words.
 pub fn torn(frame: &FrameBuffer, reason: &str) -> String {
-    format!("{} is torn: {reason}", called(frame))
+    format!("{} is torn: {reason}", frame_name(frame))
 }
 
-/// What a person knows a frame by.
-pub fn called(frame: &FrameBuffer) -> String {
+/// Number and, where it has one, label of a frame.
+pub fn frame_name(frame: &FrameBuffer) -> String {
     match frame.label.as_str() {
         "" => format!("frame {}", frame.seq),
         label => format!("frame {} ({label})", frame.seq),
@@ -126,7 +127,7 @@ fn counted(count: u64, what: &str) -> String {
 }
 
 /// A state's name as the report has it, in words.
-fn name(state: SlipState) -> &'static str {
+fn state_name(state: SlipState) -> &'static str {
     match state {
         SlipState::NoContact => "no contact",
         SlipState::Unsure => "unsure",
@@ -134,5 +135,26 @@ fn name(state: SlipState) -> &'static str {
         SlipState::Incipient => "incipient slip",
         SlipState::Gross => "gross slip",
         SlipState::Unjudged => "unjudged",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn events_and_frames_are_named_by_number_time_and_label() {
+        let mut summary = ReportSummary::new();
+        let kind = Some(SlipKind::Both);
+        let begins =
+            SlipEvent::Begins { slip: 1, seq: 7, time_ns: Some(280_000_000), kind, direction_rad: Some(1.5708) };
+        let line = "frame 7 (0.280 s): slip 1 begins, translation and rotation, towards 90 deg";
+        assert_eq!(summary.event(&begins), line);
+        let ends = SlipEvent::Ends { slip: 1, seq: 9, time_ns: None, frames_count: 1 };
+        assert_eq!(summary.event(&ends), "frame 9: slip 1 ends; 1 frame showed it");
+        assert_eq!(summary.lines(), ["0 frames, 1 slip"]);
+        let frame = FrameBuffer { seq: 3, label: "a.png".into(), ..FrameBuffer::default() };
+        assert_eq!(torn(&frame, "cut"), "frame 3 (a.png) is torn: cut");
+        assert_eq!(frame_name(&FrameBuffer::default()), "frame 0");
     }
 }

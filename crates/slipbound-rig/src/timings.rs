@@ -1,4 +1,4 @@
-//! How long each step takes. The only clock of the house that looks at the method.
+//! How long each step of the monitor takes: the only clock that looks at the method, through its [`Probe`].
 
 use slipbound::monitor::{Probe, SlipMonitor, SlipReport, Step};
 use std::fs::File;
@@ -6,30 +6,37 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Notes the time after each step of a frame.
+/// Measures the time that each step of a frame takes.
 #[derive(Debug)]
 pub struct Stopwatch {
     since: Instant,
-    steps: Vec<(Step, f64)>,
+    /// Steps in their order, and the time each took, us.
+    steps_us: Vec<(Step, f64)>,
 }
 
 impl Stopwatch {
-    /// Running.
+    /// A frame begins now.
     pub fn new() -> Self {
-        Stopwatch { since: Instant::now(), steps: Vec::new() }
+        Stopwatch { since: Instant::now(), steps_us: Vec::new() }
     }
 
-    /// A new frame begins now.
+    /// The next frame begins now.
     pub fn restart(&mut self) {
-        self.steps.clear();
+        self.steps_us.clear();
         self.since = Instant::now();
+    }
+}
+
+impl Default for Stopwatch {
+    fn default() -> Self {
+        Stopwatch::new()
     }
 }
 
 impl Probe for Stopwatch {
     fn after(&mut self, step: Step, _: &SlipMonitor) {
         let now = Instant::now();
-        self.steps.push((step, (now - self.since).as_secs_f64() * 1e6));
+        self.steps_us.push((step, (now - self.since).as_secs_f64() * 1e6));
         self.since = now;
     }
 }
@@ -47,18 +54,18 @@ impl Timings {
         Ok(Timings { path: path.to_owned(), to: BufWriter::new(File::create(path)?) })
     }
 
-    /// The file.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// Writes the line of a frame.
-    pub fn write(&mut self, report: &SlipReport, watch: &Stopwatch) -> io::Result<()> {
+    pub fn write(&mut self, report: &SlipReport, stopwatch: &Stopwatch) -> io::Result<()> {
         write!(self.to, "{{\"seq\":{}", report.seq)?;
-        for (step, us) in &watch.steps {
+        for (step, us) in &stopwatch.steps_us {
             write!(self.to, ",\"{}_us\":{us:.1}", format!("{step:?}").to_lowercase())?;
         }
-        let all_us: f64 = watch.steps.iter().map(|(_, us)| us).sum();
+        let all_us: f64 = stopwatch.steps_us.iter().map(|(_, us)| us).sum();
         writeln!(self.to, ",\"all_us\":{all_us:.1}}}")?;
         self.to.flush()
     }

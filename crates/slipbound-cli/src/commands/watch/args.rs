@@ -1,0 +1,93 @@
+//! The arguments of `slipbound watch`.
+
+use std::fmt::{self, Display, Formatter};
+use std::ops::Range;
+use std::path::PathBuf;
+
+/// The arguments of `slipbound watch`.
+#[derive(Debug, clap::Args)]
+pub struct Watch {
+    /// An image folder, a quoted pattern ('run/*.png'), an image, a video file, or a scene to simulate:
+    /// 'sim:SCENE?seed=3&force_n=20' (see `slipbound scenes`)
+    pub(super) source: String,
+    /// The finger: a built-in name (see `slipbound sensors`) or a sensor file [default: that of the
+    /// scene, else by the size of the frames]
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    pub(super) sensor: Option<String>,
+    /// The finger at rest: an image, or frames A up to but not B of SOURCE [default: found among the first frames]
+    #[arg(long, value_name = "IMAGE|A..B", value_parser = RestArgument::parse)]
+    pub(super) rest: Option<RestArgument>,
+    /// Write a report of one JSON object a line; `-` is standard output
+    #[arg(long, value_name = "FILE|-")]
+    pub(super) json: Option<PathBuf>,
+    /// Put the displacement and slip of every marker into the report
+    #[arg(long, requires = "json")]
+    pub(super) markers: bool,
+    /// Draw every frame with what was found on it: PNG pictures in a folder, or a video
+    #[arg(long, value_name = "FOLDER|FILE.avi")]
+    pub(super) overlay: Option<PathBuf>,
+    /// Settings that replace the defaults; `paper` stands for the paper as written
+    #[arg(long, value_name = "FILE.toml|paper")]
+    pub(super) settings: Option<String>,
+    /// Write how many microseconds each step took, one JSON object a line
+    #[arg(long, value_name = "FILE")]
+    pub(super) timings: Option<PathBuf>,
+    /// What the finger is called in the report
+    #[arg(long, value_name = "NAME", default_value = "finger")]
+    pub(super) finger: String,
+}
+
+impl Watch {
+    /// Whether the report goes to standard output.
+    pub(super) fn json_on_stdout(&self) -> bool {
+        self.json.as_ref().is_some_and(|path| path.as_os_str() == "-")
+    }
+}
+
+/// The argument `--rest`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum RestArgument {
+    /// Frames of the source.
+    Frames(Range<u64>),
+    /// An image of its own.
+    Image(PathBuf),
+}
+
+impl RestArgument {
+    /// `A..B`, or the name of an image.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let is_range = text.contains("..") && text.chars().all(|c| c == '.' || c.is_ascii_digit());
+        let range = text.split_once("..").and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
+        match range {
+            Some(frames) if frames.is_empty() => Err(format!("expected A below B, got {text}")),
+            Some(frames) => Ok(RestArgument::Frames(frames)),
+            None if is_range => Err(format!("expected two whole numbers A..B, got {text}")),
+            None => Ok(RestArgument::Image(text.into())),
+        }
+    }
+}
+
+impl Display for RestArgument {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            RestArgument::Frames(range) => write!(f, "--rest {}..{}", range.start, range.end),
+            RestArgument::Image(path) => write!(f, "--rest {}", path.display()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_range_or_an_image() {
+        assert_eq!(RestArgument::parse("3..9"), Ok(RestArgument::Frames(3..9)));
+        assert_eq!(RestArgument::parse("../a.png"), Ok(RestArgument::Image("../a.png".into())));
+        assert_eq!(RestArgument::parse("../..jpg"), Ok(RestArgument::Image("../..jpg".into())));
+        for half in ["3..", "..3", "..", "3...5", "1..99999999999999999999"] {
+            assert_eq!(RestArgument::parse(half), Err(format!("expected two whole numbers A..B, got {half}")));
+        }
+        assert_eq!(RestArgument::parse("9..9"), Err("expected A below B, got 9..9".into()));
+    }
+}

@@ -1,0 +1,107 @@
+//! A recording that begins untouched, then holds a mass that stands, and ends with the mass hanging -> shear stiffness.
+
+use crate::source::ReadAhead;
+use slipbound::calibrate::{HangingFrame, ShearError, outermost, shear_stiffness, stationary_end, stationary_held};
+use slipbound::finger_pipeline::RestFinder;
+use slipbound::image::ImageError;
+use slipbound::monitor::{RestError, RestKind, Settings, SlipMonitor};
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use slipbound::sensor::{Sensor, Shear};
+use slipbound::setting::SettingError;
+use std::ops::Range;
+
+/// What hangs on the finger, and when.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HangingMass {
+    /// Mass, g.
+    pub mass_g: f64,
+    /// Fingers that share it.
+    pub fingers_count: u32,
+    /// Numbers of the frames in which the mass is held and still stands; None: the longest part in which nothing moves.
+    pub held: Option<Range<u64>>,
+    /// Numbers of the frames in which it hangs; None: those at the end in which nothing moves.
+    pub hanging: Option<Range<u64>>,
+    /// What the recording is called in the provenance.
+    pub recording: String,
+}
+
+/// A shear stiffness with what it was measured from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredShear {
+    /// The stiffness.
+    pub shear: Shear,
+    /// Frames that did not arrive whole and were left out.
+    pub torn_count: usize,
+}
+
+/// Why a recording gives no shear stiffness.
+#[derive(Debug, thiserror::Error)]
+pub enum HangingMassError {
+    /// The source failed.
+    #[error("{0}")]
+    Source(SourceError),
+    /// A frame does not hold what its size says.
+    #[error(transparent)]
+    Frame(#[from] ImageError),
+    /// No whole frame came.
+    #[error("expected a recording, got no whole frame")]
+    NoFrame,
+    /// The sensor does not fit the frames.
+    #[error(transparent)]
+    Sensor(#[from] SettingError),
+    /// The first frames make no rest frame.
+    #[error(transparent)]
+    Rest(#[from] RestError),
+    /// The finger is never seen untouched.
+    #[error("expected a recording that begins with the finger untouched, got one that begins in contact")]
+    InContact,
+    /// The held and the hanging frames give no stiffness.
+    #[error(transparent)]
+    Shear(#[from] ShearError),
+}
+
+impl HangingMass {
+    /// Judges the recording to its end and measures.
+    pub fn measure(&self, source: &mut ReadAhead, sensor: &Sensor) -> Result<MeasuredShear, HangingMassError> {
+        let mut monitor = monitor_from_start(source, sensor)?;
+        let outermost = outermost(monitor.sensor(), monitor.markers());
+        let (mut frames, mut torn_count) = (Vec::new(), 0);
+        let mut buffer = FrameBuffer::default();
+        loop {
+            match source.next(&mut buffer).map_err(HangingMassError::Source)? {
+                Next::End => break,
+                Next::Silent => {}
+                Next::Torn { .. } => torn_count += 1,
+                Next::Frame => {
+                    let report = monitor.step(&buffer.frame()?, None);
+                    frames.push(HangingFrame::new(&report, monitor.markers(), &outermost));
+                }
+            }
+        }
+        let within = |range: &Range<u64>| frames.iter().filter(|f| range.contains(&f.seq)).copied().collect::<Vec<_>>();
+        let hanging = self.hanging.as_ref().map_or_else(|| stationary_end(&frames).to_vec(), within);
+        let first_seq = hanging.first().map_or(u64::MAX, |f| f.seq);
+        let before: Vec<HangingFrame> = frames.iter().take_while(|f| f.seq < first_seq).copied().collect();
+        let held = self.held.as_ref().map_or_else(|| stationary_held(&before, &hanging).to_vec(), within);
+        let (mass_g, fingers_count) = (self.mass_g, self.fingers_count);
+        let shear = shear_stiffness(monitor.sensor(), &held, &hanging, mass_g, fingers_count, &self.recording)?;
+        Ok(MeasuredShear { shear, torn_count })
+    }
+}
+
+/// A monitor whose rest frame is the start of the recording, untouched.
+fn monitor_from_start(source: &mut ReadAhead, sensor: &Sensor) -> Result<SlipMonitor, HangingMassError> {
+    let settings = Settings::default();
+    let window_count = settings.rest.window_count as usize;
+    let mut whole = source.read_ahead(window_count).filter(|ahead| ahead.torn.is_none()).peekable();
+    let size = whole.peek().map(|ahead| ahead.buffer.size).ok_or(HangingMassError::NoFrame)?;
+    let mut finder = RestFinder::new(sensor, &settings, size)?;
+    for ahead in whole {
+        finder.see(&ahead.buffer)?;
+    }
+    let rest = finder.find()?.rest;
+    match rest.kind() {
+        RestKind::InContact => Err(HangingMassError::InContact),
+        RestKind::Unloaded => Ok(SlipMonitor::new(sensor, &settings, rest)?),
+    }
+}

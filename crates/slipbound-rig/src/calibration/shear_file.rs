@@ -1,0 +1,93 @@
+//! A measured shear stiffness put into a sensor file that exists already.
+
+use super::sensor_file::shear_table;
+use slipbound::sensor::Shear;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Why a sensor file cannot take a shear stiffness.
+#[derive(Debug, thiserror::Error)]
+pub enum ShearFileError {
+    /// The sensor file cannot be read.
+    #[error("{}: cannot read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// The sensor file extends another by a relative path, which holds in its own folder alone.
+    #[error(
+        "expected a file in the folder of {}, which extends another, got {}", path.display(), output.display()
+    )]
+    Folder {
+        /// The sensor file.
+        path: PathBuf,
+        /// The file to be written.
+        output: PathBuf,
+    },
+}
+
+/// The text of the sensor's own file with the shear stiffness in place of an older one; for a built-in finger a file that
+/// extends it. `sensor`: a built-in name or a sensor file; `output`: where the text will be written.
+pub fn sensor_file_with_shear(sensor: &str, output: &Path, shear: &Shear) -> Result<String, ShearFileError> {
+    let (path, table) = (Path::new(sensor), shear_table(shear));
+    if !path.exists() {
+        return Ok(format!("extends = \"{sensor}\"\n\n{table}"));
+    }
+    let text = fs::read_to_string(path).map_err(|source| ShearFileError::Read { path: path.to_owned(), source })?;
+    if text.lines().any(|l| l.trim_start().starts_with("extends")) && path.parent() != output.parent() {
+        return Err(ShearFileError::Folder { path: path.to_owned(), output: output.to_owned() });
+    }
+    Ok(format!("{}\n\n{table}", without_shear(&text).trim_end()))
+}
+
+/// The text without its table [shear] and the comment above it.
+fn without_shear(text: &str) -> String {
+    let mut kept: Vec<&str> = Vec::new();
+    let mut inside = false;
+    for line in text.lines() {
+        if line.trim_start().starts_with('[') {
+            inside = line.trim() == "[shear]";
+            while inside && kept.last().is_some_and(|l| l.starts_with('#')) {
+                kept.pop();
+            }
+        }
+        if !inside {
+            kept.push(line);
+        }
+    }
+    kept.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_older_measurement_is_replaced() {
+        let text =
+            "name = \"a\"\n\n# Newtons\n[shear]\nstiffness_n_per_pitch = 1.0\nprovenance = \"x\"\n\n[other]\nb = 1\n";
+        assert_eq!(without_shear(text), "name = \"a\"\n\n[other]\nb = 1");
+        assert_eq!(without_shear("name = \"a\""), "name = \"a\"");
+    }
+
+    #[test]
+    fn a_file_that_extends_another_stays_in_its_folder() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, shear) =
+            (folder.path().join("a.toml"), Shear { stiffness_n_per_pitch: 0.5, provenance: "x".into() });
+        std::fs::write(&path, "extends = \"gelslim\"\n").expect("writes");
+        let name = path.to_str().expect("UTF-8");
+        let text = sensor_file_with_shear(name, &folder.path().join("b.toml"), &shear).expect("the same folder");
+        assert!(text.starts_with("extends = \"gelslim\"\n\n# Newtons"), "{text}");
+        let refused = sensor_file_with_shear(name, Path::new("b.toml"), &shear).expect_err("another folder");
+        assert_eq!(
+            refused.to_string(),
+            format!("expected a file in the folder of {name}, which extends another, got b.toml")
+        );
+        let built_in = sensor_file_with_shear("gelslim", Path::new("b.toml"), &shear).expect("built in");
+        assert!(built_in.starts_with("extends = \"gelslim\"\n\n# Newtons"), "{built_in}");
+    }
+}

@@ -1,0 +1,183 @@
+//! The two panels of a frame: what moved, and what slips.
+
+use super::backdrop::Backdrop;
+use super::canvas::{Canvas, Colour};
+use super::palette::{BACKGROUND, CONTACT, INNER, LOST, MEASURED, PAPER, RIGID, SLIP, SLIPPING};
+use super::regions::Region;
+use super::strips;
+use slipbound::image::{Frame, SizePx};
+use slipbound::monitor::{Marker, MotionReport, SlipMonitor, SlipReport, SlipState};
+use slipbound::plane::{RigidMotion, Vec2};
+use slipbound::sensor::Sensor;
+
+/// A panel's shorter side has at least this many pixels.
+const PANEL_MIN_PX: f64 = 720.0;
+/// An arrow of the slip threshold's order (0.3 pitches) is at least this long, else arrows are magnified ...
+const ARROW_MIN_PX: f64 = 45.0;
+/// ... but not more than this: they would run into each other.
+const MAGNIFICATION_MAX: f64 = 3.0;
+/// Shorter arrows (in canvas pixels) are left out: they would be blots.
+const ARROW_SHOWN_PX: f64 = 5.0;
+/// Between the panels.
+const GAP_PX: usize = 8;
+
+/// Draws frames of one finger. The picture is recycled.
+#[derive(Debug, Clone)]
+pub struct Overlay {
+    canvas: Canvas,
+    /// One panel at a time is drawn here: what reaches beyond its border is cut off.
+    panel: Canvas,
+    backdrop: Backdrop,
+    contact: Region,
+    inner: Region,
+    scale: f64,
+    /// Arrows are drawn this many times as long as the displacement in the picture.
+    magnification: f64,
+}
+
+impl Overlay {
+    /// For frames of this finger, at the size that its sensor states.
+    pub fn new(sensor: &Sensor) -> Self {
+        let rectified = sensor.rectified_px();
+        let shorter = rectified.width.min(rectified.height) as f64;
+        let scale = (PANEL_MIN_PX / shorter).max(1.0);
+        let even = |px: usize| ((px as f64 * scale).round() as usize).next_multiple_of(2); // as video codecs want it
+        let panel = SizePx::new(even(rectified.width), even(rectified.height));
+        let magnification = (ARROW_MIN_PX / (0.3 * sensor.pitch_px * scale)).ceil().clamp(1.0, MAGNIFICATION_MAX);
+        let size = SizePx::new(2 * panel.width + GAP_PX, strips::HEAD_PX + panel.height + strips::LEGEND_PX);
+        Overlay {
+            canvas: Canvas::new(size),
+            panel: Canvas::new(panel),
+            backdrop: Backdrop::new(sensor, panel, scale),
+            contact: Region::new(rectified, panel, scale),
+            inner: Region::new(rectified, panel, scale),
+            scale,
+            magnification,
+        }
+    }
+
+    /// Size of the picture.
+    pub fn size(&self) -> SizePx {
+        self.canvas.size()
+    }
+
+    /// The picture drawn last: red, green, blue, rows without gaps.
+    pub fn rgb(&self) -> Vec<u8> {
+        self.canvas.rgb()
+    }
+
+    /// Draws a frame and what the monitor found on it. `frame`: None when it did not arrive whole.
+    pub fn draw(&mut self, frame: Option<&Frame<'_>>, report: &SlipReport, monitor: &SlipMonitor) {
+        let seen = frame.filter(|f| f.pixels.size() == monitor.sensor().image_px);
+        let judged = seen.is_some() && report.state != SlipState::Unjudged;
+        self.canvas.fill(BACKGROUND);
+        if let Some(frame) = seen {
+            self.backdrop.take(frame);
+            self.contact.take(monitor.contact_region());
+            self.inner.take(monitor.inner_region());
+            let pitch_px = monitor.sensor().pitch_px;
+            let left = (0, strips::HEAD_PX);
+            self.panel.put(self.backdrop.rgb());
+            if judged {
+                self.draw_motion(report.motion.as_ref(), monitor.markers(), pitch_px);
+                let caption = format!("displacement since the reference, arrows x{:.0}", self.magnification);
+                strips::caption(&mut self.panel, &caption);
+            }
+            self.canvas.paste(&self.panel, left);
+
+            self.backdrop.pale();
+            self.panel.put(self.backdrop.rgb());
+            if judged {
+                self.draw_slip(monitor.markers(), pitch_px);
+                let caption = format!("slip field = measured - rigid, arrows x{:.0}", self.magnification);
+                strips::caption(&mut self.panel, &caption);
+            }
+            self.canvas.paste(&self.panel, (self.panel.size().width + GAP_PX, strips::HEAD_PX));
+        }
+        if seen.is_none() {
+            strips::no_picture(&mut self.canvas);
+        }
+        strips::head(&mut self.canvas, report, monitor);
+        strips::legend(&mut self.canvas);
+    }
+
+    /// Measured and rigid displacement since the reference, ICR and reference point.
+    fn draw_motion(&mut self, motion: Option<&MotionReport>, markers: &[Marker], pitch_px: f64) {
+        let rigid = motion.map(|m| RigidMotion {
+            reference: m.reference_px,
+            translation: m.translation_px,
+            rotation_rad: m.rotation_rad,
+        });
+        self.panel.region(&self.contact, CONTACT, 0.20);
+        self.panel.region(&self.inner, INNER, 0.16);
+        let width = self.width(pitch_px);
+        for m in markers {
+            if !m.matched {
+                let at = self.at(m.now);
+                self.panel.ring(at, 5.0, 1.5, LOST.with_alpha(0.8));
+            } else if m.in_reference {
+                let alpha = if m.in_contact { 1.0 } else { 0.55 };
+                let moved = m.now_from_reference();
+                self.arrow(m.reference, moved * self.magnification, 2.3 * width, MEASURED, alpha);
+            }
+        }
+        let Some(rigid) = rigid else { return };
+        for m in markers.iter().filter(|m| m.in_contact && m.in_reference) {
+            let moved = rigid.displacement(m.reference);
+            self.arrow(m.reference, moved * self.magnification, width, RIGID, 1.0);
+        }
+        let reference = self.at(rigid.reference);
+        self.panel.dot(reference, 3.2 * width, PAPER);
+        self.panel.dot(reference, 2.4 * width, RIGID);
+        self.arrow(rigid.reference, rigid.translation * self.magnification, 2.2 * width, RIGID, 1.0);
+        if let Some(icr) = motion.and_then(|m| m.icr_px) {
+            let at = self.at(icr);
+            self.panel.dot(at, 4.6 * width, SLIP);
+            self.panel.dot(at, 3.8 * width, MEASURED);
+        }
+    }
+
+    /// The slip field, and which markers slip.
+    fn draw_slip(&mut self, markers: &[Marker], pitch_px: f64) {
+        self.panel.region(&self.contact, CONTACT, 0.06);
+        let width = self.width(pitch_px);
+        for m in markers.iter().filter(|m| m.matched && m.in_contact) {
+            let at = self.at(m.now);
+            if m.over {
+                self.panel.dot(at, 4.4 * width, PAPER);
+                self.panel.dot(at, 3.6 * width, SLIPPING);
+            } else {
+                self.panel.dot(at, 1.2 * width, SLIP);
+            }
+        }
+        for m in markers.iter().filter(|m| m.matched && m.in_contact) {
+            self.arrow(m.now, m.slip * self.magnification, width, SLIP, 1.0);
+        }
+    }
+
+    /// An arrow from a point of the rectified picture, with a halo: light round black, dark round colours.
+    fn arrow(&mut self, from: Vec2, by: Vec2, width: f64, colour: Colour, alpha: f32) {
+        let (from, by) = (self.at(from), by * self.scale);
+        if by.length() < ARROW_SHOWN_PX || !by.is_finite() {
+            return;
+        }
+        // Red lies on yellow: a wide halo would hide that both go the same way.
+        let halo = match colour {
+            SLIP => (1.8, PAPER.with_alpha(0.85)),
+            RIGID => (0.8, SLIP.with_alpha(0.35)),
+            _ => (1.8, SLIP.with_alpha(0.45 * alpha)),
+        };
+        self.panel.arrow(from, from + by, width, colour.with_alpha(alpha), halo);
+    }
+
+    /// Width of the thinnest arrows: finer where markers stand closer.
+    fn width(&self, pitch_px: f64) -> f64 {
+        (0.03 * pitch_px * self.scale).clamp(1.6, 3.2)
+    }
+
+    /// Where a point of the rectified picture lies on the panel; pixel centres are at whole numbers there, at
+    /// halves here.
+    fn at(&self, p: Vec2) -> Vec2 {
+        (p + Vec2::new(0.5, 0.5)) * self.scale
+    }
+}

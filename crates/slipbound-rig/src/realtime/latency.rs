@@ -1,0 +1,328 @@
+//! The time from a frame to the bytes of a grip command in the link, measured on the loop as it runs on hardware; alone,
+//! and while a disk, a terminal or a camera blocks.
+//!
+//! ```text
+//!   frames kept in memory --FrameLoop--> ControlLoop (a lift whose force changes in every cycle) --> gripper
+//!                                            '--> Stopwatch, and observers that block behind their queues
+//! ```
+
+use super::queue::QueuedObserver;
+use super::runner;
+use super::workers::MonitorWorkers;
+use crate::link::now_ns;
+use crate::source::{Newest, decode_image};
+use crate::wrist::Dry;
+use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleView};
+use slipbound::finger_pipeline::FingerPipeline;
+use slipbound::grip::Guard;
+use slipbound::hand::Mounting;
+use slipbound::monitor::Settings;
+use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Next, SourceError};
+use slipbound::sensor::Sensor;
+use slipbound::setting::SettingError;
+use slipbound::task::{Observation, Phase, Task, TaskKind, TaskSettings, TaskStep};
+use std::cell::Cell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+/// By how much the force changes, so that every frame has a command, N per finger.
+const NUDGE_N: f64 = 0.5;
+
+/// Longest wait for the gripper to hold, frames.
+const LONGEST_GRASP_COUNT: u32 = 3000;
+
+/// For how long whatever blocks is blocked.
+const BLOCKED: Duration = Duration::from_secs(5);
+
+/// Cycles that may wait for a disk or a terminal.
+const QUEUE_DEPTH_COUNT: usize = 128;
+
+/// Two forces closer than this are the same, N.
+const SAME_N: f64 = 1e-3;
+
+/// What a hold without an end is given for its time, ns.
+const WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
+
+/// What blocks while it is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Blocks {
+    /// Nothing does.
+    Nothing,
+    /// An observer behind a queue, as the run folder is, for seconds in every cycle.
+    Disk,
+    /// Two of them: the folder and the terminal.
+    DiskAndTerminal,
+    /// The camera of the last finger, for seconds at a time, from a frame after the grasp on.
+    Camera,
+}
+
+/// A finger and its frames.
+#[derive(Debug, Clone)]
+pub struct FingerFrames {
+    /// What it is called.
+    pub name: String,
+    /// How it sits in the hand.
+    pub mounting: Mounting,
+    /// Its facts.
+    pub sensor: Sensor,
+    /// Its frames in order, from the open hand on; pixels, and the JPEG they are from.
+    pub frames: Arc<Vec<FrameBuffer>>,
+}
+
+/// The frames of a hand that opens unloaded and then holds something.
+#[derive(Debug, Clone)]
+pub struct HandFrames {
+    /// Its fingers, of which there is at least one.
+    pub fingers: Vec<FingerFrames>,
+    /// The frame from which on something is held: they are repeated from here.
+    pub held_from: usize,
+}
+
+/// What is measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LatencyTrial {
+    /// Cycles to measure, after the grasp.
+    pub cycles_count: usize,
+    /// Frames per second.
+    pub rate_hz: u32,
+    /// Whether a frame is decoded from its JPEG, as a camera's is, or copied from memory.
+    pub is_jpeg: bool,
+    /// What blocks meanwhile.
+    pub blocks: Blocks,
+}
+
+/// What was measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Latency {
+    /// Time from when a frame was due to the command in the link, ns; in ascending order, at least one.
+    pub took_ns: Vec<u64>,
+    /// Commands that the gripper had confirmed when the next frame was due.
+    pub confirmed_count: usize,
+}
+
+/// Why nothing was measured.
+#[derive(Debug, thiserror::Error)]
+pub enum LatencyError {
+    /// The loop cannot be set up.
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    /// The loop failed.
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    /// The gripper held nothing, or the loop ended before every cycle was measured.
+    #[error("the gripper never held anything")]
+    NothingHeld,
+}
+
+impl Latency {
+    /// The time that this share of the cycles stayed within, ms; 1 is the worst.
+    pub fn quantile_ms(&self, fraction: f64) -> f64 {
+        let at = (self.took_ns.len().saturating_sub(1) as f64 * fraction).round() as usize;
+        self.took_ns.get(at).copied().unwrap_or(0) as f64 * 1e-6
+    }
+
+    /// Share of the commands that the gripper had confirmed when the next frame was due.
+    pub fn confirmed_fraction(&self) -> f64 {
+        self.confirmed_count as f64 / self.took_ns.len() as f64
+    }
+}
+
+impl LatencyTrial {
+    /// Runs the loop over the frames in real time; the gripper is left holding.
+    pub fn run(&self, hand: &HandFrames, gripper: &mut dyn Gripper) -> Result<Latency, LatencyError> {
+        let mut control = self.control(hand)?;
+        let (due_ns, stop) = (Cell::new(now_ns()), AtomicBool::new(false));
+        let period_ns = 1_000_000_000 / u64::from(self.rate_hz.max(1));
+        let mut next_ns = now_ns();
+        let mut is_due = || {
+            let is_due = now_ns() >= next_ns;
+            if is_due {
+                due_ns.set(now_ns());
+                next_ns = (next_ns + period_ns).max(now_ns());
+            }
+            is_due
+        };
+        let queues_count = match self.blocks {
+            Blocks::Nothing | Blocks::Camera => 0,
+            Blocks::Disk => 1,
+            Blocks::DiskAndTerminal => 2,
+        };
+        let queue = |i: usize| QueuedObserver::new(BlockedObserver, QUEUE_DEPTH_COUNT, i == 0);
+        let stopwatch = Stopwatch {
+            due_ns: &due_ns,
+            stop: &stop,
+            wanted_count: self.cycles_count,
+            took_ns: Vec::with_capacity(self.cycles_count),
+            asked_n: None,
+            confirmed_count: 0,
+            waited_count: 0,
+        };
+        let mut observer = (AllOf((0..queues_count).map(queue).collect()), stopwatch);
+        let ran = runner::run(&mut control, gripper, &mut Dry::default(), &stop, &mut is_due, &mut observer);
+        let (_, Stopwatch { mut took_ns, confirmed_count, .. }) = observer;
+        match ran {
+            Ok(()) | Err(ControlError::Interrupted) if took_ns.len() >= self.cycles_count.max(1) => {
+                took_ns.sort_unstable();
+                Ok(Latency { took_ns, confirmed_count })
+            }
+            Ok(()) | Err(ControlError::Interrupted) => Err(LatencyError::NothingHeld),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// A control loop over the frames, which holds without an end.
+    fn control(&self, hand: &HandFrames) -> Result<ControlLoop, SettingError> {
+        let mut settings = TaskSettings::default();
+        (settings.lift.lift_mm, settings.lift.hold_ns) = (0.0, WITHOUT_END_NS);
+        let stiffness = hand.fingers.first().and_then(|finger| finger.sensor.shear_stiffness_mpa_per_mm());
+        let inner = settings.task(TaskKind::Lift, stiffness)?;
+        let last = hand.fingers.len().saturating_sub(1);
+        let fingers = hand.fingers.iter().enumerate().map(|(i, finger)| {
+            let blocks_from = (self.blocks == Blocks::Camera && i == last).then_some(hand.held_from + 1);
+            let frames = FrameLoop {
+                frames: finger.frames.clone(),
+                next: 0,
+                repeat_from: hand.held_from,
+                is_jpeg: self.is_jpeg,
+                blocks_from,
+                given_count: 0,
+            };
+            let source: Box<dyn FrameSource + Send> = match blocks_from {
+                Some(_) => Box::new(Newest::every_frame(Box::new(frames), 2)),
+                None => Box::new(frames),
+            };
+            FingerPipeline::new(&finger.name, finger.mounting, finger.sensor.clone(), Settings::default(), source)
+        });
+        let task = Box::new(NudgedTask { inner, is_up: false });
+        Ok(ControlLoop::new(fingers.collect(), task)?.with_runner(Box::new(MonitorWorkers::new())))
+    }
+}
+
+/// The frames of a finger over and over, as JPEG or as pixels.
+struct FrameLoop {
+    frames: Arc<Vec<FrameBuffer>>,
+    next: usize,
+    /// From here it starts again; what goes before is the open hand.
+    repeat_from: usize,
+    is_jpeg: bool,
+    /// From this frame on, every frame takes seconds.
+    blocks_from: Option<usize>,
+    given_count: usize,
+}
+
+impl FrameSource for FrameLoop {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        if self.blocks_from.is_some_and(|from| self.given_count >= from) {
+            thread::sleep(BLOCKED);
+        }
+        self.given_count += 1;
+        let Some(frame) = self.frames.get(self.next) else { return Ok(Next::End) };
+        if self.is_jpeg {
+            into.encoded.clone_from(&frame.encoded);
+            decode_image(into)?;
+        } else {
+            (into.format, into.size) = (frame.format, frame.size);
+            into.pixels.clone_from(&frame.pixels);
+        }
+        into.seq += 1;
+        self.next = if self.next + 1 < self.frames.len() { self.next + 1 } else { self.repeat_from };
+        Ok(Next::Frame)
+    }
+}
+
+/// A task whose force goes up and down from cycle to cycle while it holds.
+struct NudgedTask {
+    inner: Box<dyn Task + Send>,
+    is_up: bool,
+}
+
+impl Task for NudgedTask {
+    fn step(&mut self, observation: &Observation<'_>) -> TaskStep {
+        let mut step = self.inner.step(observation);
+        if let (GripCommand::Hold { force_n }, true) = (&mut step.grip, step.phase != Phase::Grasping) {
+            self.is_up = !self.is_up;
+            *force_n -= if self.is_up { 0.0 } else { NUDGE_N };
+        }
+        step
+    }
+
+    fn grip(&self) -> &Guard {
+        self.inner.grip()
+    }
+}
+
+/// An observer that blocks in every cycle.
+struct BlockedObserver;
+
+impl CycleObserver for BlockedObserver {
+    fn after_cycle(&mut self, _: &CycleView<'_>) {
+        thread::sleep(BLOCKED);
+    }
+}
+
+/// Shows every cycle to every queue.
+struct AllOf(Vec<QueuedObserver<BlockedObserver>>);
+
+impl CycleObserver for AllOf {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        self.0.iter_mut().for_each(|queue| queue.after_cycle(view));
+    }
+}
+
+/// Measures each cycle with a command after the grasp, from when it was due; then ends the loop.
+struct Stopwatch<'a> {
+    due_ns: &'a Cell<u64>,
+    stop: &'a AtomicBool,
+    wanted_count: usize,
+    took_ns: Vec<u64>,
+    asked_n: Option<f64>,
+    confirmed_count: usize,
+    waited_count: u32,
+}
+
+impl CycleObserver for Stopwatch<'_> {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        let took_ns = now_ns() - self.due_ns.get();
+        let Some(cycle) = view.cycle().filter(|cycle| cycle.phase != Phase::Grasping) else {
+            self.waited_count += 1;
+            self.stop.fetch_or(self.waited_count > LONGEST_GRASP_COUNT, Ordering::Relaxed);
+            return;
+        };
+        let is_confirmed = cycle.gripper.target_n.zip(self.asked_n).is_some_and(|(a, b)| (a - b).abs() < SAME_N);
+        self.confirmed_count += usize::from(is_confirmed);
+        self.asked_n = cycle.grip_command.force_n();
+        self.took_ns.push(took_ns);
+        self.stop.fetch_or(self.took_ns.len() >= self.wanted_count, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_measured_times() {
+        let latency = Latency { took_ns: (1..=101).map(|ms| ms * 1_000_000).collect(), confirmed_count: 50 };
+        assert_eq!([0.5, 0.99, 1.0].map(|fraction| latency.quantile_ms(fraction)), [51.0, 100.0, 101.0]);
+        assert!((latency.confirmed_fraction() - 50.0 / 101.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn frames_are_repeated_from_where_something_is_held() {
+        let frame = |grey: u8| FrameBuffer { pixels: vec![grey], ..FrameBuffer::default() };
+        let frames = Arc::new((0..4).map(frame).collect());
+        let mut source =
+            FrameLoop { frames, next: 0, repeat_from: 2, is_jpeg: false, blocks_from: None, given_count: 0 };
+        let mut buffer = FrameBuffer::default();
+        let given: Vec<u8> = (0..7)
+            .map(|_| {
+                assert_eq!(source.next(&mut buffer).expect("a frame"), Next::Frame);
+                buffer.pixels[0]
+            })
+            .collect();
+        assert_eq!(given, [0, 1, 2, 3, 2, 3, 2]);
+        assert_eq!(buffer.seq, 7);
+    }
+}

@@ -1,0 +1,156 @@
+//! A recording whose first frames are looked at before they are judged: what was read ahead is given again.
+
+use slipbound::image::SizePx;
+use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
+use std::collections::VecDeque;
+
+/// A frame that was read ahead.
+#[derive(Debug)]
+pub struct AheadFrame {
+    /// The frame.
+    pub buffer: FrameBuffer,
+    /// Why it is torn; None when it is whole.
+    pub torn: Option<String>,
+}
+
+/// A source with the frames that were read ahead in front of it. As a [`FrameSource`] it gives every frame once, in order,
+/// and a failure after the frames that came before it.
+pub struct ReadAhead {
+    source: Box<dyn FrameSource + Send>,
+    ahead: VecDeque<AheadFrame>,
+    /// The failure that ended the reading ahead.
+    failed: Option<SourceError>,
+}
+
+impl ReadAhead {
+    /// Nothing is read yet.
+    pub fn new(source: Box<dyn FrameSource + Send>) -> Self {
+        ReadAhead { source, ahead: VecDeque::new(), failed: None }
+    }
+
+    /// Reads on until this many whole frames wait, or the source ends or fails; all that wait, torn ones too.
+    pub fn read_ahead(&mut self, whole_count: usize) -> impl Iterator<Item = &AheadFrame> {
+        let mut missing_count = whole_count.saturating_sub(self.ahead.iter().filter(|a| a.torn.is_none()).count());
+        while missing_count > 0 && self.failed.is_none() {
+            let mut buffer = FrameBuffer::default();
+            match self.source.next(&mut buffer) {
+                Ok(Next::Frame) => {
+                    missing_count -= 1;
+                    self.ahead.push_back(AheadFrame { buffer, torn: None });
+                }
+                Ok(Next::Torn { reason }) => self.ahead.push_back(AheadFrame { buffer, torn: Some(reason) }),
+                Ok(Next::Silent) => {}
+                Ok(Next::End) => break,
+                Err(error) => self.failed = Some(error),
+            }
+        }
+        self.ahead.iter()
+    }
+
+    /// The failure that ended the reading ahead, for who finds nothing to judge before it.
+    pub fn take_failure(&mut self) -> Option<SourceError> {
+        self.failed.take()
+    }
+
+    /// Whose clock the time of the frames is from, as the first frame that waits says; unknown when none waits.
+    pub fn clock(&self) -> Clock {
+        self.ahead.front().map_or(Clock::Unknown, |ahead| ahead.buffer.clock)
+    }
+
+    /// Frames per second between the first and the last frame that wait, rounded; None without times, and below one.
+    pub fn rate_hz(&self) -> Option<u32> {
+        let (first, last) = (&self.ahead.front()?.buffer, &self.ahead.back()?.buffer);
+        let passed_ns = last.time_ns?.checked_sub(first.time_ns?)?;
+        let rate_hz = (last.seq - first.seq) as f64 * 1e9 / passed_ns as f64;
+        (rate_hz >= 1.0 && rate_hz.is_finite()).then(|| rate_hz.round() as u32)
+    }
+}
+
+impl FrameSource for ReadAhead {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        if let Some(ahead) = self.ahead.pop_front() {
+            *into = ahead.buffer;
+            return Ok(ahead.torn.map_or(Next::Frame, |reason| Next::Torn { reason }));
+        }
+        match self.failed.take() {
+            Some(error) => Err(error),
+            None => self.source.next(into),
+        }
+    }
+
+    fn frames_count(&self) -> Option<u64> {
+        self.source.frames_count()
+    }
+}
+
+/// The size that most frames have; of equally many the first. None without frames.
+pub fn most_common_size<'a>(frames: impl IntoIterator<Item = &'a FrameBuffer>) -> Option<SizePx> {
+    let sizes: Vec<SizePx> = frames.into_iter().map(|frame| frame.size).collect();
+    let count = |size: SizePx| sizes.iter().filter(|other| **other == size).count();
+    sizes.iter().copied().rev().max_by_key(|&size| count(size))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whole and torn frames 40 ms apart, then a failure.
+    struct Script {
+        given_count: u64,
+        torn: Vec<u64>,
+        fails_at: u64,
+    }
+
+    impl FrameSource for Script {
+        fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+            (into.seq, into.time_ns, into.clock) =
+                (self.given_count, Some(self.given_count * 40_000_000), Clock::Device);
+            self.given_count += 1;
+            match into.seq {
+                seq if seq == self.fails_at => Err("the camera is gone".into()),
+                seq if self.torn.contains(&seq) => Ok(Next::Torn { reason: "cut".into() }),
+                _ => Ok(Next::Frame),
+            }
+        }
+    }
+
+    fn script(torn: &[u64], fails_at: u64) -> ReadAhead {
+        ReadAhead::new(Box::new(Script { given_count: 0, torn: torn.to_vec(), fails_at }))
+    }
+
+    #[test]
+    fn frames_read_ahead_are_given_once_in_order_and_a_failure_after_them() {
+        let mut source = script(&[1], 4);
+        let ahead: Vec<_> = source.read_ahead(2).map(|a| (a.buffer.seq, a.torn.is_some())).collect();
+        assert_eq!(ahead, [(0, false), (1, true), (2, false)]);
+        assert_eq!((source.clock(), source.rate_hz()), (Clock::Device, Some(25)));
+        assert_eq!(source.read_ahead(9).count(), 4, "up to the failure");
+        let mut buffer = FrameBuffer::default();
+        let mut given = Vec::new();
+        let error = loop {
+            match source.next(&mut buffer) {
+                Ok(next) => given.push((buffer.seq, next == Next::Frame)),
+                Err(error) => break error,
+            }
+        };
+        assert_eq!(given, [(0, true), (1, false), (2, true), (3, true)]);
+        assert_eq!(error.to_string(), "the camera is gone");
+    }
+
+    #[test]
+    fn a_failure_before_the_first_frame_can_be_taken() {
+        let mut source = script(&[], 0);
+        assert_eq!(source.read_ahead(3).count(), 0);
+        assert!(source.take_failure().is_some());
+        assert_eq!((source.clock(), source.rate_hz()), (Clock::Unknown, None));
+    }
+
+    #[test]
+    fn the_most_common_size_wins_then_the_first() {
+        let of = |width| FrameBuffer { size: SizePx::new(width, 1), ..FrameBuffer::default() };
+        let (a, b) = (of(1), of(2));
+        assert_eq!(most_common_size([&a, &b, &b]), Some(b.size));
+        assert_eq!(most_common_size([&a, &b]), Some(a.size));
+        assert_eq!(most_common_size([]), None);
+    }
+}
