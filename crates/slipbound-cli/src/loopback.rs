@@ -6,26 +6,25 @@
 //!                             '------------ TCP, the wire protocols ----- drivers <------'
 //! ```
 
-use crate::chronicle::Chronicle;
-use crate::closed_loop::{ClosedLoop, Eye};
-use crate::live;
-use crate::simulated::{kind, mounting};
-use crate::spoiled::{Spoiled, Spoiler};
-use crate::through::{LinkFaults, Through, wrist_emulator};
+use crate::emulated::{EmulatedGripper, LinkFaults, wrist_emulator};
+use crate::run_output::{QueuedOutput, Tally};
 use anyhow::{Context, anyhow};
+use slipbound::control::{ControlLoop, CycleObserver, CycleView};
 use slipbound::monitor::Settings;
+use slipbound::plant::Plant;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound::task::TaskSettings;
+use slipbound_lab::faults::CameraFault;
 use slipbound_lab::hand::{HandScene, HandTruth, SimHand};
-use slipbound_rig::emulator::{Faulty, OnlyMoved, Server};
+use slipbound_lab::lockstep::finger;
+use slipbound_rig::emulator::{Emulator, OnlyMoved, Server};
 use slipbound_rig::link::now_ns;
+use slipbound_rig::realtime::{self, MonitorWorkers};
 use slipbound_rig::{gripper, wrist};
-use std::cell::RefCell;
 use std::net::{Ipv4Addr, TcpListener};
-use std::rc::Rc;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -39,7 +38,7 @@ struct Sight {
 }
 
 /// The newest frame of a finger, until it is taken.
-type Slot = Rc<RefCell<Option<FrameBuffer>>>;
+type Slot = Arc<Mutex<Option<FrameBuffer>>>;
 
 /// A finger's source: what the world's thread has sent.
 struct Fed {
@@ -48,7 +47,7 @@ struct Fed {
 
 impl FrameSource for Fed {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
-        Ok(match self.slot.borrow_mut().take() {
+        Ok(match self.slot.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(frame) => {
                 *into = frame;
                 Next::Frame
@@ -60,7 +59,7 @@ impl FrameSource for Fed {
 
 /// The world's thread, and the loop that is not yet running.
 pub struct Loopback {
-    around: ClosedLoop,
+    control: ControlLoop,
     slots: Vec<Slot>,
     sights: Receiver<Sight>,
     gripper: String,
@@ -75,73 +74,80 @@ impl Loopback {
         scene: &HandScene,
         settings: &TaskSettings,
         monitor: &Settings,
-        spoiler: Option<Spoiler>,
-        through: &Through,
+        fault: Option<CameraFault>,
+        emulated: &EmulatedGripper,
         faults: &LinkFaults,
     ) -> anyhow::Result<Self> {
-        let sensors = SimHand::new(scene)?;
+        let hand = SimHand::new(scene)?;
         let slots: Vec<Slot> = (0..scene.fingers_count()).map(|_| Slot::default()).collect();
-        let eyes = slots.iter().enumerate().map(|(finger, slot)| {
-            let (mounting, name) = mounting(finger, spoiler.is_some_and(|spoiler| spoiler.swaps()));
-            let fed = Fed { slot: slot.clone() };
-            let source = Spoiled::new(fed, spoiler.filter(|spoiler| spoiler.hits(finger)));
-            Eye::new(name, mounting, sensors.sensor(finger), monitor.clone(), Box::new(source))
-        });
-        let task = settings.task(kind(scene)?, sensors.sensor(0).shear_stiffness_mpa_per_mm())?;
-        let around = ClosedLoop::new(eyes.collect(), task)?;
+        let fed = |(i, slot): (usize, &Slot)| finger(&hand, i, monitor, fault, Box::new(Fed { slot: slot.clone() }));
+        let fingers = slots.iter().enumerate().map(fed).collect();
+        let task = settings.task(scene.task_name().parse()?, hand.sensor(0).shear_stiffness_mpa_per_mm())?;
+        let control = ControlLoop::new(fingers, task)?.with_runner(Box::new(MonitorWorkers::new()));
         let bind = || TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("cannot listen on this computer");
         let (gripper_port, wrist_port) = (bind()?, bind()?);
-        let gripper = through.address(&gripper_port.local_addr()?.to_string(), scene.width_mm());
+        let gripper = emulated.address(&gripper_port.local_addr()?.to_string(), scene.width_mm());
         let wrist = format!("line://{}", wrist_port.local_addr()?);
-        let emulators = (through.emulator(&faults.gripper)?, wrist_emulator(&faults.wrist)?);
+        let emulators = (emulated.emulator(&faults.gripper)?, wrist_emulator(&faults.wrist)?);
         let ports = (Server::new(gripper_port)?, Server::new(wrist_port)?);
         let (send, sights) = sync_channel(2);
         let go_on = Arc::new(AtomicBool::new(true));
         let (scene, goes_on) = (scene.clone(), go_on.clone());
         let world = thread::spawn(move || world(&scene, ports, emulators, &send, &goes_on));
-        Ok(Loopback { around, slots, sights, gripper, wrist, go_on, world: Some(world) })
+        Ok(Loopback { control, slots, sights, gripper, wrist, go_on, world: Some(world) })
     }
 
-    /// Runs the loop to its end; the truth at the end besides.
-    pub fn run(
-        mut self,
-        interrupted: &AtomicBool,
-        chronicle: &mut Chronicle,
-    ) -> (anyhow::Result<()>, Option<HandTruth>) {
-        let truth = RefCell::new(None);
-        let ran = self.try_run(interrupted, chronicle, &truth);
+    /// Runs the loop to its end; the world goes on a second longer, and the truth at its end is in the tally.
+    pub fn run(mut self, stop: &AtomicBool, output: &mut QueuedOutput, tally: &mut Tally) -> anyhow::Result<()> {
+        let truth = tally.truth.clone();
+        let now_true = |sight: HandTruth| *truth.lock().unwrap_or_else(PoisonError::into_inner) = Some(sight);
+        let ran = self.try_run(stop, output, tally, &now_true);
         // The world goes on without the loop: what is let go of now was not held.
         let until_ns = now_ns() + AFTERWARDS_NS;
         while now_ns() < until_ns {
-            truth.replace(self.sights.recv_timeout(PAUSE).ok().map(|sight| sight.truth).or(truth.take()));
+            self.sights.recv_timeout(PAUSE).into_iter().for_each(|sight| now_true(sight.truth));
         }
+        truth.lock().unwrap_or_else(PoisonError::into_inner).iter().for_each(|truth| tally.score.add_truth(truth));
         self.go_on.store(false, Ordering::Relaxed);
-        let ended = self
-            .world
-            .take()
-            .map_or(Ok(()), |world| world.join().unwrap_or_else(|_| Err(anyhow!("the simulated world broke down"))));
-        (ran.and(ended), truth.into_inner())
+        let broken = || Err(anyhow!("the simulated world broke down"));
+        let ended = self.world.take().map_or(Ok(()), |world| world.join().unwrap_or_else(|_| broken()));
+        ran.and(ended)
     }
 
     fn try_run(
         &mut self,
-        interrupted: &AtomicBool,
-        chronicle: &mut Chronicle,
-        truth: &RefCell<Option<HandTruth>>,
+        stop: &AtomicBool,
+        output: &mut QueuedOutput,
+        tally: &mut Tally,
+        now_true: &dyn Fn(HandTruth),
     ) -> anyhow::Result<()> {
         let mut gripper = gripper::Device::open(&self.gripper, None)?;
         let mut wrist = wrist::open(&self.wrist)?;
-        let is_due = || {
+        let mut is_due = || {
             let Some(sight) = self.sights.try_iter().last() else { return false };
             for (slot, frame) in self.slots.iter().zip(sight.frames) {
-                slot.replace(Some(frame));
+                *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(frame);
             }
-            truth.replace(Some(sight.truth));
+            now_true(sight.truth);
             true
         };
-        live::run(&mut self.around, &mut gripper, wrist.as_mut(), interrupted, is_due, |around, told| {
-            chronicle.turn(around, told, truth.borrow().as_ref())
-        })
+        let mut observer = WithTruth { output, tally };
+        realtime::run(&mut self.control, &mut gripper, wrist.as_mut(), stop, &mut is_due, &mut observer)?;
+        Ok(())
+    }
+}
+
+/// Shows the output what the tally knows to be true.
+struct WithTruth<'a> {
+    output: &'a mut QueuedOutput,
+    tally: &'a mut Tally,
+}
+
+impl CycleObserver for WithTruth<'_> {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        let truth = self.tally.truth.lock().unwrap_or_else(PoisonError::into_inner).as_ref().map(HandTruth::record);
+        self.output.after_cycle(&CycleView { truth: truth.as_ref(), ..*view });
+        self.tally.after_cycle(view);
     }
 }
 
@@ -152,7 +158,7 @@ const AFTERWARDS_NS: u64 = 1_000_000_000;
 fn world(
     scene: &HandScene,
     (mut gripper_port, mut wrist_port): (Server, Server),
-    (mut gripper, mut wrist): (Faulty, Faulty),
+    (mut gripper, mut wrist): (Emulator, Emulator),
     send: &SyncSender<Sight>,
     go_on: &AtomicBool,
 ) -> anyhow::Result<()> {

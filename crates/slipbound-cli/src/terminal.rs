@@ -3,10 +3,9 @@
 use crate::outcome::Failure;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{self, ErrorKind, IsTerminal, Write};
-use std::process::ExitCode;
 
 /// Says on standard error what went wrong, once, and passes on the exit code.
-pub fn complain(e: &anyhow::Error, code: ExitCode) -> ExitCode {
+pub fn complain(e: &anyhow::Error, code: u8) -> u8 {
     let mut text = String::new();
     for cause in e.chain().map(ToString::to_string) {
         if text.is_empty() {

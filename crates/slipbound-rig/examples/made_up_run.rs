@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         run.cycle(&cycle)?;
         if run.slips_count() > before {
             for finger in &screw::info().fingers {
-                run.picture(cycle.time_ns, finger, "made up", Rgb::new(&picture, size)?)?;
+                run.picture(cycle.time_ns, &finger.name, "made up", Rgb::new(&picture, size)?)?;
             }
         }
         if cycle.hand.seq == 150 {

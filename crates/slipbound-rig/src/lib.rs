@@ -5,8 +5,8 @@
 //! | recordings as frames: image folders, MJPEG AVI, every other video through `ffmpeg` | [`source`] |
 //! | the fingers that are known, and files for others | [`sensors`] |
 //! | a calibration as a sensor file and a picture | [`calibration`] |
-//! | settings files, and how a mistake in one is told | [`config`] |
-//! | which fingers a hand has and how they are mounted | [`hand_file`] |
+//! | settings files, and how a mistake in one is reported | [`config`] |
+//! | which fingers a hand has and how they are mounted | [`config::hand`] |
 //! | reports as JSON lines | [`report_json`] |
 //! | pictures of what was found | [`overlay`] |
 //! | Motion-JPEG AVI files | [`avi_writer`] |
@@ -15,6 +15,7 @@
 //! | grippers by their own protocols | [`gripper`] |
 //! | the arm behind the hand | [`wrist`] |
 //! | the same protocols from the other side, to try all that without hardware | [`emulator`] |
+//! | sockets, serial lines, and the clock of everything that runs in real time | [`link`] |
 //!
 //! ```no_run
 //! use slipbound::monitor::{RestBuilder, Settings, SlipMonitor};
@@ -42,12 +43,12 @@ pub mod calibration;
 pub mod config;
 pub mod emulator;
 pub mod gripper;
-pub mod hand_file;
 pub mod link;
 pub mod overlay;
 pub mod realtime;
 pub mod report_json;
 pub mod run;
-pub mod sensors;
 pub mod source;
 pub mod wrist;
+
+pub use config::sensors;

@@ -16,7 +16,7 @@ pub use connection::Connection;
 pub use endpoint::Endpoint;
 pub(crate) use health::{LinkHealth, LinkProblem};
 pub(crate) use in_flight::InFlight;
-pub(crate) use lines::Lines;
+pub(crate) use lines::{Lines, write_line};
 #[cfg(all(feature = "serial", target_os = "linux"))]
 pub use serial::PseudoTerminal;
 #[cfg(feature = "serial")]

@@ -36,7 +36,7 @@ pub use error::Error;
 pub use event::{Event, TimedEvent};
 pub use folder::{RunFolder, read};
 pub use frames::{FrameRecorder, RecordedSource};
-pub use info::{FingerInfo, FORMAT_VERSION, Row, RunInfo};
+pub use info::{FORMAT_VERSION, FingerInfo, Row, RunInfo};
 pub use notes::RunNotes;
 pub use recorder::RunRecorder;
 pub use replay::{Replay, ReplayError, Replayed};

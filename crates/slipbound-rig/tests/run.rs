@@ -5,12 +5,12 @@ mod screw;
 
 use proptest::prelude::*;
 use roxmltree::{Document, ParsingOptions};
-use slipbound::image::{Rgb, SizePx};
-use slipbound::monitor::SlipState;
-use slipbound::task::Ending;
 use slipbound::control::Cycle;
 use slipbound::hand::Side;
+use slipbound::image::{Rgb, SizePx};
+use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, WristMotion};
+use slipbound::task::Ending;
 use slipbound_rig::run::{self, Event, RunFolder, RunInfo, TimedEvent};
 use std::fs;
 use std::path::Path;
@@ -180,7 +180,8 @@ fn page(info: &RunInfo, cycles: &[Cycle]) -> (tempfile::TempDir, String) {
         run.cycle(cycle).expect("writes");
         let begins = run.slips_count() > before;
         for finger in info.fingers.iter().filter(|_| begins) {
-            run.picture(cycle.time_ns, &finger.name, &finger.name, Rgb::new(&pixels, size).expect("whole")).expect("writes");
+            run.picture(cycle.time_ns, &finger.name, &finger.name, Rgb::new(&pixels, size).expect("whole"))
+                .expect("writes");
         }
     }
     run.note(5, &info.source).expect("writes");

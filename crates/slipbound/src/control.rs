@@ -209,7 +209,10 @@ impl ControlLoop {
                 return Ok(false);
             }
         }
-        self.runner.judge(&mut self.fingers, self.grip)?;
+        // Until all know their rest frame none is judged: nothing is commanded yet.
+        if self.fingers.iter().all(|finger| finger.monitor().is_some()) {
+            self.runner.judge(&mut self.fingers, self.grip)?;
+        }
         for (i, finger) in self.fingers.iter().enumerate() {
             match finger.report() {
                 Some(report) => self.hand.see(i, report),

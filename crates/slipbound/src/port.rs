@@ -122,3 +122,13 @@ pub trait FrameSource {
         None
     }
 }
+
+impl<T: FrameSource + ?Sized> FrameSource for Box<T> {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        (**self).next(into)
+    }
+
+    fn frames_count(&self) -> Option<u64> {
+        (**self).frames_count()
+    }
+}

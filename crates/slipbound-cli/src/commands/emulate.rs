@@ -4,7 +4,7 @@ use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use slipbound::plant::Plant;
-use slipbound_rig::emulator::{Block, Emulator, Faults, Faulty, NAMES, by_name, faults, serve_tcp};
+use slipbound_rig::emulator::{Block, Emulator, Faults, NAMES, by_name, faults, serve_tcp};
 use std::fs::File;
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, TcpListener};
@@ -108,7 +108,7 @@ impl Emulate {
         }
         let interrupted = interruption::listen()?;
         let emulator = by_name(&self.name).ok_or_else(|| anyhow::anyhow!("no emulator is called {}", self.name))?;
-        let mut emulator = Faulty::new(emulator, self.fail.clone());
+        let mut emulator = emulator.with_faults(self.fail.clone());
         let width_mm = (self.width > 0.0).then_some(self.width);
         let block = Block { width_mm, least_n: self.weight / (2.0 * self.mu), ..Block::default() };
         let mut block = Logged::new(block, self.log.as_deref())?;
@@ -128,7 +128,7 @@ impl Emulate {
         Ok(Outcome::Done)
     }
 
-    fn serve_tcp(&self, emulator: &mut Faulty, block: &mut Logged, interrupted: &AtomicBool) -> Result<(), Failure> {
+    fn serve_tcp(&self, emulator: &mut Emulator, block: &mut Logged, interrupted: &AtomicBool) -> Result<(), Failure> {
         let bound = TcpListener::bind((self.listen, self.port));
         let listener =
             bound.map_err(|e| Failure::work(format!("cannot listen at {}:{}", self.listen, self.port), e))?;
@@ -139,12 +139,17 @@ impl Emulate {
     }
 
     #[cfg(not(target_os = "linux"))]
-    fn serve_serial(&self, _: &mut Faulty, _: &mut Logged, _: &AtomicBool) -> Result<(), Failure> {
+    fn serve_serial(&self, _: &mut Emulator, _: &mut Logged, _: &AtomicBool) -> Result<(), Failure> {
         Err(Failure::Arguments(anyhow::anyhow!("robotiq-rtu: expected Linux, whose pseudo-terminals have names")))
     }
 
     #[cfg(target_os = "linux")]
-    fn serve_serial(&self, emulator: &mut Faulty, block: &mut Logged, interrupted: &AtomicBool) -> Result<(), Failure> {
+    fn serve_serial(
+        &self,
+        emulator: &mut Emulator,
+        block: &mut Logged,
+        interrupted: &AtomicBool,
+    ) -> Result<(), Failure> {
         use slipbound_rig::emulator::serve_link;
         use slipbound_rig::link::PseudoTerminal;
         let mut terminal = PseudoTerminal::new().map_err(|e| Failure::work("cannot make a serial device", e))?;

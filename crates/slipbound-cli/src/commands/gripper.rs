@@ -4,7 +4,7 @@ use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use clap::Subcommand;
-use slipbound::port::{GripCommand, GripperState, Jaws};
+use slipbound::port::{DriverEvent, GripCommand, Gripper as _, GripperState, Jaws};
 use slipbound_rig::gripper::check_hold::{CheckHold, Step, Verdict};
 use slipbound_rig::gripper::{Device, Error, Request};
 use slipbound_rig::link::now_ns;
@@ -74,17 +74,16 @@ impl Gripper {
         let interrupted = interruption::listen()?;
         let mut device = Device::open(&self.address, self.config.as_deref()).map_err(opening_failed)?;
         let mut session = Session { device: &mut device, terminal: Terminal::plain(), interrupted: &interrupted };
-        let grip = |force_n, motion| Request::Grip(GripCommand { force_n, motion });
         match self.action {
             Action::Status => session.tell()?,
             Action::Home => session.carry_out(Request::Home, |_| true)?,
             Action::Acknowledge => session.carry_out(Request::Acknowledge, |state| state.jaws != Jaws::Stopped)?,
             Action::Open | Action::Release => {
-                session.carry_out(grip(0.0, Motion::Release), |state| state.jaws == Jaws::Open)?;
+                session.carry_out(Request::Grip(GripCommand::Release), |state| state.jaws == Jaws::Open)?;
             }
             Action::Grasp { force_n } => {
                 let is_settled = |state: &GripperState| !matches!(state.jaws, Jaws::Open | Jaws::Closing);
-                session.carry_out(grip(force_n, Motion::Go), is_settled)?;
+                session.carry_out(Request::Grip(GripCommand::Hold { force_n }), is_settled)?;
             }
             Action::CheckHold { low, high } => session.check_hold(low, high)?,
         }
@@ -110,9 +109,9 @@ impl Session<'_> {
     /// The state now; what is worth telling is told.
     fn look(&mut self) -> Result<GripperState, Failure> {
         let state = self.device.state();
-        while let Some(note) = self.device.next_note() {
-            if note != Note::Linked {
-                self.terminal.note(&note.to_string());
+        while let Some(event) = self.device.next_event() {
+            if event != DriverEvent::Linked {
+                self.terminal.note(&event.to_string());
             }
         }
         if self.interrupted.load(Ordering::Relaxed) {
@@ -126,9 +125,9 @@ impl Session<'_> {
         self.terminal.say(&in_words(&state))
     }
 
-    /// Gives an order and waits until it is done, the state is as wanted, and nothing moves any more.
-    fn carry_out(&mut self, order: Request, wanted: impl Fn(&GripperState) -> bool) -> Result<(), Failure> {
-        self.device.order(order).map_err(|error| Failure::Work(error.into()))?;
+    /// Gives a request and waits until it is done, the state is as wanted, and nothing moves any more.
+    fn carry_out(&mut self, request: Request, wanted: impl Fn(&GripperState) -> bool) -> Result<(), Failure> {
+        self.device.request(request).map_err(|error| Failure::Work(error.into()))?;
         let until_ns = now_ns() + MOST_S * 1_000_000_000;
         let (mut last, mut since_ns) = (self.look()?, now_ns());
         loop {
@@ -153,8 +152,10 @@ impl Session<'_> {
             let state = self.look()?;
             match trial.step(now_ns(), &state) {
                 Step::Command(command) => {
-                    self.terminal.say(&format!("{} N per finger ...", command.force_n))?;
-                    self.device.order(Request::Grip(command)).map_err(|error| Failure::Work(error.into()))?;
+                    if let Some(force_n) = command.force_n() {
+                        self.terminal.say(&format!("{force_n} N per finger ..."))?;
+                    }
+                    self.device.request(Request::Grip(command)).map_err(|error| Failure::Work(error.into()))?;
                 }
                 Step::Wait => thread::sleep(PAUSE),
                 Step::Done(Verdict::Held { least_n: None, .. }) => {

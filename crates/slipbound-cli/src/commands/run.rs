@@ -1,20 +1,25 @@
 //! `slipbound run` and `slipbound hold`: a task with a real gripper and wrist.
 
-use crate::chronicle::Chronicle;
-use crate::closed_loop::{ClosedLoop, Eye};
-use crate::fitting::fit;
 use crate::interruption;
-use crate::live;
 use crate::outcome::{Failure, Outcome};
-use anyhow::{Context, anyhow};
+use crate::run_output::{RunOutput, Tally};
+use anyhow::anyhow;
+use slipbound::control::ControlLoop;
+use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::Settings;
-use slipbound::sensor::Sensor;
-use slipbound::task::{Ending, Phase, TaskKind, TaskSettings};
+use slipbound::port::Gripper as _;
+use slipbound::task::{ControllerKind, Ending, Phase, TaskKind, TaskSettings};
+use slipbound_rig::gripper::clamp_to_gripper;
 use slipbound_rig::link::now_ns;
-use slipbound_rig::run::{Row, RunInfo};
-use slipbound_rig::{config, gripper, hand_file, sensors, source, wrist};
+use slipbound_rig::realtime::{self, MonitorWorkers};
+use slipbound_rig::run::{FingerInfo, Row, RunInfo};
+use slipbound_rig::source::Newest;
+use slipbound_rig::{config, gripper, sensors, source, wrist};
 use std::path::PathBuf;
+
+/// Frames of a recording that are read ahead, so that a slow disk does not delay a cycle.
+const READ_AHEAD_COUNT: usize = 8;
 
 /// What a hold without an end is given for its time, ns: eleven days.
 const WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
@@ -23,7 +28,7 @@ const WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
 #[derive(Debug, clap::Args)]
 pub struct Run {
     /// The task
-    #[arg(value_parser = ["screw", "unscrew", "place", "lift"])]
+    #[arg(value_parser = TaskKind::NAMES)]
     task: String,
     #[command(flatten)]
     hardware: Hardware,
@@ -61,8 +66,9 @@ struct Hardware {
     /// The sensor of every finger: a built-in name or a sensor file
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
-    /// Who holds: the paper's law ending on evidence, the paper to the letter, ours by slip margin, one force
-    #[arg(long, value_parser = ["on_slip", "paper", "margin", "constant"])]
+    /// The grip controller: the paper's law ending on evidence (on_slip), the paper to the letter, ours by slip margin,
+    /// one force
+    #[arg(long, value_parser = ControllerKind::NAMES)]
     controller: Option<String>,
     /// Settings of grip, controllers and tasks that replace the defaults
     #[arg(long, value_name = "FILE.toml")]
@@ -70,29 +76,20 @@ struct Hardware {
     /// Frames per second at which the recordings are played
     #[arg(long, value_name = "HZ", default_value_t = 30.0)]
     rate_hz: f64,
+    /// Keep every frame, so that `slipbound replay` can run the loop again
+    #[arg(long)]
+    record: bool,
     /// The folder of the run: new or empty [default: slipbound-run, or with the next free number]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
-}
-
-/// A finger before its loop.
-struct Finger {
-    name: String,
-    mounting: Mounting,
-    sensor: Sensor,
 }
 
 impl Run {
     /// Runs the task to its end.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let settings = self.hardware.task_settings()?;
-        let kind = match self.task.as_str() {
-            "screw" => TaskKind::Screw,
-            "unscrew" => TaskKind::Unscrew,
-            "place" => TaskKind::Place,
-            _ => TaskKind::Lift,
-        };
-        self.hardware.run(&self.task, kind, &settings, &self.wrist)
+        let task: TaskKind = self.task.parse().map_err(Failure::arguments)?;
+        self.hardware.run(task.name(), task, &settings, &self.wrist)
     }
 }
 
@@ -114,12 +111,12 @@ impl Hardware {
     fn task_settings(&self) -> Result<TaskSettings, Failure> {
         let mut settings = config::load_task_settings(self.settings.as_deref()).map_err(Failure::arguments)?;
         if let Some(name) = &self.controller {
-            settings.controller = super::demo::controller(name)?;
+            settings.controller = name.parse().map_err(Failure::arguments)?;
         }
         Ok(settings)
     }
 
-    fn run(&self, task: &str, kind: TaskKind, settings: &TaskSettings, wrist: &str) -> Result<Outcome, Failure> {
+    fn run(&self, name: &str, task: TaskKind, settings: &TaskSettings, wrist: &str) -> Result<Outcome, Failure> {
         if !(0.1..=1000.0).contains(&self.rate_hz) {
             return Err(Failure::Arguments(anyhow!("--rate-hz: expected 0.1 to 1000 Hz, got {}", self.rate_hz)));
         }
@@ -127,15 +124,24 @@ impl Hardware {
         let fingers = self.fingers()?;
         let driver =
             gripper::driver(&self.gripper, self.gripper_config.as_deref()).map_err(super::gripper::opening_failed)?;
-        let (settings, fitted) = fit(settings, kind, driver.config()).map_err(Failure::Arguments)?;
-        let mut around = self.around(&fingers, kind, &settings, &monitor)?;
+        let (settings, clamped) = clamp_to_gripper(settings, task, driver.config()).map_err(Failure::arguments)?;
+        let mut control = self.control(&fingers, task, &settings, &monitor)?;
         let folder = self.output.clone().unwrap_or_else(|| super::demo::next_free("slipbound-run"));
-        let sensors: Vec<Sensor> = fingers.iter().map(|finger| finger.sensor.clone()).collect();
-        let mut chronicle = Chronicle::create(&folder, &self.info(task, &settings, &monitor, &fingers)?, &sensors)?;
-        if let Some(fitted) = fitted {
-            chronicle.note(now_ns(), &fitted)?;
+        let info = RunInfo {
+            name: name.into(),
+            task,
+            source: self.sources.join(", "),
+            seed: 0,
+            task_settings: settings,
+            monitor_settings: monitor,
+            notes: [("gripper".to_owned(), self.gripper.clone().into())].into_iter().collect(),
+            fingers,
+        };
+        let mut output = RunOutput::create(&folder, &info, self.record)?;
+        if let Some(clamped) = clamped {
+            output.note(now_ns(), &clamped);
         }
-        let interrupted = interruption::listen()?;
+        let stop = interruption::listen()?;
         let mut gripper = gripper::Device::open(&self.gripper, self.gripper_config.as_deref())
             .map_err(super::gripper::opening_failed)?;
         let mut wrist = wrist::open(wrist).map_err(|error| match error {
@@ -143,9 +149,8 @@ impl Hardware {
             other => Failure::Work(other.into()),
         })?;
         let period_ns = (1e9 / self.rate_hz) as u64;
-        let from_ns = now_ns();
-        let mut due_ns = from_ns;
-        let is_due = || {
+        let mut due_ns = now_ns();
+        let mut is_due = || {
             let now_ns = now_ns();
             let is_due = now_ns >= due_ns;
             if is_due {
@@ -153,12 +158,12 @@ impl Hardware {
             }
             is_due
         };
-        let ran = live::run(&mut around, &mut gripper, wrist.as_mut(), &interrupted, is_due, |around, told| {
-            chronicle.turn(around, told, None)
-        });
-        let held = gripper.state().ok().and_then(|state| state.pressed_n());
+        let mut observer = (output.queued(self.record), Tally::default());
+        let ran = realtime::run(&mut control, &mut gripper, wrist.as_mut(), &stop, &mut is_due, &mut observer);
+        let held_n = gripper.poll().ok().and_then(|state| state.pressed_n());
         drop(gripper);
-        self.end(task == "hold", ran, held, chronicle)
+        let (queued, tally) = observer;
+        self.end(name == "hold", ran.map_err(Into::into), held_n, queued.finish(), tally)
     }
 
     /// Says how it went.
@@ -167,53 +172,51 @@ impl Hardware {
         is_hold: bool,
         ran: anyhow::Result<()>,
         held_n: Option<f64>,
-        mut chronicle: Chronicle,
+        mut output: RunOutput,
+        tally: Tally,
     ) -> Result<Outcome, Failure> {
         if let Err(e) = &ran {
-            chronicle.note(now_ns(), &format!("{e:#}"))?;
+            output.note(now_ns(), &format!("{e:#}"));
         }
-        let phase = chronicle.phase();
-        let measures = &mut chronicle.measures;
+        let Tally { mut score, phase, .. } = tally;
         if ran.is_ok() && is_hold && matches!(phase, Some(Phase::Working | Phase::Waiting)) {
-            measures.ending = Some(Ending::Held); // to the end of the source
+            score.ending = Some(Ending::Held); // to the end of the source
         }
-        let ending = measures.ending;
+        let ending = score.ending;
         let row = |name: &str, value: String| Row { name: name.into(), value, ..Row::default() };
         let rows = [
             row("ended", ending.map_or("not before the end of the source".into(), |ending| format!("{ending:?}"))),
-            row("alarms", measures.alarms_count.to_string()),
-            row("largest grip", format!("{:.0} N", measures.most_n)),
+            row("alarms", score.alarms_count.to_string()),
+            row("largest grip", format!("{:.0} N", score.most_n)),
             row("grip at the end", held_n.map_or("unknown".into(), |n| format!("{n:.1} N per finger"))),
         ];
-        let (mut terminal, page) = chronicle.finish(&rows)?;
-        terminal.say(&format!("report: {}", page.display()))?;
+        let outcome = output.finish(&rows, ending, |page| format!("report: {page}"))?;
         ran?;
         match ending {
             None if phase.is_none() => {
-                let expected = "expected ten bright frames of the open hand to begin with, got none in";
+                let expected = "expected bright frames of the open hand to begin with, got too few in";
                 Err(anyhow!("{expected} {}", self.sources.join(" and ")).into())
             }
             Some(ending) if !ending.is_success() => Err(anyhow!("{}", ending.evidence()).into()),
-            _ => Ok(Outcome::Done),
+            _ => Ok(outcome),
         }
     }
 
-    fn fingers(&self) -> Result<Vec<Finger>, Failure> {
-        let fingers: Vec<Finger> = match (&self.hand, &self.sensor) {
+    fn fingers(&self) -> Result<Vec<FingerInfo>, Failure> {
+        let fingers: Vec<FingerInfo> = match (&self.hand, &self.sensor) {
             (Some(hand), _) => {
-                let hand = hand_file::load(hand).map_err(Failure::arguments)?;
-                let finger = |f: hand_file::Finger| Finger { name: f.name, mounting: f.mounting, sensor: f.sensor };
+                let hand = config::hand::load(hand).map_err(Failure::arguments)?;
+                let finger = |f: config::hand::FingerConfig| FingerInfo { name: f.name, mounting: f.mounting, sensor: f.sensor };
                 hand.fingers.into_iter().map(finger).collect()
             }
             (None, Some(sensor)) => {
                 let sensor = sensors::load(sensor).map_err(Failure::arguments)?;
-                let sides = [(Side::Left, "left"), (Side::Right, "right")];
-                let finger = |(side, name): &(Side, &str)| Finger {
-                    name: (*name).into(),
-                    mounting: Mounting::on(*side),
+                let finger = |side: Side| FingerInfo {
+                    name: side.name().into(),
+                    mounting: Mounting::on(side),
                     sensor: sensor.clone(),
                 };
-                sides.iter().take(self.sources.len()).map(finger).collect()
+                [Side::Left, Side::Right].into_iter().map(finger).take(self.sources.len()).collect()
             }
             (None, None) => {
                 let names: Vec<&str> = sensors::names().collect();
@@ -230,41 +233,23 @@ impl Hardware {
         Ok(fingers)
     }
 
-    fn around(
+    fn control(
         &self,
-        fingers: &[Finger],
-        kind: TaskKind,
+        fingers: &[FingerInfo],
+        task: TaskKind,
         settings: &TaskSettings,
         monitor: &Settings,
-    ) -> Result<ClosedLoop, Failure> {
-        let mut eyes = Vec::new();
+    ) -> Result<ControlLoop, Failure> {
+        let mut pipelines = Vec::new();
         for (finger, uri) in fingers.iter().zip(&self.sources) {
             let source = source::open(uri).map_err(Failure::arguments)?;
-            eyes.push(Eye::new(&finger.name, finger.mounting, finger.sensor.clone(), monitor.clone(), source));
+            let source = Box::new(Newest::every_frame(source, READ_AHEAD_COUNT));
+            let FingerInfo { name, mounting, sensor } = finger;
+            pipelines.push(FingerPipeline::new(name, *mounting, sensor.clone(), monitor.clone(), source));
         }
         let stiffness = fingers.first().and_then(|finger| finger.sensor.shear_stiffness_mpa_per_mm());
-        let task = settings.task(kind, stiffness).map_err(Failure::arguments)?;
-        ClosedLoop::new(eyes, task).map_err(Failure::Arguments)
-    }
-
-    fn info(
-        &self,
-        task: &str,
-        settings: &TaskSettings,
-        monitor: &Settings,
-        fingers: &[Finger],
-    ) -> Result<RunInfo, Failure> {
-        let mut all = toml::Table::new();
-        all.insert("task".into(), toml::Table::try_from(settings).context("settings as TOML")?.into());
-        all.insert("monitor".into(), toml::Table::try_from(monitor).context("settings as TOML")?.into());
-        all.insert("gripper".into(), self.gripper.clone().into());
-        Ok(RunInfo {
-            task: task.into(),
-            controller: super::demo::name_of(settings.controller).into(),
-            source: self.sources.join(", "),
-            seed: 0,
-            settings: all,
-            fingers: fingers.iter().map(|finger| finger.name.clone()).collect(),
-        })
+        let task = settings.task(task, stiffness).map_err(Failure::arguments)?;
+        let control = ControlLoop::new(pipelines, task).map_err(Failure::arguments)?;
+        Ok(control.with_runner(Box::new(MonitorWorkers::new())))
     }
 }

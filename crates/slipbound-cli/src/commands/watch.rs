@@ -146,7 +146,7 @@ impl Watch {
             };
             outputs.write(frame, &report, monitor)?;
             summary.see(&report, frame, torn.as_deref());
-            if let Some(event) = events.see(&report) {
+            for event in events.see(&report) {
                 terminal.say(&summary.event(&event))?;
             }
             terminal.advance();

@@ -2,7 +2,7 @@
 
 use slipbound::plant::Plant;
 
-/// A rigid block, or nothing. It has a weight: once the fingers carry it, it falls when they press too little. Keeps
+/// A rigid block, or nothing. It has a weight: once the fingers carry it, it falls when they press too little. Records
 /// what was done to it.
 #[derive(Debug, Clone, Default)]
 pub struct Block {

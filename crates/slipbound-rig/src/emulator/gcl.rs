@@ -5,7 +5,7 @@ use super::firmware::Firmware;
 use super::jaws::EmulatedJaws;
 use super::weiss::{Settings, Task, Weiss};
 use crate::gripper::wsg50::words::status;
-use crate::link::Lines;
+use crate::link::{Lines, write_line};
 use slipbound::plant::Plant;
 
 /// The firmware.
@@ -27,7 +27,7 @@ impl Gcl {
         Gcl { weiss: Weiss::new(settings), lines: Lines::default() }
     }
 
-    fn tell_ended(&mut self, outgoing: &mut Vec<u8>) {
+    fn send_ended(&mut self, outgoing: &mut Vec<u8>) {
         for (task, code) in self.weiss.take_ended() {
             let name = match task {
                 Task::Home => "HOME",
@@ -36,22 +36,24 @@ impl Gcl {
                 Task::Release { .. } => "RELEASE",
             };
             match code {
-                status::OK => say(outgoing, &format!("FIN {name}")),
-                code => say(outgoing, &format!("ERR {name} {code}")),
+                status::OK => write_line(outgoing, &format!("FIN {name}")),
+                code => write_line(outgoing, &format!("ERR {name} {code}")),
             }
         }
     }
 
-    fn obey(&mut self, line: Option<&str>, outgoing: &mut Vec<u8>) {
-        let Some(line) = line else { return say(outgoing, &format!("ERR {}", status::FORMAT)) };
+    fn execute(&mut self, line: Option<&str>, outgoing: &mut Vec<u8>) {
+        let Some(line) = line else { return write_line(outgoing, &format!("ERR {}", status::FORMAT)) };
         match line {
             "" => return,
-            "POS?" => return say(outgoing, &format!("POS={:.2}", self.weiss.jaws.opening_mm())),
-            "FORCE?" => return say(outgoing, &format!("FORCE={:.2}", self.weiss.jaws.force_n())),
-            "GRIPSTATE?" => return say(outgoing, &format!("GRIPSTATE={}", self.weiss.grasp)),
+            "POS?" => return write_line(outgoing, &format!("POS={:.2}", self.weiss.jaws.opening_mm())),
+            "FORCE?" => return write_line(outgoing, &format!("FORCE={:.2}", self.weiss.jaws.force_n())),
+            "GRIPSTATE?" => return write_line(outgoing, &format!("GRIPSTATE={}", self.weiss.grasp)),
             _ => {}
         }
-        let Some((name, numbers)) = call(line) else { return say(outgoing, &format!("ERR {}", status::UNKNOWN)) };
+        let Some((name, numbers)) = call(line) else {
+            return write_line(outgoing, &format!("ERR {}", status::UNKNOWN));
+        };
         let code = match (name, numbers.as_slice()) {
             ("BYE", []) => {
                 self.weiss.bid_farewell();
@@ -74,10 +76,10 @@ impl Gcl {
             }
             _ => status::FORMAT,
         };
-        self.tell_ended(outgoing);
+        self.send_ended(outgoing);
         match code {
-            status::OK | status::PENDING => say(outgoing, &format!("ACK {name}")),
-            code => say(outgoing, &format!("ERR {name} {code}")),
+            status::OK | status::PENDING => write_line(outgoing, &format!("ACK {name}")),
+            code => write_line(outgoing, &format!("ERR {name} {code}")),
         }
     }
 
@@ -93,11 +95,6 @@ impl Gcl {
             code => code,
         }
     }
-}
-
-fn say(outgoing: &mut Vec<u8>, line: &str) {
-    outgoing.extend(line.as_bytes());
-    outgoing.push(b'\n');
 }
 
 /// A name and its numbers out of `NAME(1,2)`.
@@ -121,18 +118,18 @@ impl Firmware for Gcl {
 
     fn receive(&mut self, _now_ns: u64, bytes: &[u8], outgoing: &mut Vec<u8>) {
         let mut lines = std::mem::take(&mut self.lines);
-        lines.feed(bytes, |line| self.obey(line, outgoing));
+        lines.feed(bytes, |line| self.execute(line, outgoing));
         self.lines = lines;
     }
 
     fn tick(&mut self, now_ns: u64, plant: &mut dyn Plant, outgoing: &mut Vec<u8>) {
         self.weiss.advance_to(now_ns, plant);
-        self.tell_ended(outgoing);
+        self.send_ended(outgoing);
     }
 
     fn inject(&mut self, fault: Fault, outgoing: &mut Vec<u8>) -> bool {
         let is_injected = self.weiss.inject(fault);
-        self.tell_ended(outgoing);
+        self.send_ended(outgoing);
         is_injected
     }
 

@@ -13,10 +13,10 @@ use slipbound::port::{
 /// Time after which a lost link is made again, ns: as long as a driver at a socket waits.
 const RECONNECT_NS: u64 = 250_000_000;
 
-/// Exchanges at one moment after which two that never stop talking are interrupted.
+/// Most exchanges at one time: two that answer each other for ever are interrupted.
 const MOST_EXCHANGES: u32 = 10_000;
 
-/// A driver joined to an emulator. Whoever owns it tells the time with [`Joined::step`]; as a [`Gripper`] or a
+/// A driver joined to an emulator. Its owner tells the time with [`Joined::step`]; as a [`Gripper`] or a
 /// [`Wrist`] it is then used like one at a socket.
 pub struct Joined<D> {
     /// The driver.

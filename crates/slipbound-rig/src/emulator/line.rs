@@ -4,7 +4,7 @@ use super::fault::Fault;
 use super::firmware::Firmware;
 use super::jaws::EmulatedJaws;
 use crate::gripper::line::{VERSION, number_of};
-use crate::link::Lines;
+use crate::link::{Lines, write_line};
 use slipbound::plant::{JawSettings, Plant, WristDrive};
 use slipbound::port::{WristCommand, WristMotion, WristState};
 
@@ -50,18 +50,18 @@ impl Line {
         self.wrist.state()
     }
 
-    fn obey(&mut self, line: Option<&str>, outgoing: &mut Vec<u8>) {
+    fn execute(&mut self, line: Option<&str>, outgoing: &mut Vec<u8>) {
         let numbered = line.and_then(|line| line.split_once(' '));
         let Some((number, words)) = numbered.and_then(|(n, words)| Some((n.parse::<u64>().ok()?, words))) else {
-            return say(outgoing, "ERR 0 expected NUMBER WORD key value ...");
+            return write_line(outgoing, "ERR 0 expected NUMBER WORD key value ...");
         };
-        match self.act(words) {
-            Ok(()) => say(outgoing, &format!("ACK {number} {words}")),
-            Err(why) => say(outgoing, &format!("ERR {number} {why}")),
+        match self.run(words) {
+            Ok(()) => write_line(outgoing, &format!("ACK {number} {words}")),
+            Err(why) => write_line(outgoing, &format!("ERR {number} {why}")),
         }
     }
 
-    fn act(&mut self, words: &str) -> Result<(), String> {
+    fn run(&mut self, words: &str) -> Result<(), String> {
         let (word, rest) = words.split_once(' ').unwrap_or((words, ""));
         let value = |key: &str| number_of(rest, key).ok_or_else(|| format!("{word} needs {key} and a number"));
         let (least_n, most_n) = (self.jaws.settings().least_n, self.jaws.settings().most_n);
@@ -110,7 +110,7 @@ impl Line {
         self.jaws.move_to(opening_mm);
     }
 
-    fn tell_state(&self, outgoing: &mut Vec<u8>) {
+    fn send_state(&self, outgoing: &mut Vec<u8>) {
         let jaws = match self.target_n {
             _ if self.is_stopped => "stopped",
             None => "open",
@@ -121,23 +121,18 @@ impl Line {
         };
         let target = self.target_n.map_or_else(String::new, |target_n| format!(" target_n {target_n:.3}"));
         let (force_n, opening_mm) = (self.jaws.force_n(), self.jaws.opening_mm());
-        say(outgoing, &format!("GRIPPER jaws {jaws} force_n {force_n:.3}{target} opening_mm {opening_mm:.3}"));
+        write_line(outgoing, &format!("GRIPPER jaws {jaws} force_n {force_n:.3}{target} opening_mm {opening_mm:.3}"));
         let WristState { angle_rad, lowered_mm, moving, .. } = self.wrist.state();
         let moving = u8::from(moving);
-        say(outgoing, &format!("WRIST angle_rad {angle_rad:.6} lowered_mm {lowered_mm:.4} moving {moving}"));
+        write_line(outgoing, &format!("WRIST angle_rad {angle_rad:.6} lowered_mm {lowered_mm:.4} moving {moving}"));
     }
-}
-
-fn say(outgoing: &mut Vec<u8>, line: &str) {
-    outgoing.extend(line.as_bytes());
-    outgoing.push(b'\n');
 }
 
 impl Firmware for Line {
     fn connected(&mut self, now_ns: u64, outgoing: &mut Vec<u8>) {
         self.lines.clear();
         (self.is_connected, self.state_ns) = (true, now_ns);
-        say(outgoing, &format!("HELLO slipbound-line {VERSION}"));
+        write_line(outgoing, &format!("HELLO slipbound-line {VERSION}"));
     }
 
     fn disconnected(&mut self) {
@@ -147,7 +142,7 @@ impl Firmware for Line {
 
     fn receive(&mut self, _now_ns: u64, bytes: &[u8], outgoing: &mut Vec<u8>) {
         let mut lines = std::mem::take(&mut self.lines);
-        lines.feed(bytes, |line| self.obey(line, outgoing));
+        lines.feed(bytes, |line| self.execute(line, outgoing));
         self.lines = lines;
     }
 
@@ -159,7 +154,7 @@ impl Firmware for Line {
         plant.place_wrist(angle_rad, lowered_mm);
         if self.is_connected && now_ns >= self.state_ns {
             self.state_ns = now_ns + STATE_NS;
-            self.tell_state(outgoing);
+            self.send_state(outgoing);
         }
     }
 

@@ -5,7 +5,7 @@ use super::jaws::EmulatedJaws;
 use crate::gripper::wsg50::words::{grasp, status};
 use slipbound::plant::{JawSettings, Plant};
 
-/// What is set in the gripper's web page. The numbers are guesses: no page was seen.
+/// What is set in the gripper's web page. Unconfirmed: the numbers are not from a gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// The jaws.
@@ -102,7 +102,7 @@ impl Weiss {
         if self.settings.stops_on_disconnect && !self.is_farewell_said {
             self.stop_fast();
         }
-        self.ended.clear(); // nobody is there to be told
+        self.ended.clear(); // there is no link to report them on
     }
 
     /// A farewell ends whatever moves.

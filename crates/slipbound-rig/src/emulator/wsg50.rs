@@ -10,7 +10,7 @@ use crate::gripper::wsg50::frame::{self, Frame, Parser, number};
 use crate::gripper::wsg50::words::{flag, id, status};
 use slipbound::plant::Plant;
 
-/// What it tells by itself.
+/// A state that it sends by itself.
 #[derive(Debug, Clone, Copy)]
 struct Update {
     id: u8,
@@ -38,7 +38,7 @@ impl Wsg50 {
         Wsg50 { weiss: Weiss::new(settings), parser: Parser::default(), updates: Vec::new() }
     }
 
-    fn tell_ended(&mut self, outgoing: &mut Vec<u8>) {
+    fn send_ended(&mut self, outgoing: &mut Vec<u8>) {
         for (task, status) in self.weiss.take_ended() {
             let id = match task {
                 Task::Home => id::HOME,
@@ -50,7 +50,7 @@ impl Wsg50 {
         }
     }
 
-    fn obey(&mut self, now_ns: u64, frame: &Frame, outgoing: &mut Vec<u8>) {
+    fn execute(&mut self, now_ns: u64, frame: &Frame, outgoing: &mut Vec<u8>) {
         let payload = frame.payload();
         match frame.id {
             id::DISCONNECT => self.weiss.bid_farewell(),
@@ -59,7 +59,7 @@ impl Wsg50 {
             id::FAST_STOP => self.weiss.stop_fast(),
             _ => {}
         }
-        self.tell_ended(outgoing);
+        self.send_ended(outgoing);
         let status = match frame.id {
             id::DISCONNECT | id::STOP | id::FAST_STOP => status::OK,
             id::ACKNOWLEDGE if payload != b"ack" => status::FORMAT,
@@ -74,7 +74,7 @@ impl Wsg50 {
             }
             id::SYSTEM_STATE | id::GRASP_STATE | id::OPENING | id::SPEED | id::FORCE => {
                 self.subscribe(now_ns, frame.id, payload);
-                return self.tell(frame.id, outgoing);
+                return self.send_state(frame.id, outgoing);
             }
             id::HOME => self.weiss.begin(Task::Home),
             id::MOVE | id::GRASP | id::RELEASE => match task(frame.id, payload) {
@@ -95,7 +95,7 @@ impl Wsg50 {
         }
     }
 
-    fn tell(&self, id: u8, outgoing: &mut Vec<u8>) {
+    fn send_state(&self, id: u8, outgoing: &mut Vec<u8>) {
         let weiss = &self.weiss;
         match id {
             id::SYSTEM_STATE => {
@@ -146,26 +146,26 @@ impl Firmware for Wsg50 {
 
     fn receive(&mut self, now_ns: u64, bytes: &[u8], outgoing: &mut Vec<u8>) {
         let mut parser = std::mem::take(&mut self.parser);
-        parser.feed(bytes, |frame| self.obey(now_ns, &frame, outgoing));
+        parser.feed(bytes, |frame| self.execute(now_ns, &frame, outgoing));
         self.parser = parser;
     }
 
     fn tick(&mut self, now_ns: u64, plant: &mut dyn Plant, outgoing: &mut Vec<u8>) {
         self.weiss.advance_to(now_ns, plant);
-        self.tell_ended(outgoing);
+        self.send_ended(outgoing);
         for i in 0..self.updates.len() {
             let update = &mut self.updates[i];
             if now_ns >= update.due_ns {
                 update.due_ns = now_ns.max(update.due_ns + update.period_ns);
                 let id = update.id;
-                self.tell(id, outgoing);
+                self.send_state(id, outgoing);
             }
         }
     }
 
     fn inject(&mut self, fault: Fault, outgoing: &mut Vec<u8>) -> bool {
         let is_injected = self.weiss.inject(fault);
-        self.tell_ended(outgoing);
+        self.send_ended(outgoing);
         is_injected
     }
 

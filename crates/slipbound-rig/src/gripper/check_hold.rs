@@ -1,5 +1,5 @@
-//! Does this gripper hold on while its force is changed, and how does a new force reach the jaws? Nobody has published
-//! it for a WSG-50, so it is tried: up, down, up, down, with an object that may fall.
+//! Does this gripper hold on while its force is changed, and how does a new force reach the jaws? It is not
+//! published for a WSG-50, so this measures it: up, down, up, down, with an object that may fall.
 
 use slipbound::port::{GripCommand, GripperState, Jaws};
 
@@ -32,7 +32,7 @@ pub enum Step {
     Done(Verdict),
 }
 
-/// What came of it.
+/// The result.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
     /// It held on through every change.

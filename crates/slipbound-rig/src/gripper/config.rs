@@ -22,7 +22,7 @@ pub enum ForceIs {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Lowering {
-    /// It is refused: nobody has yet shown that this gripper holds on through the change.
+    /// It is refused: this gripper has not yet been shown to hold on through the change.
     Refuse,
     /// It is sent.
     Allow,
@@ -211,14 +211,14 @@ impl Config {
         force_n * self.own_per_finger()
     }
 
-    /// The gripper's own newtons per finger. None when they are no number or beyond twice what it can press with:
-    /// then it is no measurement.
+    /// The gripper's own newtons per finger. None when they are not a number or beyond twice what it can press with:
+    /// then they are no measurement.
     pub fn from_own_n(&self, own_n: f64) -> Option<f64> {
         let force_n = own_n / self.own_per_finger();
         (force_n.abs() <= 2.0 * self.most_n).then(|| force_n.max(0.0))
     }
 
-    /// The force brought inside its range; None when it is no number.
+    /// The force clamped to its range; None when it is not a number.
     pub fn admitted_n(&self, force_n: f64) -> Option<f64> {
         (!force_n.is_nan()).then(|| force_n.clamp(self.least_n, self.most_n))
     }

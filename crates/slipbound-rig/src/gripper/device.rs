@@ -18,6 +18,12 @@ const FIRST_STATE_NS: u64 = 2_000_000_000;
 /// Longest wait for the farewell to be sent, ns.
 const FAREWELL_NS: u64 = 100_000_000;
 
+/// Opens a gripper: connects, asks for its state, moves nothing. `config`: a TOML file of settings. Waits at most some
+/// seconds for the first sign of life; afterwards no call waits.
+pub fn open(address: &str, config: Option<&Path>) -> Result<Box<dyn Gripper + Send>, Error> {
+    Ok(Box::new(Device::open(address, config)?))
+}
+
 /// A gripper on a link. A lost link is made again; what is held stays held.
 pub struct Device {
     address: String,
@@ -95,7 +101,7 @@ impl Device {
         self.driver.permit_lowering(permitted);
     }
 
-    /// Gives up a link through which nothing comes, and says goodbye first: that may yet arrive.
+    /// Gives up a link through which nothing comes, after a farewell: that may yet arrive.
     fn give_up_silent_link(&mut self) {
         if !self.connection.reconnects() || !self.connection.is_up() {
             return;
@@ -129,7 +135,7 @@ impl Gripper for Device {
     }
 }
 
-/// Says goodbye, so that no fast stop latches. The gripper keeps its force.
+/// Sends a farewell, so that no fast stop latches. The gripper keeps its force.
 impl Drop for Device {
     fn drop(&mut self) {
         if self.connection.is_up() && self.driver.request(now_ns(), Request::Leave).is_ok() {

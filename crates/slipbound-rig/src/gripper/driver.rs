@@ -112,9 +112,9 @@ impl<P: Protocol> Endpoint for Driver<P> {
 
     fn tick(&mut self, now_ns: u64) {
         self.state.set_time(now_ns);
-        if self.state.is_linked() || !self.protocol.needs_link() {
+        if self.state.may_send() {
             self.protocol.tick(&mut self.state);
-            self.advance();
+            self.protocol.advance(&mut self.state);
         }
     }
 

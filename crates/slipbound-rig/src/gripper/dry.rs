@@ -5,7 +5,7 @@ use super::error::Error;
 use super::protocol::Protocol;
 use slipbound::port::{DriverEvent, GripCommand, Jaws};
 
-/// The protocol of a gripper that is not there.
+/// The protocol of no gripper.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Dry;
 

@@ -8,7 +8,7 @@ use std::io;
 /// it was. Every text names the address, what was expected and what was got.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The address is none of a gripper.
+    /// Not the address of a gripper.
     #[error(
         "{address}: expected wsg50://HOST:PORT, gcl://HOST:PORT, robotiq:///dev/..., robotiq://HOST:PORT, line://HOST:PORT or dry; {why}"
     )]
@@ -18,10 +18,10 @@ pub enum Error {
         /// What is wrong with it.
         why: String,
     },
-    /// The settings cannot be.
+    /// Settings that cannot be used.
     #[error(transparent)]
     Config(#[from] config::Error),
-    /// Nobody answers there.
+    /// Nothing answers there.
     #[error("{address}: expected a gripper, cannot connect: {source}")]
     Connect {
         /// Where.
@@ -29,7 +29,7 @@ pub enum Error {
         /// The system's reason.
         source: io::Error,
     },
-    /// The link is gone; it is being made anew.
+    /// The link is lost; it is being made again.
     #[error("{address}: the link is lost ({why}); the gripper keeps its force, reconnecting")]
     Lost {
         /// Where.
@@ -59,7 +59,7 @@ pub enum Error {
         /// Time allowed, ms.
         expected_ms: u64,
     },
-    /// The gripper said no.
+    /// The gripper refused.
     #[error("{address}: expected {command} to be done, got {got}")]
     Refused {
         /// Where.
@@ -69,7 +69,7 @@ pub enum Error {
         /// What it said.
         got: String,
     },
-    /// A force that is no number.
+    /// A force that is not a number.
     #[error("{address}: expected a force from {least_n} N to {most_n} N per finger, got {got_n}")]
     Force {
         /// Where.

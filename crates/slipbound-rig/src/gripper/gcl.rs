@@ -11,7 +11,7 @@ use super::error::Error;
 use super::goal::Goal;
 use super::protocol::Protocol;
 use super::wsg50::words::{LINK_CUT, grasp, status};
-use crate::link::{InFlight, Lines};
+use crate::link::{InFlight, Lines, write_line};
 use slipbound::port::{DriverEvent, GripCommand, Jaws};
 
 /// What is asked in turn.
@@ -65,8 +65,7 @@ pub struct Gcl {
 
 impl Gcl {
     fn send(&mut self, driver: &mut DriverState, message: Message, line: &str) {
-        driver.outgoing.extend(line.as_bytes());
-        driver.outgoing.push(b'\n');
+        write_line(&mut driver.outgoing, line);
         self.in_flight = Some(InFlight::new(driver.now_ns(), message));
     }
 
@@ -231,7 +230,7 @@ impl Gcl {
 
 impl Protocol for Gcl {
     fn linked(&mut self, driver: &mut DriverState) {
-        // What the gripper was last told to grip with, and that it has stopped itself, outlive a link.
+        // The force it was last commanded, and that it has stopped itself, outlive a link.
         let (gripped_n, is_stopped, is_regrip_refused) = (self.gripped_n, self.is_stopped, self.is_regrip_refused);
         *self = Gcl { gripped_n, is_stopped, is_regrip_refused, ..Gcl::default() };
         driver.gripper.jaws = Jaws::Unknown;

@@ -9,7 +9,7 @@ use super::driver_state::DriverState;
 use super::error::Error;
 use super::goal::Goal;
 use super::protocol::Protocol;
-use crate::link::{InFlight, Lines};
+use crate::link::{InFlight, Lines, write_line};
 use slipbound::port::{DriverEvent, GripCommand, Jaws};
 
 /// A command with its number.
@@ -36,7 +36,7 @@ pub struct LineGripper {
 impl LineGripper {
     fn send(&mut self, driver: &mut DriverState, words: &str) -> u64 {
         self.number += 1;
-        driver.outgoing.extend(format!("{} {words}\n", self.number).into_bytes());
+        write_line(&mut driver.outgoing, &format!("{} {words}", self.number));
         self.number
     }
 

@@ -14,13 +14,13 @@ pub trait Protocol: Send {
     /// Bytes have been received: split and merged anyhow, with errors.
     fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]);
 
-    /// Time has passed: deadlines and periodic requests.
+    /// Time has passed: deadlines and periodic requests. Not called while the link is down or after the farewell.
     fn tick(&mut self, driver: &mut DriverState);
 
     /// Sends the next message that is due, if one is.
     fn advance(&mut self, driver: &mut DriverState);
 
-    /// Whether enough is known of the gripper, and it may move: the error says what is missing.
+    /// Whether the gripper may be commanded: its state is known, it is homed and not stopped. The error says what is missing.
     fn check_ready(&self, driver: &DriverState) -> Result<(), Error>;
 
     /// Takes over a grip or release as the newest goal. The force, N per finger, has been admitted; the gripper is ready.
@@ -34,13 +34,13 @@ pub trait Protocol: Send {
         Err(Error::Unable { address: driver.address(), command: "acknowledge" })
     }
 
-    /// Says goodbye, where the protocol has a word for it.
+    /// Sends the farewell, where the protocol has one.
     fn leave(&mut self, _driver: &mut DriverState) {}
 
     /// Whether something asked for is still under way, or the first state is still awaited.
     fn is_busy(&self, driver: &DriverState) -> bool;
 
-    /// Whether it talks to anything at all.
+    /// Whether there is a link at all.
     fn needs_link(&self) -> bool {
         true
     }

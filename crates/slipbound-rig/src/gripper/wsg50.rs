@@ -181,7 +181,7 @@ impl Wsg50 {
         let follow_ms = match driver.config.force_change {
             ForceChange::Limit => return,
             ForceChange::Regrasp => 0,
-            // In small steps nobody sees it; they add up until somebody does.
+            // In small steps that cannot be seen; they add up until it can.
             ForceChange::Auto if (to_n - from_n).abs() < FOLLOWS_FROM_N => return,
             ForceChange::Auto => driver.config.follow_ms,
         };
@@ -296,7 +296,7 @@ impl Protocol for Wsg50 {
                     return Err(Error::Unset { address, command: "grasp", key, why });
                 }
             }
-            // A release that was refused is given again when it is asked for anew.
+            // A release that was refused is given again on the next request.
             GripCommand::Release if self.goal != Goal::Open && self.phase == Phase::Opened => self.phase = Phase::Idle,
             GripCommand::Release => {}
         }

@@ -12,7 +12,7 @@ use std::time::Duration;
 /// Time between two attempts to connect again, ns.
 const RECONNECT_NS: u64 = 250_000_000;
 
-/// Most reads of one call; with 4 kB each that is more than any gripper says in a second.
+/// Most reads of one call; with 4 kB each that is more than any gripper sends in a second.
 const MOST_READS: usize = 16;
 
 /// Time between two attempts to send what is left, in [`Connection::flush`].
@@ -79,7 +79,7 @@ impl Connection {
     }
 
     /// Sends all that is waiting, for at most this time. The one call here that waits: a device that is being closed
-    /// says goodbye with it.
+    /// sends its farewell with it.
     pub fn flush(&mut self, endpoint: &mut dyn Endpoint, longest_ns: u64) {
         let from_ns = clock::now_ns();
         while self.is_up() && !endpoint.outgoing().is_empty() && clock::now_ns() - from_ns < longest_ns {

@@ -45,7 +45,7 @@ impl LinkHealth {
         LinkHealth { state: State::Down { why: "not yet made".into() }, silence_ms, heard_ns: 0 }
     }
 
-    /// For a driver that talks to nothing: never down, never silent.
+    /// For a driver without a link: never down, never silent.
     pub fn not_needed() -> Self {
         LinkHealth { state: State::NotNeeded, silence_ms: 0, heard_ns: 0 }
     }

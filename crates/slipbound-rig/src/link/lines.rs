@@ -3,6 +3,12 @@
 /// Longest line taken for one, bytes.
 const LONGEST: usize = 256;
 
+/// Appends a line of text.
+pub(crate) fn write_line(into: &mut Vec<u8>, line: &str) {
+    into.extend(line.as_bytes());
+    into.push(b'\n');
+}
+
 /// Splits a stream into lines, however the bytes arrive. Keeps at most one line's worth.
 #[derive(Debug, Default)]
 pub(crate) struct Lines {

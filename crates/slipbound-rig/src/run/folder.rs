@@ -131,8 +131,9 @@ fn write_toml(path: PathBuf, text: Result<String, toml::ser::Error>) -> Result<(
 pub fn read(folder: &Path) -> Result<(toml::Table, Vec<Cycle>), Error> {
     let text = |path: &Path| fs::read_to_string(path).map_err(|source| Error::Read { path: path.to_owned(), source });
     let path = folder.join("run.toml");
-    let table: toml::Table =
-        text(&path)?.parse().map_err(|e: toml::de::Error| Error::Syntax { path: path.clone(), problem: e.to_string() })?;
+    let table: toml::Table = text(&path)?
+        .parse()
+        .map_err(|e: toml::de::Error| Error::Syntax { path: path.clone(), problem: e.to_string() })?;
     let version = table.get("format_version").and_then(toml::Value::as_integer);
     if version != Some(i64::from(FORMAT_VERSION)) {
         let got = version.map_or("none".into(), |version| version.to_string());

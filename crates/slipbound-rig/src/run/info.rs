@@ -1,6 +1,7 @@
 //! What a run is, said once, and the table of results.
 
 use serde::{Deserialize, Serialize};
+use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::Mounting;
 use slipbound::monitor::Settings;
 use slipbound::sensor::Sensor;
@@ -42,6 +43,11 @@ pub struct FingerInfo {
 }
 
 impl FingerInfo {
+    /// That of a finger of a loop.
+    pub fn of(finger: &FingerPipeline) -> Self {
+        FingerInfo { name: finger.name().into(), mounting: finger.mounting(), sensor: finger.sensor().clone() }
+    }
+
     /// The name of its sensor file in the folder.
     pub fn sensor_file(&self) -> String {
         format!("{}.sensor.toml", file_stem(&self.name))

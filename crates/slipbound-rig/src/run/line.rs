@@ -3,8 +3,8 @@
 //! JSON has no word for infinity or for what is not a number: `serde_json` writes null. A line with such a number
 //! gets one key more, `not_finite`, that says where they stand, so that a replay sees what the loop saw.
 
-use slipbound::control::Cycle;
 use serde::Serialize;
+use slipbound::control::Cycle;
 use std::collections::BTreeMap;
 use toml::Value;
 

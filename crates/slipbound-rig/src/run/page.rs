@@ -12,9 +12,9 @@
 //! It is well-formed XML as well as HTML, which is how the tests read it.
 
 mod panels;
+mod phases;
 pub(super) mod picture;
 mod plot;
-mod phases;
 mod strips;
 mod text;
 mod time_axis;

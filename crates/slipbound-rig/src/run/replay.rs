@@ -180,6 +180,7 @@ fn is_same(recorded: &Cycle, replayed: &Cycle) -> bool {
 }
 
 fn typed<T: DeserializeOwned>(path: &Path, key: &str, value: &toml::Value) -> Result<T, Error> {
-    let wrong = |e: toml::de::Error| Error::Syntax { path: path.to_owned(), problem: format!("{key}: {}", e.message()) };
+    let wrong =
+        |e: toml::de::Error| Error::Syntax { path: path.to_owned(), problem: format!("{key}: {}", e.message()) };
     value.clone().try_into().map_err(wrong)
 }

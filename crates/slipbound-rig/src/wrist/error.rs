@@ -7,13 +7,13 @@ use std::io;
 /// and the wrist pauses. Every text names the address, what was expected and what was got.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The address is none of a wrist.
+    /// Not the address of a wrist.
     #[error("{address}: expected line://HOST:PORT or dry")]
     Address {
         /// What was asked for.
         address: String,
     },
-    /// Nobody answers there.
+    /// Nothing answers there.
     #[error("{address}: expected a wrist, cannot connect: {source}")]
     Connect {
         /// Where.
@@ -21,7 +21,7 @@ pub enum Error {
         /// The system's reason.
         source: io::Error,
     },
-    /// The link is gone; it is being made anew.
+    /// The link is lost; it is being made again.
     #[error("{address}: the link is lost ({why}); the wrist pauses by itself, reconnecting")]
     Lost {
         /// Where.
@@ -41,7 +41,7 @@ pub enum Error {
         /// Silence so far, ms.
         got_ms: u64,
     },
-    /// A motion that cannot be: no number, a negative bound, or a life beyond what is allowed.
+    /// An impossible motion: not a number, a negative bound, or a time to live beyond what is allowed.
     #[error("{address}: expected {key} {expected}, got {got}")]
     Motion {
         /// Where.
@@ -61,7 +61,7 @@ pub enum Error {
         /// Time allowed, ms.
         expected_ms: u64,
     },
-    /// The wrist said no.
+    /// The wrist refused.
     #[error("{address}: expected `{expected}` to be taken over, got {got}")]
     Refused {
         /// Where.

@@ -2,7 +2,7 @@
 
 use super::error::Error;
 use crate::gripper::line::{Answer, VERSION, ask, number_of};
-use crate::link::{Endpoint, InFlight, Lines, LinkHealth, LinkProblem};
+use crate::link::{Endpoint, InFlight, Lines, LinkHealth, LinkProblem, write_line};
 use slipbound::port::{LONGEST_TIME_TO_LIVE_NS, WristCommand, WristMotion, WristState};
 
 /// Longest wait for an answer, ms.
@@ -91,7 +91,7 @@ impl LineWrist {
         Ok(())
     }
 
-    /// The newest state, or what is wrong; a refusal is told once.
+    /// The newest state, or what is wrong; a refusal is reported once.
     pub fn report(&mut self, now_ns: u64) -> Result<WristState, Error> {
         self.check_link(now_ns)?;
         if let Some(fault) = self.fault.take() {
@@ -115,7 +115,7 @@ impl LineWrist {
 
     fn send(&mut self, now_ns: u64, words: String) {
         self.number += 1;
-        self.outgoing.extend(format!("{} {words}\n", self.number).into_bytes());
+        write_line(&mut self.outgoing, &format!("{} {words}", self.number));
         self.in_flight = Some(InFlight::new(now_ns, Command { number: self.number, words }));
     }
 
@@ -145,7 +145,7 @@ impl LineWrist {
             Answer::Ack { number, words } => {
                 let Some(sent) = self.take_in_flight(number) else { return };
                 if sent.words != words {
-                    // It does something else than it was told: stop that.
+                    // It does something else than commanded: stop that.
                     self.raise_refused(&sent.words, format!("`{words}` taken over instead"));
                     self.send(now_ns, "PAUSE".into());
                 }

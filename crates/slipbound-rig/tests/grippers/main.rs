@@ -1,6 +1,7 @@
 //! Drivers against emulators: in lock-step through byte queues, then over real sockets and a pseudo-terminal.
 
 mod bench;
+mod driver;
 mod faults;
 mod gcl;
 mod line;

@@ -252,6 +252,32 @@ fn a_release_overtakes_a_grasp_under_way() {
 }
 
 #[test]
+fn a_grasp_overtakes_a_release_under_way() {
+    let mut bench = Bench::holding("wsg50", config("wsg50"), "", 20.0);
+    bench.release().expect("taken over");
+    bench.run(300);
+    bench.grip(20.0).expect("taken over");
+    bench.until(3000, |state| state.jaws == Jaws::Holding);
+    assert_eq!((sent(&bench, 0x26).len(), sent(&bench, 0x22).len(), sent(&bench, 0x25).len()), (1, 1, 2));
+    assert!(bench.state().is_ok(), "nothing was refused");
+}
+
+#[test]
+fn what_is_held_when_the_link_is_made_is_not_grasped_again() {
+    let mut bench = Bench::holding("wsg50", config("wsg50"), "", 20.0);
+    bench.request(Request::Leave).expect("taken over");
+    bench.run(20);
+    bench.cut("closed");
+    bench.sent = Some(Vec::new());
+    bench.connect();
+    bench.run(200);
+    bench.grip(30.0).expect("taken over");
+    bench.run(1000);
+    assert!((bench.plant.force_n - 30.0).abs() < 0.1, "{}", bench.plant.force_n);
+    assert_eq!((sent(&bench, 0x32).len(), sent(&bench, 0x25).len()), (1, 0));
+}
+
+#[test]
 fn silence_is_told_in_time_and_nothing_piles_up() {
     let mut bench = Bench::holding("wsg50", allowing(), "", 20.0);
     bench.is_delivering = false;
@@ -290,6 +316,42 @@ fn an_unanswered_limit_is_sent_three_times_and_then_told() {
     assert_eq!(sent_count, 3);
     assert_eq!(errors, [(903, "wsg50://hand: expected an answer to set force limit within 300 ms, got none".into())]);
     assert_eq!(driver.state(2000 * MS).expect("there").target_n, Some(20.0));
+}
+
+/// The end of the grasp is lost on the way, but the states that come say that it holds, and the force follows.
+#[test]
+fn where_the_end_of_a_grasp_is_lost_the_states_show_that_it_has_ended() {
+    let mut driver = Driver::new("wsg50://hand", allowing(), Wsg50::default());
+    let tell = |driver: &mut Driver<Wsg50>, ms: u64, id, rest: &[u8]| {
+        let mut bytes = Vec::new();
+        frame::write(&mut bytes, id, rest);
+        driver.receive(ms * MS, &bytes);
+    };
+    let sent = |driver: &mut Driver<Wsg50>| {
+        let mut ids = Vec::new();
+        Parser::default().feed(&std::mem::take(driver.outgoing()), |frame| ids.push(frame.id));
+        ids
+    };
+    let force = |force_n: f32| [&[0, 0], &force_n.to_le_bytes()[..]].concat();
+    let hold = |force_n| Request::Grip(GripCommand::Hold { force_n });
+    driver.linked(0);
+    tell(&mut driver, 1, 0x40, &[0, 0, 1, 0, 0, 0]);
+    tell(&mut driver, 1, 0x41, &[0, 0, 0]);
+    tell(&mut driver, 1, 0x33, &force(20.0));
+    assert_eq!(sent(&mut driver), [0x40, 0x41, 0x43, 0x45, 0x33]);
+    driver.request(2 * MS, hold(20.0)).expect("taken over");
+    assert_eq!(sent(&mut driver), [0x25]);
+    tell(&mut driver, 3, 0x25, &26u16.to_le_bytes()); // under way; its end never comes
+    assert!(driver.is_busy());
+    tell(&mut driver, 50, 0x41, &[0, 0, 4]);
+    tell(&mut driver, 50, 0x45, &force(20.0));
+    driver.request(60 * MS, hold(30.0)).expect("taken over");
+    assert_eq!(sent(&mut driver), [0x32]);
+    tell(&mut driver, 61, 0x32, &[0, 0]);
+    tell(&mut driver, 90, 0x45, &force(29.0));
+    assert!(!driver.is_busy(), "it holds, and the force has followed");
+    driver.request(100 * MS, Request::Grip(GripCommand::Release)).expect("taken over");
+    assert_eq!(sent(&mut driver), [0x26], "a release, no stop before it");
 }
 
 #[test]

@@ -60,7 +60,7 @@ pub struct Calibrate {
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum FlipArgument {
+pub(super) enum FlipArgument {
     None,
     Vertical,
     Horizontal,
@@ -68,13 +68,13 @@ enum FlipArgument {
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum SkinArgument {
+pub(super) enum SkinArgument {
     Smooth,
     Fabric,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum PolarityArgument {
+pub(super) enum PolarityArgument {
     Dark,
     Bright,
 }

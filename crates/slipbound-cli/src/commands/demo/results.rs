@@ -1,12 +1,12 @@
 //! What the report says of a simulated run.
 
-use crate::measures::{Measures, most_ground_n, succeeded};
 use slipbound::task::TaskSettings;
 use slipbound_lab::hand::HandScene;
+use slipbound_lab::score::{RunScore, most_ground_n};
 use slipbound_rig::run::Row;
 
 /// The table of results.
-pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &Measures) -> Vec<Row> {
+pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<Row> {
     let row = |name: &str, value: String, target: &str, ok: Option<bool>| Row {
         name: name.into(),
         value,
@@ -14,8 +14,7 @@ pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &Measures) -> Vec<R
         ok,
     };
     let mut rows = Vec::new();
-    let kind = crate::simulated::kind(scene).ok();
-    let right = kind.map(|kind| succeeded(kind, run));
+    let right = scene.task_name().parse().ok().map(|task| run.succeeded(task));
     let ending = run.ending.map_or("not before the end of the scene".into(), |ending| format!("{ending:?}"));
     rows.push(row("ended", ending, "", right));
     if let Some(fraction) = run.torque_fraction(scene.mu()) {

@@ -58,8 +58,8 @@ impl Summary {
     /// The line of an event.
     pub fn event(&mut self, event: &SlipEvent) -> String {
         match *event {
-            SlipEvent::Begins { seq, time_ns, kind, direction_rad } => {
-                self.slips_count += 1;
+            SlipEvent::Begins { slip, seq, time_ns, kind, direction_rad } => {
+                self.slips_count = u64::from(slip);
                 let how = match kind {
                     Some(SlipKind::Translation) => ", translation",
                     Some(SlipKind::Rotation) => ", rotation",
@@ -68,11 +68,11 @@ impl Summary {
                 };
                 let towards =
                     direction_rad.map_or_else(String::new, |d| format!(", towards {:.0} deg", d.to_degrees()));
-                format!("frame {seq}{}: slip begins{how}{towards}", at(time_ns))
+                format!("frame {seq}{}: slip {slip} begins{how}{towards}", at(time_ns))
             }
-            SlipEvent::Ends { seq, time_ns, frames_count } => {
+            SlipEvent::Ends { slip, seq, time_ns, frames_count } => {
                 let frames = counted(u64::from(frames_count), "frame");
-                format!("frame {seq}{}: slip ends; {frames} showed it", at(time_ns))
+                format!("frame {seq}{}: slip {slip} ends; {frames} showed it", at(time_ns))
             }
         }
     }

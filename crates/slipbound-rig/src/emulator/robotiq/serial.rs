@@ -21,7 +21,7 @@ impl Default for Serial {
 }
 
 impl Serial {
-    fn obey(&mut self, ask: Ask, outgoing: &mut Vec<u8>) {
+    fn execute(&mut self, ask: Ask, outgoing: &mut Vec<u8>) {
         match ask {
             Ask::Write(outputs) if self.gripper.set(outputs) => rtu::answer_write(outgoing),
             Ask::Write(_) => rtu::answer_refused(outgoing, 16, 3),
@@ -43,7 +43,7 @@ impl Firmware for Serial {
 
     fn receive(&mut self, _now_ns: u64, bytes: &[u8], outgoing: &mut Vec<u8>) {
         let mut parser = std::mem::take(&mut self.parser);
-        parser.feed_asks(bytes, |ask| self.obey(ask, outgoing));
+        parser.feed_asks(bytes, |ask| self.execute(ask, outgoing));
         self.parser = parser;
     }
 

@@ -22,7 +22,7 @@ impl Default for Socket {
 }
 
 impl Socket {
-    fn obey(&mut self, line: Option<&str>, outgoing: &mut Vec<u8>) {
+    fn execute(&mut self, line: Option<&str>, outgoing: &mut Vec<u8>) {
         let words: Vec<&str> = line.unwrap_or_default().split_whitespace().collect();
         match words.as_slice() {
             ["GET", name] => {
@@ -81,7 +81,7 @@ impl Firmware for Socket {
 
     fn receive(&mut self, _now_ns: u64, bytes: &[u8], outgoing: &mut Vec<u8>) {
         let mut lines = std::mem::take(&mut self.lines);
-        lines.feed(bytes, |line| self.obey(line, outgoing));
+        lines.feed(bytes, |line| self.execute(line, outgoing));
         self.lines = lines;
     }
 

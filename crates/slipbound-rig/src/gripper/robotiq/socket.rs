@@ -7,7 +7,7 @@ use super::status::Status;
 use crate::gripper::driver_state::DriverState;
 use crate::gripper::error::Error;
 use crate::gripper::protocol::Protocol;
-use crate::link::InFlight;
+use crate::link::{InFlight, write_line};
 use slipbound::port::{DriverEvent, GripCommand};
 
 /// What is asked in turn.
@@ -161,8 +161,7 @@ impl Protocol for Socket {
             (Message::Get(name), format!("GET {name}"))
         };
         self.buffer.clear();
-        driver.outgoing.extend(line.as_bytes());
-        driver.outgoing.push(b'\n');
+        write_line(&mut driver.outgoing, &line);
         self.in_flight = Some(InFlight::new(driver.now_ns(), message));
     }
 

@@ -1,4 +1,4 @@
-//! What a 2F-85 says of itself, whichever way it is asked, and its numbers in newtons and mm.
+//! The status of a 2F-85, on either interface, and its numbers in newtons and mm.
 
 use crate::gripper::config::{Config, read_table};
 use slipbound::port::Jaws;
@@ -23,7 +23,7 @@ pub(crate) mod object {
     pub const THERE: u8 = 3;
 }
 
-/// What it says of itself, whichever way it is asked.
+/// Its status, on either interface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Status {
     /// gSTA, 0 to 3.
@@ -58,7 +58,7 @@ impl Status {
         self.object == object::MOVING
     }
 
-    /// The fault in words; None for none, and for those that only ask for patience.
+    /// The fault in words; None for none, and for those that end by themselves.
     pub fn fault_in_words(&self) -> Option<String> {
         let words = match self.fault {
             0..=7 | 9 => return None,

@@ -2,7 +2,7 @@
 
 use super::words::id;
 
-/// What the jaws were last told to do, and how far that has come.
+/// What the jaws were last commanded, and how far that has come.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) enum Phase {
     /// Neither a grasp nor a release has been given since the link was made, a stop or an acknowledgement.

@@ -1,4 +1,4 @@
-//! What a WSG-50 tells of itself, and asking it to: its states come by themselves once subscribed.
+//! The states that a WSG-50 sends by itself once they are subscribed to.
 
 use super::frame::{self, number};
 use super::words::{flag, grasp, id, status};
@@ -14,7 +14,7 @@ const MOST_UNSENT_BYTES: usize = 1024;
 /// The states subscribed to.
 const STATES: [u8; 4] = [id::SYSTEM_STATE, id::GRASP_STATE, id::OPENING, id::FORCE];
 
-/// What the gripper has told since the link was made.
+/// What has been received since the link was made.
 #[derive(Debug, Default)]
 pub(super) struct Telemetry {
     /// The bits of its system state.

@@ -1,7 +1,6 @@
 //! One plot over time as inline SVG. Axes, lines and areas are kuva's; marks, phases and tooltips are put on top, in
 //! the same coordinates.
 
-use slipbound::control::Cycle;
 use super::panels::{Line, Panel, Stroke};
 use super::phases::{PHASE_BAND_PX, phase_band};
 use super::text::{Escaped, seconds};
@@ -11,6 +10,7 @@ use kuva::render::annotations::ReferenceLine;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 use kuva::render::theme::Theme;
+use slipbound::control::Cycle;
 use std::fmt;
 
 /// A number on a mark.

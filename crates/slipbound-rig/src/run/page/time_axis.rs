@@ -11,8 +11,8 @@ pub(super) const RIGHT_PX: f64 = 14.0;
 /// Time in the plots.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TimeAxis {
-    first_ns: u64,
-    last_ns: u64,
+    pub first_ns: u64,
+    pub last_ns: u64,
 }
 
 impl TimeAxis {

@@ -6,7 +6,8 @@
 //! pitch_px = 15.1           # keys given here replace the extended ones, tables key by key
 //! ```
 
-use crate::config::{Error, Layer, blame, nearest, typed};
+use super::error::Error;
+use super::layer::{Layer, blame, nearest, typed};
 use slipbound::sensor::Sensor;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};

@@ -17,8 +17,9 @@
 //! +y on the right; that is what is taken where `mounting` is left out. An image that is mirrored is set right by the
 //! flip of its sensor file, not here.
 
-use crate::config::{Error, Layer, typed};
-use crate::sensors;
+use super::error::Error;
+use super::layer::{Layer, typed};
+use super::sensors;
 use serde::Deserialize;
 use slipbound::hand::{FINGERS_MOST, Mounting, Side};
 use slipbound::sensor::Sensor;
@@ -27,16 +28,16 @@ use std::path::Path;
 
 /// A hand and its fingers, checked.
 #[derive(Debug, Clone)]
-pub struct Hand {
+pub struct HandConfig {
     /// What the hand is called.
     pub name: String,
     /// One to [`FINGERS_MOST`] fingers; names and serials differ.
-    pub fingers: Vec<Finger>,
+    pub fingers: Vec<FingerConfig>,
 }
 
 /// One finger of a hand.
 #[derive(Debug, Clone)]
-pub struct Finger {
+pub struct FingerConfig {
     /// What it is called in reports.
     pub name: String,
     /// Its serial number, which its sensor file must bear.
@@ -122,7 +123,7 @@ struct FingerFile {
 }
 
 /// Reads a hand file and the sensor files it names. The error names file, key, expected and got.
-pub fn load(path: &Path) -> Result<Hand, Error> {
+pub fn load(path: &Path) -> Result<HandConfig, Error> {
     let layer = Layer::read(path)?;
     let file: HandFile = typed(layer.table.clone(), std::slice::from_ref(&layer))?;
     let refuse = |key: String, expected: &str, got: String| {
@@ -132,7 +133,7 @@ pub fn load(path: &Path) -> Result<Hand, Error> {
     if !(1..=FINGERS_MOST).contains(&file.fingers.len()) {
         return refuse("fingers".into(), &format!("1 to {FINGERS_MOST} fingers"), file.fingers.len().to_string());
     }
-    let mut fingers: Vec<Finger> = Vec::new();
+    let mut fingers: Vec<FingerConfig> = Vec::new();
     for (i, f) in file.fingers.into_iter().enumerate() {
         let key = |name: &str| format!("fingers[{i}].{name}");
         if f.name.trim().is_empty() || fingers.iter().any(|other| other.name == f.name) {
@@ -160,9 +161,9 @@ pub fn load(path: &Path) -> Result<Hand, Error> {
             }
             _ => {}
         }
-        fingers.push(Finger { name: f.name, serial: f.serial, sensor, mounting });
+        fingers.push(FingerConfig { name: f.name, serial: f.serial, sensor, mounting });
     }
-    Ok(Hand { name: file.name, fingers })
+    Ok(HandConfig { name: file.name, fingers })
 }
 
 #[cfg(test)]
@@ -174,7 +175,7 @@ mod tests {
         [[fingers]]\nname = \"left\"\nserial = \"A\"\nside = \"left\"\nsensor = \"a.toml\"\nmounting = { x = \"+x\", y = \"-y\" }\n\
         [[fingers]]\nname = \"right\"\nserial = \"B\"\nside = \"right\"\nsensor = \"gelslim\"\nmounting = { x = \"+y\", y = \"-x\" }\n";
 
-    fn read(text: &str) -> Result<Hand, Error> {
+    fn read(text: &str) -> Result<HandConfig, Error> {
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::write(folder.path().join("a.toml"), "extends = \"gelslim\"\nserial = \"A\"\n").expect("writes");
         let path = folder.path().join("hand.toml");

@@ -3,8 +3,10 @@
 
 use anyhow::{Context, anyhow};
 use slipbound::plant::Plant;
+use slipbound::port::{Gripper, Wrist};
 use slipbound_lab::hand::{SimHand, SimPlant};
-use slipbound_rig::emulator::{self, Faults, Faulty, Joined, OnlyMoved};
+use slipbound_lab::lockstep::Actuators;
+use slipbound_rig::emulator::{self, Emulator, Faults, Joined, OnlyMoved};
 use slipbound_rig::gripper::{self, Driver};
 use slipbound_rig::wrist::LineWrist;
 use std::fmt;
@@ -13,14 +15,14 @@ use std::str::FromStr;
 /// Time between two looks of driver and emulator at each other, ns.
 const STEP_NS: u64 = 2_000_000;
 
-/// Which gripper, with its settings: `wsg50`, `robotiq?most_n=40`.
+/// Which gripper is emulated, with its settings: `wsg50`, `robotiq?most_n=40`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Through {
+pub struct EmulatedGripper {
     name: String,
     query: String,
 }
 
-impl FromStr for Through {
+impl FromStr for EmulatedGripper {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -29,18 +31,18 @@ impl FromStr for Through {
             let names = emulator::NAMES.join(", ");
             return Err(format!("expected one of {names}, with ?KEY=VALUE as wanted, got `{text}`"));
         }
-        Ok(Through { name: name.into(), query: query.into() })
+        Ok(EmulatedGripper { name: name.into(), query: query.into() })
     }
 }
 
-impl fmt::Display for Through {
+impl fmt::Display for EmulatedGripper {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.name)?;
         if self.query.is_empty() { Ok(()) } else { write!(f, "?{}", self.query) }
     }
 }
 
-impl Through {
+impl EmulatedGripper {
     /// The address of the gripper at a place, HOST:PORT; `width_mm` is that of the object, which a WSG-50 must be told.
     pub fn address(&self, place: &str, width_mm: f64) -> String {
         let scheme = if self.name == "robotiq-rtu" { "robotiq:///dev/" } else { &format!("{}://", self.name) };
@@ -52,24 +54,24 @@ impl Through {
     }
 
     /// The driver, not yet linked.
-    pub fn driver(&self, width_mm: f64) -> anyhow::Result<Box<dyn Driver>> {
+    pub fn driver(&self, width_mm: f64) -> anyhow::Result<Driver> {
         gripper::driver(&self.address("emulator:1", width_mm), None).map_err(|e| anyhow!(e))
     }
 
     /// The emulator, to which these faults happen.
-    pub fn emulator(&self, faults: &Faults) -> anyhow::Result<Faulty> {
+    pub fn emulator(&self, faults: &Faults) -> anyhow::Result<Emulator> {
         faulty(&self.name, faults)
     }
 }
 
 /// The emulator of a wrist, to which these faults happen.
-pub fn wrist_emulator(faults: &Faults) -> anyhow::Result<Faulty> {
+pub fn wrist_emulator(faults: &Faults) -> anyhow::Result<Emulator> {
     faulty("line", faults)
 }
 
-fn faulty(name: &str, faults: &Faults) -> anyhow::Result<Faulty> {
-    let inner = emulator::by_name(name).with_context(|| format!("no emulator is called {name}"))?;
-    Ok(Faulty::new(inner, faults.clone()))
+fn faulty(name: &str, faults: &Faults) -> anyhow::Result<Emulator> {
+    let emulator = emulator::by_name(name).with_context(|| format!("no emulator is called {name}"))?;
+    Ok(emulator.with_faults(faults.clone()))
 }
 
 /// What goes wrong with the emulators of gripper and wrist.
@@ -81,27 +83,30 @@ pub struct LinkFaults {
     pub wrist: Faults,
 }
 
-/// Drivers and emulators of gripper and wrist around a simulated world.
-pub struct Emulated {
-    /// The gripper.
-    pub gripper: Joined<Box<dyn Driver>>,
-    /// The wrist.
-    pub wrist: Joined<LineWrist>,
+/// Drivers and emulators of gripper and wrist around a simulated world, in lock-step.
+pub struct EmulatedActuators {
+    gripper: Joined<Driver>,
+    wrist: Joined<LineWrist>,
     plant: SimPlant,
 }
 
-impl Emulated {
+impl EmulatedActuators {
     /// Takes over the jaws and the wrist of a hand that holds something of this width, mm.
-    pub fn new(hand: &SimHand, width_mm: f64, through: &Through, faults: &LinkFaults) -> anyhow::Result<Self> {
+    pub fn new(hand: &SimHand, width_mm: f64, emulated: &EmulatedGripper, faults: &LinkFaults) -> anyhow::Result<Self> {
         let mut plant = hand.plant();
-        let gripper = Joined::new(through.driver(width_mm)?, through.emulator(&faults.gripper)?, &mut plant);
+        let gripper = Joined::new(emulated.driver(width_mm)?, emulated.emulator(&faults.gripper)?, &mut plant);
         let (driver, emulator) = (LineWrist::new("line://emulator:2"), wrist_emulator(&faults.wrist)?);
         let wrist = Joined::new(driver, emulator, &mut OnlyMoved(&mut plant));
-        Ok(Emulated { gripper, wrist, plant })
+        Ok(EmulatedActuators { gripper, wrist, plant })
+    }
+}
+
+impl Actuators for EmulatedActuators {
+    fn ports(&mut self) -> (&mut dyn Gripper, &mut dyn Wrist) {
+        (&mut self.gripper, &mut self.wrist)
     }
 
-    /// Lets time pass up to the hand's next frame.
-    pub fn advance_frame(&mut self, hand: &SimHand) {
+    fn advance_frame(&mut self, hand: &SimHand) {
         let frame = hand.frame();
         while hand.frame() == frame && hand.error().is_none() {
             let now_ns = self.gripper.now_ns() + STEP_NS;

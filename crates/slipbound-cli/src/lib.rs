@@ -1,0 +1,32 @@
+//! The command `slipbound` as a function, so that another program can be its face: `python -m slipbound`, say.
+
+mod args;
+mod commands;
+mod emulated;
+mod interruption;
+mod loopback;
+mod outcome;
+mod run_output;
+mod terminal;
+
+use clap::Parser;
+use outcome::{Failure, Outcome};
+use std::ffi::OsString;
+
+/// Does what the arguments ask, the first of which is the program's name, and answers with the exit code: 0 done, 1 failed
+/// on the way, 2 bad arguments, 3 finished, but data was lost. Help and usage errors are printed like everything else.
+pub fn run<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> u8 {
+    let args = match args::Args::try_parse_from(args) {
+        Ok(args) => args,
+        Err(help) => {
+            let _ = help.print(); // with the terminal gone nobody reads it
+            return u8::try_from(help.exit_code()).unwrap_or(2);
+        }
+    };
+    match commands::run(&args) {
+        Ok(Outcome::Done) | Err(Failure::ReaderLeft) => 0,
+        Ok(Outcome::DataLost) => 3,
+        Err(Failure::Work(e)) => terminal::complain(&e, 1),
+        Err(Failure::Arguments(e)) => terminal::complain(&e, 2),
+    }
+}

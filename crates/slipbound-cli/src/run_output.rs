@@ -1,0 +1,210 @@
+//! Where a run is written down and told: its folder, the terminal, and what adds up.
+
+use crate::outcome::{Failure, Outcome};
+use crate::terminal::Terminal;
+use slipbound::control::{Cycle, CycleObserver, CycleView};
+use slipbound::task::{Ending, Phase};
+use slipbound_lab::hand::HandTruth;
+use slipbound_lab::score::RunScore;
+use slipbound_rig::realtime::{Finished, QueuedObserver};
+use slipbound_rig::run::{Row, RunInfo, RunNotes, RunRecorder};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// Cycles that may wait for the disk or the terminal: four seconds at 30 Hz.
+const QUEUE_DEPTH_COUNT: usize = 128;
+
+/// Longest wait at the end for the disk, and for the terminal, to take what is queued.
+const LONGEST_DISK: Duration = Duration::from_secs(10);
+const LONGEST_TERMINAL: Duration = Duration::from_secs(1);
+
+/// A change of the commanded force that is told, N.
+const TOLD_STEP_N: f64 = 4.5;
+
+/// The folder of a run and the terminal.
+pub struct RunOutput {
+    recorder: Option<RunRecorder>,
+    console: Console,
+    /// Cycles lost on the way to the folder.
+    lost_count: u64,
+}
+
+impl RunOutput {
+    /// Begins a run in a folder that is new or empty.
+    pub fn create(folder: &Path, info: &RunInfo, keeps_frames: bool) -> Result<Self, Failure> {
+        let recorder = RunRecorder::create(folder, info, keeps_frames).map_err(Failure::arguments)?;
+        Ok(RunOutput { recorder: Some(recorder), console: Console::new(Terminal::with_status()), lost_count: 0 })
+    }
+
+    /// Something that no cycle shows.
+    pub fn note(&mut self, now_ns: u64, text: &str) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.note(now_ns, text);
+        }
+        self.console.tell(&format!("{}  {text}", at(now_ns)));
+    }
+
+    /// A line for the user alone.
+    pub fn say(&mut self, line: &str) -> Result<(), Failure> {
+        self.console.terminal.say(line)
+    }
+
+    /// Folder and terminal behind queues of their own, so that neither delays a cycle.
+    pub fn queued(self, keeps_frames: bool) -> QueuedOutput {
+        QueuedOutput {
+            recorder: self.recorder.map(|recorder| QueuedObserver::new(recorder, QUEUE_DEPTH_COUNT, keeps_frames)),
+            console: QueuedObserver::new(self.console, QUEUE_DEPTH_COUNT, false),
+        }
+    }
+
+    /// Says the results, writes the page, tells what was lost.
+    pub fn finish(
+        self,
+        rows: &[Row],
+        ending: Option<Ending>,
+        last_line: impl FnOnce(&str) -> String,
+    ) -> Result<Outcome, Failure> {
+        let RunOutput { recorder, console: Console { mut terminal, .. }, lost_count } = self;
+        terminal.clear_bar();
+        for row in rows {
+            terminal.say(&format!("  {:<28}{:<22}{}", row.name, row.value, row.target))?;
+        }
+        let mut lost = Vec::new();
+        if lost_count > 0 {
+            lost.push(format!("{lost_count} cycles were not written: the disk did not keep up"));
+        }
+        match recorder {
+            None => lost.push("report.html was not written: the disk did not answer".into()),
+            Some(recorder) => {
+                if let (count @ 1.., Some(first)) = recorder.failures() {
+                    lost.push(format!("{count} times something could not be written, the first: {first}"));
+                }
+                match recorder.finish(rows, ending) {
+                    Ok(page) => terminal.say(&last_line(&page.display().to_string()))?,
+                    Err(error) => lost.push(error.to_string()),
+                }
+            }
+        }
+        lost.iter().for_each(|line| terminal.note(line));
+        Ok(if lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
+    }
+}
+
+impl CycleObserver for RunOutput {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.after_cycle(view);
+        }
+        self.console.after_cycle(view);
+    }
+}
+
+/// A [`RunOutput`] whose parts are shown cycles on threads of their own.
+pub struct QueuedOutput {
+    recorder: Option<QueuedObserver<RunRecorder>>,
+    console: QueuedObserver<Console>,
+}
+
+impl QueuedOutput {
+    /// Waits for what is queued, but not for ever.
+    pub fn finish(self) -> RunOutput {
+        let recorder = self.recorder.map(|queue| queue.finish(LONGEST_DISK));
+        let (recorder, lost_count) =
+            recorder.map_or((None, 0), |Finished { observer, lost_count }| (observer, lost_count));
+        // A terminal that nobody reads loses nothing that is not in the folder.
+        let console = self.console.finish(LONGEST_TERMINAL).observer.unwrap_or_else(|| Console::new(Terminal::plain()));
+        RunOutput { recorder, console, lost_count }
+    }
+}
+
+impl CycleObserver for QueuedOutput {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.after_cycle(view);
+        }
+        self.console.after_cycle(view);
+    }
+}
+
+/// A line where something happened, the status otherwise.
+struct Console {
+    terminal: Terminal,
+    notes: RunNotes,
+    last: Option<Cycle>,
+}
+
+impl Console {
+    fn new(terminal: Terminal) -> Self {
+        Console { terminal, notes: RunNotes::default(), last: None }
+    }
+
+    fn tell(&mut self, line: &str) {
+        let _ = self.terminal.say(line); // a terminal that is gone does not end the run: everything is in the folder
+    }
+
+    fn tell_cycle(&mut self, cycle: &Cycle) {
+        let at = at(cycle.time_ns);
+        let before = self.last.as_ref();
+        let force_n = cycle.gripper.pressed_n().unwrap_or(0.0);
+        let mut lines = Vec::new();
+        if before.map_or(0, |last| last.slips_count) < cycle.slips_count {
+            lines.push(format!("{at}  slip {} at {force_n:.0} N", cycle.slips_count));
+        }
+        let commanded_n = before.and_then(|last| last.grip_command.force_n()).zip(cycle.grip_command.force_n());
+        if let Some((_, to_n)) = commanded_n.filter(|(from_n, to_n)| (from_n - to_n).abs() >= TOLD_STEP_N) {
+            lines.push(format!("{at}  grip to {to_n:.0} N"));
+        }
+        if let Phase::Ended(ending) = cycle.phase
+            && before.is_none_or(|last| last.phase != cycle.phase)
+        {
+            lines.push(format!("{at}  {}", ending.evidence()));
+        }
+        lines.iter().for_each(|line| self.tell(line));
+        let bar = "#".repeat((force_n / 2.0).round().clamp(0.0, 40.0) as usize);
+        let angle_deg = cycle.wrist.angle_rad.to_degrees();
+        self.terminal.status(&format!("{at}  {angle_deg:6.1} deg  {force_n:5.1} N {bar}"));
+        self.last = Some(*cycle);
+    }
+}
+
+impl CycleObserver for Console {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        for line in self.notes.see(view) {
+            self.tell(&format!("{}  {line}", at(view.now_ns)));
+        }
+        if let Some(cycle) = view.cycle() {
+            self.tell_cycle(&cycle);
+        }
+    }
+}
+
+/// Adds up the score of a run that is not in lock-step; `truth` is what is true at the moment, where that is known.
+#[derive(Default)]
+pub struct Tally {
+    /// What adds up.
+    pub score: RunScore,
+    /// What the task was doing last; None before the first command.
+    pub phase: Option<Phase>,
+    /// What is true, as the simulated world's thread says.
+    pub truth: Arc<Mutex<Option<HandTruth>>>,
+}
+
+impl CycleObserver for Tally {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        let truth = self.truth.lock().unwrap_or_else(PoisonError::into_inner);
+        match (view.cycle(), truth.as_ref()) {
+            (Some(cycle), truth) => {
+                self.phase = Some(cycle.phase);
+                let commanded_n = cycle.grip_command.force_n();
+                self.score.add_cycle(view.now_ns, cycle.phase, commanded_n, cycle.alarms_count, truth);
+            }
+            (None, Some(truth)) => self.score.add_truth(truth),
+            (None, None) => {}
+        }
+    }
+}
+
+fn at(now_ns: u64) -> String {
+    format!("{:6.2} s", now_ns as f64 * 1e-9)
+}

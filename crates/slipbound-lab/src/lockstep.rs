@@ -1,0 +1,192 @@
+//! The control loop around a simulated hand, in lock-step: a cycle, then 1/30 s of the world, as fast as the computer.
+//!
+//! ```text
+//!   SimHand cameras --> ControlLoop::cycle --> Actuators (the simulator's own, or drivers and emulators) --> SimHand
+//!                            '--> observer, with the truth filled in; RunScore
+//! ```
+
+use crate::faults::{CameraFault, CameraFaults};
+use crate::hand::{HandScene, SimGripper, SimHand, SimWrist};
+use crate::score::RunScore;
+use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome, CycleView};
+use slipbound::finger_pipeline::{FingerPipeline, MonitorRunner};
+use slipbound::hand::{Mounting, Side};
+use slipbound::monitor::Settings;
+use slipbound::plant::PlantTruth;
+use slipbound::port::{FrameSource, Gripper, Wrist};
+use slipbound::setting::SettingError;
+use slipbound::task::TaskSettings;
+
+/// Frames that the world goes on for after the loop was left: what is held then is held on, or is not, and that shows
+/// within two seconds.
+const FRAMES_AFTER_LEAVING_COUNT: u32 = 60;
+
+/// Cycles after the end of a task: half a second in which a hold that was none would show.
+const CYCLES_AFTER_END_COUNT: u32 = 15;
+
+/// Sides of the fingers 0 and 1.
+const SIDES: [Side; 2] = [Side::Left, Side::Right];
+
+/// Who presses and moves the simulated world.
+pub trait Actuators {
+    /// Gripper and wrist, as the loop commands them.
+    fn ports(&mut self) -> (&mut dyn Gripper, &mut dyn Wrist);
+
+    /// Lets time pass up to the hand's next frame.
+    fn advance_frame(&mut self, hand: &SimHand);
+}
+
+/// The simulator's own gripper and wrist, without any protocol between.
+struct Direct {
+    gripper: SimGripper,
+    wrist: SimWrist,
+}
+
+impl Actuators for Direct {
+    fn ports(&mut self) -> (&mut dyn Gripper, &mut dyn Wrist) {
+        (&mut self.gripper, &mut self.wrist)
+    }
+
+    fn advance_frame(&mut self, hand: &SimHand) {
+        hand.advance_frame();
+    }
+}
+
+/// Why a run in lock-step ended before its task.
+#[derive(Debug, thiserror::Error)]
+pub enum LockStepError {
+    /// The loop was left.
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    /// The simulated world cannot go on.
+    #[error("the simulated hand: {0}")]
+    World(#[from] SettingError),
+}
+
+/// A task in simulation, before or between two cycles.
+pub struct LockStep {
+    hand: SimHand,
+    control: ControlLoop,
+    actuators: Box<dyn Actuators>,
+    score: RunScore,
+}
+
+/// A finger of a simulated hand: its name is that of its side, its mounting too unless they are taken for each other.
+pub fn finger(
+    hand: &SimHand,
+    finger: usize,
+    monitor: &Settings,
+    fault: Option<CameraFault>,
+    source: Box<dyn FrameSource + Send>,
+) -> FingerPipeline {
+    let is_swapped = fault.is_some_and(|fault| fault.swaps_fingers());
+    let mounted = if is_swapped { SIDES[1 - finger] } else { SIDES[finger] };
+    let source = CameraFaults::new(source, fault.filter(|fault| fault.applies_to(finger)));
+    let sensor = hand.sensor(finger);
+    FingerPipeline::new(SIDES[finger].name(), Mounting::on(mounted), sensor, monitor.clone(), Box::new(source))
+}
+
+impl LockStep {
+    /// The hand of a scene with its task around it. Refuses what either cannot be.
+    pub fn new(
+        scene: &HandScene,
+        settings: &TaskSettings,
+        monitor: &Settings,
+        fault: Option<CameraFault>,
+    ) -> Result<Self, SettingError> {
+        let hand = SimHand::new(scene)?;
+        let fingers = (0..scene.fingers_count()).map(|i| finger(&hand, i, monitor, fault, Box::new(hand.camera(i))));
+        let task = settings.task(scene.task_name().parse()?, hand.sensor(0).shear_stiffness_mpa_per_mm())?;
+        let control = ControlLoop::new(fingers.collect(), task)?;
+        let actuators = Box::new(Direct { gripper: hand.gripper(), wrist: hand.wrist() });
+        Ok(LockStep { hand, control, actuators, score: RunScore::default() })
+    }
+
+    /// The same with gripper and wrist reached in another way: through drivers and emulators, say.
+    #[must_use]
+    pub fn with_actuators(self, actuators: Box<dyn Actuators>) -> Self {
+        LockStep { actuators, ..self }
+    }
+
+    /// The same with the monitors run by `runner`; the reports do not differ.
+    #[must_use]
+    pub fn with_runner(self, runner: Box<dyn MonitorRunner>) -> Self {
+        LockStep { control: self.control.with_runner(runner), ..self }
+    }
+
+    /// The hand.
+    pub fn hand(&self) -> &SimHand {
+        &self.hand
+    }
+
+    /// The loop around it.
+    pub fn control(&self) -> &ControlLoop {
+        &self.control
+    }
+
+    /// What adds up over the cycles so far.
+    pub fn score(&self) -> &RunScore {
+        &self.score
+    }
+
+    /// Runs cycles until the task has ended and half a second longer, or the scene has; `stop` ends it with
+    /// [`ControlError::Interrupted`], the wrist paused and the grip kept.
+    pub fn run(&mut self, stop: &dyn Fn() -> bool, observer: &mut dyn CycleObserver) -> Result<(), LockStepError> {
+        let mut after_count = 0;
+        loop {
+            let outcome = self.cycle(observer)?;
+            if outcome == CycleOutcome::SourceEnded {
+                return Ok(());
+            }
+            after_count += u32::from(outcome.has_ended());
+            if after_count > CYCLES_AFTER_END_COUNT {
+                return Ok(());
+            }
+            if stop() {
+                let (gripper, wrist) = self.actuators.ports();
+                self.control.leave(gripper, wrist);
+                self.advance_after_leaving();
+                return Err(ControlError::Interrupted.into());
+            }
+        }
+    }
+
+    /// One cycle of the loop, then 1/30 s of the world. The truth is of the time of the frames.
+    fn cycle(&mut self, observer: &mut dyn CycleObserver) -> Result<CycleOutcome, LockStepError> {
+        let (now_ns, truth) = (self.hand.now_ns(), self.hand.truth());
+        let mut observer = WithTruth { observer, truth: truth.record() };
+        let (gripper, wrist) = self.actuators.ports();
+        let outcome = self.control.cycle(now_ns, gripper, wrist, &mut observer);
+        match outcome.as_ref().ok().map(CycleOutcome::commanded) {
+            Some(Some(cycle)) => {
+                let commanded_n = cycle.grip_command.force_n();
+                self.score.add_cycle(now_ns, cycle.phase, commanded_n, cycle.alarms_count, Some(&truth));
+            }
+            _ => self.score.add_truth(&truth),
+        }
+        match outcome {
+            Ok(_) => self.actuators.advance_frame(&self.hand),
+            Err(_) => self.advance_after_leaving(),
+        }
+        match self.hand.error() {
+            Some(error) => Err(error.into()),
+            None => Ok(outcome?),
+        }
+    }
+
+    fn advance_after_leaving(&mut self) {
+        (0..FRAMES_AFTER_LEAVING_COUNT).for_each(|_| self.actuators.advance_frame(&self.hand));
+    }
+}
+
+/// Shows an observer what is true besides.
+struct WithTruth<'a> {
+    observer: &'a mut dyn CycleObserver,
+    truth: PlantTruth,
+}
+
+impl CycleObserver for WithTruth<'_> {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        self.observer.after_cycle(&CycleView { truth: Some(&self.truth), ..*view });
+    }
+}

@@ -1,0 +1,188 @@
+//! The tasks over friction, objects, seeds, controllers and fingers, on all cores, as a table.
+
+use crate::hand::HandScene;
+use crate::lockstep::{LockStep, LockStepError};
+use crate::score::RunScore;
+use slipbound::monitor::Settings;
+use slipbound::setting::SettingError;
+use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
+use std::sync::Mutex;
+use std::sync::PoisonError;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// What is varied: every combination is a cell of the table, every seed a run in it.
+#[derive(Debug, Clone)]
+pub struct TrialGrid {
+    /// Tasks.
+    pub tasks: Vec<TaskKind>,
+    /// Objects, or `task` for the one of the task.
+    pub objects: Vec<String>,
+    /// Friction coefficients, or `object`.
+    pub mu: Vec<String>,
+    /// Controllers.
+    pub controllers: Vec<ControllerKind>,
+    /// Fingers with a camera.
+    pub fingers: Vec<u8>,
+    /// The seeds.
+    pub seeds: std::ops::Range<u64>,
+    /// Other parameters of every scene, `KEY=VALUE` each.
+    pub parameters: Vec<String>,
+}
+
+/// A cell of the table: the same task and controller with several seeds.
+#[derive(Debug, Clone)]
+pub struct TrialCell {
+    /// Object and friction, as they were named.
+    names: [String; 2],
+    task: TaskKind,
+    controller: ControllerKind,
+    fingers: u8,
+    scenes: Vec<HandScene>,
+}
+
+/// A run that failed: its scene, and why.
+#[derive(Debug, thiserror::Error)]
+pub enum TrialError {
+    /// A run could not be begun or finished.
+    #[error("{scene}: {source}")]
+    Run {
+        /// The scene.
+        scene: String,
+        /// Why.
+        source: LockStepError,
+    },
+    /// Whoever asked for it did not want to go on.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl TrialGrid {
+    /// The cells, in the order in which they are varied. Refuses scenes that cannot be.
+    pub fn cells(&self) -> Result<Vec<TrialCell>, SettingError> {
+        let mut cells = Vec::new();
+        for &task in &self.tasks {
+            for object in &self.objects {
+                for mu in &self.mu {
+                    for &controller in &self.controllers {
+                        for &fingers in &self.fingers {
+                            let scene = |seed| {
+                                let mut text = format!("{task}?seed={seed}&fingers={fingers}&mu={mu}");
+                                if object != "task" {
+                                    text = format!("{text}&object={object}");
+                                }
+                                for parameter in &self.parameters {
+                                    text = format!("{text}&{parameter}");
+                                }
+                                HandScene::parse(&text)
+                            };
+                            let scenes = self.seeds.clone().map(scene).collect::<Result<_, _>>()?;
+                            let names = [object.clone(), mu.clone()];
+                            cells.push(TrialCell { names, task, controller, fingers, scenes });
+                        }
+                    }
+                }
+            }
+        }
+        Ok(cells)
+    }
+}
+
+impl TrialCell {
+    /// How many runs it has.
+    pub fn runs_count(&self) -> usize {
+        self.scenes.len()
+    }
+
+    /// The scene of each run, in the order of the seeds.
+    pub fn scenes(&self) -> &[HandScene] {
+        &self.scenes
+    }
+}
+
+/// Runs every scene of every cell on all cores; the scores by cell and seed. `progress` is called after each run.
+pub fn run(
+    cells: &[TrialCell],
+    settings: &TaskSettings,
+    stop: &(dyn Fn() -> bool + Sync),
+    progress: &(dyn Fn() + Sync),
+) -> Result<Vec<Vec<RunScore>>, TrialError> {
+    let jobs: Vec<(usize, usize)> =
+        cells.iter().enumerate().flat_map(|(c, cell)| (0..cell.scenes.len()).map(move |s| (c, s))).collect();
+    let next = AtomicUsize::new(0);
+    let results: Mutex<Vec<Option<Result<RunScore, LockStepError>>>> = Mutex::new(jobs.iter().map(|_| None).collect());
+    let cores_count = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..cores_count {
+            scope.spawn(|| {
+                while !stop() {
+                    let job = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(&(c, s)) = jobs.get(job) else { return };
+                    let settings = TaskSettings { controller: cells[c].controller, ..*settings };
+                    let result = score(&cells[c].scenes[s], &settings, stop);
+                    results.lock().unwrap_or_else(PoisonError::into_inner)[job] = Some(result);
+                    progress();
+                }
+            });
+        }
+    });
+    let mut scores: Vec<Vec<RunScore>> = cells.iter().map(|_| Vec::new()).collect();
+    for (&(c, s), result) in jobs.iter().zip(results.into_inner().unwrap_or_else(PoisonError::into_inner)) {
+        match result {
+            Some(Ok(score)) => scores[c].push(score),
+            Some(Err(source)) => return Err(TrialError::Run { scene: cells[c].scenes[s].to_string(), source }),
+            None => return Err(TrialError::Interrupted),
+        }
+    }
+    Ok(scores)
+}
+
+/// One run without pictures or folder.
+fn score(scene: &HandScene, settings: &TaskSettings, stop: &dyn Fn() -> bool) -> Result<RunScore, LockStepError> {
+    let mut lockstep = LockStep::new(scene, settings, &Settings::default(), None)?;
+    lockstep.run(stop, &mut ())?;
+    Ok(lockstep.score().clone())
+}
+
+/// The head of the table, in Markdown.
+pub const TABLE_HEAD: [&str; 2] = [
+    "| task | object | mu | controller | fingers | ended as it should | torque, worst | slid, mean / worst mm | over-squeeze | time s | alarms | most N |",
+    "|---|---|---|---|---|---|---|---|---|---|---|---|",
+];
+
+/// The row of a cell, in Markdown.
+pub fn row(cell: &TrialCell, runs: &[RunScore]) -> String {
+    let count = runs.len();
+    let right = runs.iter().filter(|run| run.succeeded(cell.task)).count();
+    let mean = |of: &dyn Fn(&RunScore) -> f64| runs.iter().map(of).sum::<f64>() / count as f64;
+    let worst = |of: &dyn Fn(&RunScore) -> f64| runs.iter().map(of).fold(0.0, f64::max);
+    let fractions = runs.iter().zip(&cell.scenes).filter_map(|(run, scene)| run.torque_fraction(scene.mu()));
+    let torque = fractions.reduce(f64::min).map_or("-".into(), |t| format!("{:.1} %", 100.0 * t));
+    let squeezes: Vec<f64> = runs.iter().filter_map(RunScore::over_squeeze_ratio).collect();
+    let squeeze = squeezes.iter().sum::<f64>() / squeezes.len() as f64;
+    let TrialCell { names: [object, mu], task, controller, fingers, .. } = cell;
+    format!(
+        "| {task} | {object} | {mu} | {controller} | {fingers} | {right} of {count} | {torque} | {:.2} / {:.2} | {squeeze:.2} | {:.1} | {:.1} | {:.0} |",
+        mean(&|run| run.last.slid_mm),
+        worst(&|run| run.last.slid_mm),
+        mean(&|run| run.ended_s.unwrap_or(run.time_s)),
+        mean(&|run| f64::from(run.alarms_count)),
+        worst(&|run| run.most_n),
+    )
+}
+
+/// One run in a line.
+pub fn line(run: &RunScore) -> String {
+    format!(
+        "{:?} at {:?} s, slid {:.2} mm, gross steps {}, alarms {}, first at {:.2?} of the friction, least held {:.1?} N, most {:.0} N, strain {:.2}, border {}",
+        run.ending,
+        run.ended_s,
+        run.last.slid_mm,
+        run.last.gross_steps_count,
+        run.alarms_count,
+        run.first_alarm_used_fraction(),
+        run.least_held_n,
+        run.most_n,
+        run.last.largest_strain_fraction,
+        run.last.at_border,
+    )
+}

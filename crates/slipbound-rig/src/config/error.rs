@@ -1,0 +1,101 @@
+//! What can be wrong with a file that a person wrote.
+
+use slipbound::setting::SettingError;
+use std::io;
+use std::path::PathBuf;
+
+/// A settings or sensor file that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The operating system refused.
+    #[error("{}: cannot read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Its reason.
+        source: io::Error,
+    },
+    /// It is not TOML; the message shows the place.
+    #[error("{file}: {message}")]
+    Syntax {
+        /// The file.
+        file: String,
+        /// Line, column and what is wrong.
+        message: String,
+    },
+    /// An unknown key.
+    #[error("{file}: unknown key `{key}`; {}", known(nearest.as_deref(), expected))]
+    UnknownKey {
+        /// The file.
+        file: String,
+        /// The key, dotted.
+        key: String,
+        /// The known key most like it, if one is.
+        nearest: Option<String>,
+        /// All keys that may stand there.
+        expected: Vec<String>,
+    },
+    /// A value of the wrong type, or a key that is missing.
+    #[error("{file}: {key}: {problem}")]
+    Value {
+        /// The file.
+        file: String,
+        /// The key, dotted.
+        key: String,
+        /// What was expected and got.
+        problem: String,
+    },
+    /// A value out of range.
+    #[error("{file}: {source}")]
+    OutOfRange {
+        /// The file.
+        file: String,
+        /// Key, expected, got.
+        source: SettingError,
+    },
+    /// It is not text at all.
+    #[error("{file}: expected TOML, got bytes that are no text")]
+    NotText {
+        /// The file.
+        file: String,
+    },
+    /// The sensor that a file extends cannot be used.
+    #[error("{file}: extends: {source}")]
+    Extends {
+        /// The file that extends it.
+        file: String,
+        /// What is wrong with it.
+        source: Box<Error>,
+    },
+    /// A word that is neither `paper` nor the name of a file.
+    #[error("no settings are called `{name}`: expected `paper` or FILE.toml, and there is no such file")]
+    UnknownSettings {
+        /// The word.
+        name: String,
+    },
+    /// A name that is neither a built-in finger nor a file.
+    #[error("no built-in sensor is called `{name}`: expected FILE.toml or a built-in name; {}", known(nearest.as_deref(), names))]
+    UnknownSensor {
+        /// The name asked for.
+        name: String,
+        /// The built-in name most like it, if one is.
+        nearest: Option<String>,
+        /// The names there are.
+        names: Vec<String>,
+    },
+    /// A sensor file that extends itself by way of others.
+    #[error("{file}: extends: expected a sensor that does not lead back here, got `{extends}`")]
+    Circle {
+        /// The file.
+        file: String,
+        /// What it extends.
+        extends: String,
+    },
+}
+
+fn known(nearest: Option<&str>, all: &[String]) -> String {
+    match nearest {
+        Some(nearest) => format!("did you mean `{nearest}`?"),
+        None => format!("expected one of {}", all.join(", ")),
+    }
+}

@@ -1,0 +1,110 @@
+//! One TOML file, and a typed value from several of them: a mistake is reported with the file, the key, what was
+//! expected and what is there.
+
+use super::error::Error;
+use serde::de::DeserializeOwned;
+use std::fs;
+use std::io;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// One file, parsed.
+#[derive(Debug, Clone)]
+pub(crate) struct Layer {
+    pub file: String,
+    pub table: Table,
+}
+
+impl Layer {
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let text = fs::read_to_string(path).map_err(|source| match source.kind() {
+            io::ErrorKind::InvalidData => Error::NotText { file: path.display().to_string() },
+            _ => Error::Read { path: path.to_owned(), source },
+        })?;
+        Layer::parse(path.display().to_string(), &text)
+    }
+
+    pub fn parse(file: String, text: &str) -> Result<Self, Error> {
+        match text.parse() {
+            Ok(table) => Ok(Layer { file, table }),
+            Err(e) => Err(Error::Syntax { file, message: e.to_string().trim_end().to_owned() }),
+        }
+    }
+}
+
+/// A typed value from merged layers; the first layer that holds the key is the one to blame.
+pub(crate) fn typed<T: DeserializeOwned>(merged: Table, layers: &[Layer]) -> Result<T, Error> {
+    serde_path_to_error::deserialize(Value::Table(merged)).map_err(|e| {
+        let path = e.path().to_string();
+        let problem = in_words(&e.inner().to_string());
+        let mut quoted = problem.split('`').skip(1).step_by(2).map(str::to_owned);
+        if problem.starts_with("unknown field") {
+            let unknown = quoted.next().unwrap_or_default();
+            let expected: Vec<String> = quoted.collect();
+            let key = match path.as_str() {
+                "." => unknown.clone(),
+                _ if path == unknown || path.ends_with(&format!(".{unknown}")) => path,
+                _ => format!("{path}.{unknown}"),
+            };
+            let nearest = nearest(&unknown, &expected);
+            return Error::UnknownKey { file: blame(layers, &key), key, nearest, expected };
+        }
+        let key = match (problem.strip_prefix("missing field"), path.as_str()) {
+            (Some(_), ".") => quoted.next().unwrap_or_default(),
+            _ => path,
+        };
+        Error::Value { file: blame(layers, &key), key, problem }
+    })
+}
+
+/// What the parser says, without its second line (the key, which we name ourselves) and without Rust's names of types.
+fn in_words(problem: &str) -> String {
+    let first = problem.lines().next().unwrap_or_default();
+    let Some((said, kind)) = first.rsplit_once("expected ") else {
+        return first.to_owned();
+    };
+    match kind {
+        "f64" => format!("{said}expected a number"),
+        "u8" | "u32" | "u64" | "usize" => format!("{said}expected a whole number, not below 0"),
+        _ => first.to_owned(),
+    }
+}
+
+/// The file that holds a key; the first when none does.
+pub(crate) fn blame(layers: &[Layer], key: &str) -> String {
+    let first = key.split(['.', '[']).next().unwrap_or(key);
+    let holds = |layer: &&Layer| layer.table.contains_key(first);
+    layers.iter().find(holds).or(layers.first()).map_or_else(String::new, |l| l.file.clone())
+}
+
+/// The candidate that is fewest edits away, if those are at most half of the word.
+pub(crate) fn nearest(word: &str, candidates: &[String]) -> Option<String> {
+    let best = candidates.iter().min_by_key(|c| edits(word, c))?;
+    (2 * edits(word, best) <= word.chars().count()).then(|| best.clone())
+}
+
+/// Insertions, deletions and replacements that turn one word into the other.
+fn edits(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, sign) in a.chars().enumerate() {
+        let mut before = std::mem::replace(&mut row[0], i + 1);
+        for j in 0..b.len() {
+            let replaced = before + usize::from(b[j] != sign);
+            before = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(before + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edits_are_counted() {
+        assert_eq!((edits("", "abc"), edits("pitch", "pich"), edits("abc", "abc"), edits("ab", "ba")), (3, 1, 0, 2));
+        assert_eq!(nearest("zzz", &["pitch_px".into()]), None);
+    }
+}

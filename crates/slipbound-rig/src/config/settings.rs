@@ -1,0 +1,88 @@
+//! Settings of the method and of a task.
+
+use super::error::Error;
+use super::layer::{Layer, typed};
+use slipbound::monitor::Settings;
+use slipbound::task::TaskSettings;
+use std::path::Path;
+
+/// The settings for a `--settings` argument: `paper`, or a TOML file whose keys replace the defaults.
+pub fn load_settings(name_or_file: &str) -> Result<Settings, Error> {
+    if name_or_file == "paper" {
+        return Ok(Settings::paper());
+    }
+    let path = Path::new(name_or_file);
+    if path.extension().is_none() && !path.exists() {
+        return Err(Error::UnknownSettings { name: name_or_file.into() });
+    }
+    let layer = Layer::read(path)?;
+    let settings: Settings = typed(layer.table.clone(), std::slice::from_ref(&layer))?;
+    settings.check().map_err(|source| Error::OutOfRange { file: layer.file, source })?;
+    Ok(settings)
+}
+
+/// Everything a task is run with: the defaults, or those with the keys of a TOML file over them.
+pub fn load_task_settings(file: Option<&Path>) -> Result<TaskSettings, Error> {
+    let Some(path) = file else { return Ok(TaskSettings::default()) };
+    let layer = Layer::read(path)?;
+    let settings: TaskSettings = typed(layer.table.clone(), std::slice::from_ref(&layer))?;
+    settings.check().map_err(|source| Error::OutOfRange { file: layer.file, source })?;
+    Ok(settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn settings(text: &str) -> Result<Settings, Error> {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("mine.toml");
+        fs::write(&path, text).expect("writes");
+        load_settings(path.to_str().expect("UTF-8"))
+    }
+
+    #[test]
+    fn keys_given_replace_the_defaults() {
+        let got = settings("[rest]\nwindow_count = 7\n").expect("valid");
+        assert_eq!(got.rest.window_count, 7);
+        assert_eq!(got.slip, Settings::default().slip);
+        assert_eq!(load_settings("paper").expect("built in"), Settings::paper());
+    }
+
+    #[test]
+    fn mistakes_name_file_key_expected_and_got() {
+        for (text, parts) in [
+            ("[rest]\nwindow_cuont = 7\n", ["mine.toml", "`rest.window_cuont`", "did you mean `window_count`?"]),
+            ("[rset]\n", ["mine.toml", "`rset`", "did you mean `rest`?"]),
+            ("[banana]\n", ["mine.toml", "`banana`", "expected one of rest, imprint"]),
+            (
+                "[rest]\nwindow_count = \"many\"\n",
+                ["mine.toml: rest.window_count", "\"many\"", "expected a whole number"],
+            ),
+            ("[rest]\nwindow_count = -7\n", ["mine.toml: rest.window_count", "-7", "expected a whole number"]),
+            ("[rest]\nwindow_count = 0\n", ["mine.toml: rest.window_count", "a number from 1", "got 0"]),
+            ("[rest\n", ["mine.toml", "line 1", "]"]),
+        ] {
+            let message = settings(text).expect_err("refused").to_string();
+            for part in parts {
+                assert!(message.contains(part), "`{message}` lacks `{part}`");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_settings_file_is_told_apart() {
+        let message = load_settings("papr").expect_err("refused").to_string();
+        assert!(message.contains("`papr`") && message.contains("expected `paper` or FILE.toml"), "{message}");
+        let message = load_settings("papr.toml").expect_err("refused").to_string();
+        assert!(message.starts_with("papr.toml: cannot read"), "{message}");
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("picture.toml");
+        fs::write(&path, b"\xFF\xD8").expect("writes");
+        let message = load_settings(path.to_str().expect("UTF-8")).expect_err("refused").to_string();
+        assert!(message.ends_with("picture.toml: expected TOML, got bytes that are no text"), "{message}");
+        let message = settings("[rest]\nwindow_count = 2.5\n").expect_err("refused").to_string();
+        assert!(message.contains("2.5") && message.lines().count() == 1, "{message}");
+    }
+}
