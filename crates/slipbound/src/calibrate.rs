@@ -35,7 +35,7 @@ use crate::pixels::grey::{GreyWeights, grey_from_rgb};
 use crate::pixels::mean::FrameMean;
 use crate::sensor::Sensor;
 use fit::{median, rms};
-use grid::{Dot, Grid};
+use grid::{Dot, Grid, OFF_GRID_PITCH};
 
 /// Frames looked at to find the finger at rest, at most.
 pub const FRAMES_MOST: usize = 20;
@@ -128,7 +128,6 @@ fn from_mean(frames: &[Frame<'_>], known: &KnownFacts) -> Result<Calibration, Ca
     let (rectified, table) = grid.rectified(&weighted, size);
     sensor.defects_px = defects::find(&rectified, &table, &grid);
     sensor.bare_sharpness = facts::bare_sharpness(&sensor, &frames[0], &mean_rgb);
-    let residuals = grid.residuals_pitch();
     let straight = fit::fit(&grid.pairs(), 0, grid.pitch_px);
     let straight = straight.map_or(vec![], |m| grid.pairs().iter().map(|p| m.residual_px(p) / grid.pitch_px).collect());
     let marker = |(&(i, j), dot): (&(i32, i32), &Dot)| GridMarker {
@@ -136,9 +135,12 @@ fn from_mean(frames: &[Frame<'_>], known: &KnownFacts) -> Result<Calibration, Ca
         camera_px: facts::mirrored(dot.seen, known.flip, size),
         residual_pitch: grid.residual_pitch((i, j), dot),
     };
+    let (markers, off_grid): (Vec<_>, Vec<_>) =
+        grid.dots.iter().map(marker).partition(|m| m.residual_pitch <= OFF_GRID_PITCH);
+    let residuals: Vec<f64> = markers.iter().map(|m| m.residual_pitch).collect();
     Ok(Calibration {
-        markers: grid.dots.iter().map(marker).collect(),
-        off_grid: grid.off_grid.iter().map(marker).collect(),
+        markers,
+        off_grid: off_grid.into_iter().chain(grid.off_grid.iter().map(marker)).collect(),
         residual_pitch: rms(&residuals),
         residual_without_distortion_pitch: rms(&straight),
         averaged: [0, frames.len() - 1],

@@ -5,7 +5,7 @@ use super::error::{
     WORST_ERROR_PITCH, WORST_MEDIAN_PITCH, WORST_RMS_PITCH,
 };
 use super::fit::{median, rms};
-use super::grid::Grid;
+use super::grid::{Grid, OFF_GRID_PITCH};
 use crate::image::SizePx;
 use crate::pixels::dots::DotFinder;
 use crate::plane::Vec2;
@@ -30,14 +30,15 @@ pub(super) fn accept(grid: &Grid, dots_count: usize, grey: &[u8], camera_px: Siz
     if (markers_count as f64) < FEWEST_FILLED * nodes_count as f64 {
         return Err(CalibrationError::Holes { markers_count, nodes_count });
     }
-    let off_grid_count = grid.off_grid.len();
-    if (markers_count as f64) < FEWEST_ON_GRID * (markers_count + off_grid_count) as f64 {
-        return Err(CalibrationError::Strays { markers_count, off_grid_count });
-    }
     let residuals = grid.residuals_pitch();
-    let (median_pitch, rms_pitch) = (median(&residuals), rms(&residuals));
+    let on_grid: Vec<f64> = residuals.iter().copied().filter(|r| *r <= OFF_GRID_PITCH).collect();
+    let (median_pitch, rms_pitch) = (median(&residuals), rms(&on_grid));
     if !(median_pitch <= WORST_MEDIAN_PITCH && rms_pitch <= WORST_RMS_PITCH) {
         return Err(CalibrationError::Residual { median_pitch, rms_pitch });
+    }
+    let off_grid_count = grid.off_grid.len() + residuals.len() - on_grid.len();
+    if (on_grid.len() as f64) < FEWEST_ON_GRID * (on_grid.len() + off_grid_count) as f64 {
+        return Err(CalibrationError::Strays { markers_count: on_grid.len(), off_grid_count });
     }
     // Homography and the terms of the polynomial that are not linear, for each axis.
     let parameters = 4.0 + grid.map.distortion.map_or(0.0, |d| d.terms_px().0.len() as f64 - 3.0);

@@ -34,6 +34,11 @@ const AROUND: i32 = 2;
 const OFF_GRID_SIGMAS: f64 = 3.5;
 /// and by more than this in pitches: a print is seldom better than a third of it.
 const OFF_GRID_LEAST_PITCH: f64 = 0.06;
+/// Up to this share of such spots the robust fit bears them by itself, and they stay in it: a print of doubled and broken
+/// dots without any glare has 3 % (GelSlim 3.0).
+const FEW_OFF_GRID_FRACTION: f64 = 0.04;
+/// In the end a dot so far from its node is not one of the grid's, in pitches.
+pub(super) const OFF_GRID_PITCH: f64 = 0.15;
 /// Fewest spots around one that say where it should be.
 const FEWEST_AROUND: usize = 4;
 
@@ -214,7 +219,7 @@ impl Grid {
         self.first = low;
     }
 
-    /// Takes the spots out of the grid that leave both the map and their neighbours. Where the map itself is not good yet,
+    /// Takes the spots out of the grid that leave both the map and their neighbours, if they are many. Where the map itself is not good yet,
     /// neighbours leave it alike and stay.
     fn set_aside_off_grid(&mut self) {
         let offsets = self.offsets_px();
@@ -225,8 +230,10 @@ impl Grid {
         let apart: Vec<((i32, i32), f64)> = offsets.iter().map(|(n, by)| (*n, from_neighbours_px(*n, *by))).collect();
         let sigma_px = robust_sigma(&apart.iter().map(|(_, px)| *px).collect::<Vec<_>>());
         let limit_px = (OFF_GRID_SIGMAS * sigma_px).max(OFF_GRID_LEAST_PITCH * self.pitch_px);
-        for (node, px) in apart {
-            if px > limit_px && offsets[&node].length() > limit_px {
+        let is_off = |(node, px): &((i32, i32), f64)| *px > limit_px && offsets[node].length() > limit_px;
+        let off: Vec<(i32, i32)> = apart.iter().filter(|a| is_off(a)).map(|(node, _)| *node).collect();
+        if off.len() as f64 > FEW_OFF_GRID_FRACTION * self.dots.len() as f64 {
+            for node in off {
                 self.off_grid.extend(self.dots.remove_entry(&node));
             }
         }
