@@ -31,6 +31,9 @@ const RIGID_TOLERANCE_FRACTION: f64 = 1e-4;
 /// Sweeps of Newton's method for one rigid motion; one or two are the rule.
 const MOST_SWEEPS_COUNT: u32 = 12;
 
+/// Error of friction that is rounding, as a share of the largest push.
+const PUSH_ROUNDING_FRACTION: f64 = 1e-10;
+
 /// How a tangential solution came out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Held {
@@ -97,6 +100,9 @@ impl Tangential {
     pub fn solve(&mut self, response: &mut Response, question: &Question<'_>, traction: &mut [Complex64]) -> Held {
         let Question { cells, push, bound, stop, stiffness_mpa_per_mm: safe, .. } = *question;
         let most = cells.iter().map(|&i| bound[i as usize]).fold(0.0, f64::max);
+        // Friction is a difference from the push; what rounding leaves of it where it is far smaller is no error.
+        let largest_push = cells.iter().map(|&i| push[i as usize].norm_sqr()).fold(0.0, f64::max).sqrt();
+        let rounding = PUSH_ROUNDING_FRACTION * largest_push;
         for &i in cells {
             let i = i as usize;
             traction[i] = within(push[i], bound[i], traction[i]);
@@ -115,7 +121,7 @@ impl Tangential {
                 None => self.aim(question, traction, length),
                 Some(_) => (self.worst(question, traction), 0.0),
             };
-            if worst <= stop.tolerance_fraction * most {
+            if worst <= stop.tolerance_fraction * most + rounding {
                 held.converged = true;
                 break;
             }

@@ -35,8 +35,8 @@ pub struct HandTruth {
     /// friction. Exact for a pure force, and for a pure torque as far as a stays the same; in between the limit surface is
     /// taken for an ellipsoid (Howe and Cutkosky, IJRR 15 (1996) 557), which is good to some 10 %.
     pub required_n: f64,
-    /// Whether the object slid as a whole in the last step: 0.99 of the friction used, while at least half of the grip
-    /// was required.
+    /// Whether the object slid as a whole in the last step: from 0.99 of the friction used until less than 0.95 is, while
+    /// at least half of the grip is required.
     pub gross: bool,
     /// Steps in which that was so.
     pub gross_steps_count: u64,

@@ -16,6 +16,10 @@ const STEPS_HZ: u64 = FRAME_RATE_HZ * SUBSTEPS_COUNT;
 /// may slip without anything sliding.
 const LOADED_FRACTION: f64 = 0.5;
 
+/// Share of the friction used below which an object that slides as a whole no longer does: knurls that pass over the gel
+/// make cells stick for a step.
+const STILL_SLIDES_FRACTION: f64 = 0.95;
+
 /// What is between the jaws, without jaws and wrist: a [`Plant`].
 ///
 /// The two fingers are identical and so are their loads, up to the sign of y; one contact is computed.
@@ -176,7 +180,8 @@ impl HandWorld {
             let used_n = by_force_n.length().hypot(by_torque_n_mm / s.arm_mm.max(f64::MIN_POSITIVE));
             contact.grip_force_n * used_n / s.most_n
         });
-        truth.gross = contact.slides_as_a_whole() && truth.required_n > LOADED_FRACTION * contact.grip_force_n;
+        let goes_on = truth.gross && contact.friction_used_fraction.is_some_and(|used| used >= STILL_SLIDES_FRACTION);
+        truth.gross = (contact.slides_as_a_whole() || goes_on) && truth.required_n > LOADED_FRACTION * contact.grip_force_n;
         if truth.gross {
             truth.gross_steps_count += 1;
             truth.first_gross_ns.get_or_insert(truth.time_ns);

@@ -58,9 +58,10 @@ impl Shape for ObjectSurface {
     }
 
     fn slope(&self, from_centre: Vec2, on_skin: Vec2) -> Slope {
-        match self.relief {
-            Relief::Smooth => self.form.shape().slope(from_centre, on_skin),
-            _ => slope_by_differences(self, from_centre, on_skin),
+        if self.relief.pushes_sideways() {
+            slope_by_differences(self, from_centre, on_skin)
+        } else {
+            self.form.shape().slope(from_centre, on_skin)
         }
     }
 

@@ -41,6 +41,9 @@ pub enum Relief {
     },
 }
 
+/// Spacing of the finest relief whose slopes are followed, in mm: four cells of the fast grid.
+const LEAST_FOLLOWED_MM: f64 = 2.5;
+
 /// How far windings wander to the side, as a share of their spacing, and over how many spacings. By eye.
 const WANDER: (f64, f64) = (0.35, 2.3);
 
@@ -57,6 +60,19 @@ impl Relief {
                 depth_mm * wave(at.x + aside_mm, spacing_mm)
             }
             Relief::Bumps { depth_mm, spacing_mm } => depth_mm * (1.0 - bump(at.x / spacing_mm, at.y / spacing_mm)),
+        }
+    }
+
+    /// Whether pressure on its slopes is followed. Finer relief than [`LEAST_FOLLOWED_MM`] has two or three cells to a
+    /// ridge, which would snap from one to the next: there it shapes the pressure alone, and how it interlocks with the gel is
+    /// part of the friction coefficient of the object.
+    pub(super) fn pushes_sideways(&self) -> bool {
+        match *self {
+            Relief::Smooth => false,
+            Relief::Grooves { spacing_mm, .. }
+            | Relief::Rings { spacing_mm, .. }
+            | Relief::Windings { spacing_mm, .. }
+            | Relief::Bumps { spacing_mm, .. } => spacing_mm >= LEAST_FOLLOWED_MM,
         }
     }
 

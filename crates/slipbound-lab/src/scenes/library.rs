@@ -69,7 +69,7 @@ pub const SCENES: [Scene; 11] = [
             ("direction_deg", "0"),
             ("twist_fraction", "0"),
             ("ramp_s", "1"),
-            ("peak_fraction", "1.3"),
+            ("peak_fraction", "1.8"),
             ("hold_s", "0.5"),
         ],
         profile: ramp,
