@@ -237,7 +237,6 @@ fn the_gelsight_mini_is_judged_too() {
     assert!(off.rms_px <= 0.1 && off.bias_px < 0.05, "RMS {}, bias {}", off.rms_px, off.bias_px);
     // The gel slopes beyond the contact too, and a smooth skin shows it: the region is larger than the contact.
     assert!(worst >= 0.75, "the worst overlap is {worst:.3}");
-}");
 }
 
 #[test]
