@@ -46,12 +46,12 @@ fn a_cap_is_opened_and_the_recording_gives_the_same_commands_bit_for_bit() {
     let reports = run.join("reports.jsonl");
     let text = fs::read_to_string(&reports).expect("reports");
     let changed =
-        text.replacen("\"grip_command\":{\"force_n\":20.0", "\"grip_command\":{\"force_n\":20.000000000000004", 1);
+        text.replacen("\"jaws\":\"hold\",\"force_n\":20.0}", "\"jaws\":\"hold\",\"force_n\":20.000000000000004}", 1);
     assert_ne!(text, changed);
     fs::write(&reports, changed).expect("written");
     let differs = slipbound(&["replay", path]);
     assert_eq!(differs.status.code(), Some(1));
-    assert!(told(&differs).contains("recorded GripCommand { force_n: 20.000000000000004"), "{}", told(&differs));
+    assert!(told(&differs).contains("recorded Hold { force_n: 20.000000000000004"), "{}", told(&differs));
 }
 
 #[test]

@@ -11,13 +11,14 @@
 //!   displacement, truth        response, strain, truth
 //! ```
 //!
-//! The order is [`Finger::step`]; each box is a file.
+//! The order is that of `increment`; each box is a file.
 
 mod body;
 mod finger;
 mod friction;
 mod grid;
 mod half_space;
+mod increment;
 mod normal;
 mod path;
 mod reading;
@@ -37,7 +38,7 @@ pub use normal::{Grip, Stop};
 pub use path::{Change, Leg, Path};
 pub use settings::{Command, FingerSettings};
 pub use transform::Planner;
-pub use truth::{Displacement, Event, Events, GROSS_STICK_RATIO, LINEAR_STRAIN, LoadRecord, Truth};
+pub use truth::{Displacement, Event, Events, GROSS_FRICTION_FRACTION, LINEAR_STRAIN, LoadRecord, Truth};
 
 pub(crate) use half_space::half_space_response;
 pub(crate) use normal::Normal;

@@ -9,14 +9,15 @@
 //! that time is its middle. Frames before the object touches show the finger at rest. A frame is encoded as JPEG
 //! and decoded again, so a live run sees what a recording of it would show.
 //!
-//! Gross slip, and with it the load fraction f, is defined in [`GrossRule`].
+//! Gross slip, and with it the load fraction f, is defined by [`GROSS_FRICTION_FRACTION`].
 
 mod gross;
 mod load;
 mod truth;
 
 pub(crate) use gross::Sliding;
-pub use gross::{GROSS_FRICTION_FRACTION, Gross, GrossRule};
+pub use crate::contact::GROSS_FRICTION_FRACTION;
+pub use gross::Gross;
 pub use truth::{FrameTruth, SlipTruth, TRUTH_FORMAT_VERSION, TimedEvent, TruthHeader, complete, runs, unpacked};
 
 use crate::contact::{Command, Displacement, Drive, Event, Finger, FingerSettings, Friction, Grid, Grip, Pose, Wrench};
@@ -263,7 +264,7 @@ impl World {
     }
 
     fn note_events(&mut self, time_s: f64) {
-        // The contact's own gross event is replaced by ours, see `GrossRule`.
+        // The contact's own gross event is replaced by ours, which counts from the beginning of the load.
         let own = self.finger.truth().events.iter().filter(|event| *event != Event::Gross);
         self.events.extend(own.map(|event| TimedEvent { event, time_s }));
     }

@@ -194,7 +194,7 @@ fn events_come_in_order_and_the_load_fraction_ends_at_1() {
     let mut record = LoadRecord::default();
     assert!(record.fractions().is_none());
     for truth in truths.iter().filter(|truth| truth.time_s > 0.1 + 1e-9) {
-        record.push(truth.wrench.force_n.x, truth.stick_ratio);
+        record.push(truth.wrench.force_n.x, truth.friction_used_fraction);
     }
     let gross = record.gross_step().expect("gross slip");
     let fractions: Vec<f64> = record.fractions().expect("gross slip").collect();

@@ -30,7 +30,14 @@ fn settings_out_of_range() {
     let weightless = Inertia { mass_kg: 0.0, gyration_radius_mm: 1.0, centre_of_mass_mm: Vec2::ZERO };
     let brick = Inertia { mass_kg: 1.0, gyration_radius_mm: 1.0, centre_of_mass_mm: Vec2::ZERO };
     let springs = |stiffness: [[f64; 3]; 3]| body(Drive::Sprung(Springs { stiffness, ..Springs::default() }, brick));
-    let rail = Rail { shift_mm: Vec2::new(0.0, 14.0), turn_rad: 0.0, push: -40.0, stiffness: 0.0, damping_s: 14.0 };
+    let rail = Rail {
+        shift_mm: Vec2::new(0.0, 14.0),
+        turn_rad: 0.0,
+        roll_mm: Vec2::ZERO,
+        push: -40.0,
+        stiffness: 0.0,
+        damping_s: 14.0,
+    };
     let soft = SoftObject { modulus_mpa: 0.1, poisson_ratio: 0.5, thickness_mm: 1.0 };
     let mut odd = plain;
     odd.grid.padded_width_cells = 97;

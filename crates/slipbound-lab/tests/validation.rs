@@ -30,7 +30,13 @@ cases!(
     friction_bound,
     friction_work,
     filling_bottle,
-    grid_convergence
+    grid_convergence,
+    energy_cycle,
+    sliding_heat,
+    inclined_face,
+    shear_rate,
+    free_rotation,
+    gross_load
 );
 
 #[test]

@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
         }
         if cycle.hand.seq == 150 {
-            run.note(cycle.time_ns, "fault put in: the right finger sends no frames for 0.3 s");
+            run.note(cycle.time_ns, "fault put in: the right finger sends no frames for 0.3 s")?;
         }
     }
     println!("{}", run.finish(&screw::results(), Some(Ending::Tight))?.display());

@@ -2,7 +2,7 @@
 
 use crate::overlay;
 use slipbound::calibrate::Calibration;
-use slipbound::sensor::{Flip, Polarity, Rectification, Sensor, Shear, Skin};
+use slipbound::sensor::{Polarity, Rectification, Sensor, Shear, Skin};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -35,14 +35,9 @@ fn facts(sensor: &Sensor) -> String {
         line(format!("serial = {}", quoted(serial)));
     }
     line(format!("image_px = [{}, {}]", sensor.image_px.width, sensor.image_px.height));
-    let flip = match sensor.flip {
-        Flip::None => "none",
-        Flip::Vertical => "vertical",
-        Flip::Horizontal => "horizontal",
-        Flip::Both => "both",
-    };
+    let flip = sensor.flip;
     line(format!(
-        "flip = \"{flip}\"                     # as given by --flip: a grid looks like one in the mirror, too"
+        "flip = \"{flip}\"                     # by --flip, else assumed: a grid looks like one in the mirror, too"
     ));
     let weights: Vec<String> = sensor.grey_weights_rgb.iter().map(|w| number(*w)).collect();
     line(format!("grey_weights_rgb = [{}]   # markers stand out most steadily in this mixture", weights.join(", ")));
@@ -160,7 +155,7 @@ mod tests {
     use crate::sensors;
     use slipbound::image::SizePx;
     use slipbound::plane::{Homography, Vec2};
-    use slipbound::sensor::{Distortion, EdgeBand};
+    use slipbound::sensor::{Distortion, EdgeBand, Flip};
 
     fn calibration(sensor: Sensor) -> Calibration {
         Calibration {
@@ -168,7 +163,7 @@ mod tests {
             markers: Vec::new(),
             residual_pitch: 0.0123,
             residual_without_distortion_pitch: 0.3,
-            off_grid_count: 0,
+            off_grid: Vec::new(),
             averaged: [0, 9],
             untouched: true,
             mean_rgb: Vec::new(),

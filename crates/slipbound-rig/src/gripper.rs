@@ -47,10 +47,10 @@ mod request;
 pub mod robotiq;
 pub mod wsg50;
 
-pub use address::{driver, open};
+pub use address::driver;
 pub use clamp::clamp_to_gripper;
 pub use config::Config;
-pub use device::Device;
+pub use device::{Device, open};
 pub use driver::Driver;
 pub use driver_state::DriverState;
 pub use error::Error;

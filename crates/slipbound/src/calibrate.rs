@@ -21,7 +21,7 @@ mod search;
 mod shear;
 mod solve;
 
-pub use calibration::{Calibration, GridMarker, OFF_GRID_PITCH};
+pub use calibration::{Calibration, GridMarker};
 pub use error::{CalibrationError, FEWEST_MARKERS};
 pub use facts::KnownFacts;
 pub use shear::{
@@ -35,7 +35,7 @@ use crate::pixels::grey::{GreyWeights, grey_from_rgb};
 use crate::pixels::mean::FrameMean;
 use crate::sensor::Sensor;
 use fit::{median, rms};
-use grid::Grid;
+use grid::{Dot, Grid};
 
 /// Frames looked at to find the finger at rest, at most.
 pub const FRAMES_MOST: usize = 20;
@@ -131,17 +131,16 @@ fn from_mean(frames: &[Frame<'_>], known: &KnownFacts) -> Result<Calibration, Ca
     let residuals = grid.residuals_pitch();
     let straight = fit::fit(&grid.pairs(), 0, grid.pitch_px);
     let straight = straight.map_or(vec![], |m| grid.pairs().iter().map(|p| m.residual_px(p) / grid.pitch_px).collect());
-    let markers = grid.dots.iter().zip(&residuals);
-    let markers = markers.map(|((&(i, j), dot), &residual_pitch)| GridMarker {
+    let marker = |(&(i, j), dot): (&(i32, i32), &Dot)| GridMarker {
         node: [i, j],
         camera_px: facts::mirrored(dot.seen, known.flip, size),
-        residual_pitch,
-    });
+        residual_pitch: grid.residual_pitch((i, j), dot),
+    };
     Ok(Calibration {
-        markers: markers.collect(),
+        markers: grid.dots.iter().map(marker).collect(),
+        off_grid: grid.off_grid.iter().map(marker).collect(),
         residual_pitch: rms(&residuals),
         residual_without_distortion_pitch: rms(&straight),
-        off_grid_count: residuals.iter().filter(|m| **m > OFF_GRID_PITCH).count(),
         averaged: [0, frames.len() - 1],
         untouched: true,
         sensor,

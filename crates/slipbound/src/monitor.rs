@@ -64,6 +64,7 @@ pub struct SlipMonitor {
     motion: motion::Motion,
     slip: slip::Slip,
     rest_seq: u64,
+    refusal: Option<Reason>,
     reference_seq: u64,
     rebase_from: Option<u64>,
     reference_grip_n: Option<f64>,
@@ -84,6 +85,7 @@ impl SlipMonitor {
             motion: motion::Motion::new(&sensor, &settings.motion),
             slip: slip::Slip::new(&sensor, &settings.slip, rest.markers.len()),
             rest_seq: rest.seq,
+            refusal: rest.refusal,
             reference_seq: rest.seq,
             rebase_from: None,
             reference_grip_n: None,
@@ -185,6 +187,11 @@ impl SlipMonitor {
         Gray::new(&self.imprint.grey, self.imprint.size()).expect("the picture has its own size")
     }
 
+    /// Why no frame can be judged; None when frames can. See [`RestSettings::check_spacing`].
+    pub fn refusal(&self) -> Option<Reason> {
+        self.refusal
+    }
+
     /// The facts of the finger at the size of its frames.
     pub fn sensor(&self) -> &Sensor {
         &self.sensor
@@ -220,6 +227,7 @@ impl SlipMonitor {
         let half_lost = 2 * self.markers.matched_count < self.markers.all.len() as u32;
         let unsure = self.contact.unsure(quality) || self.motion.motion.is_none();
         let (state, reason) = match () {
+            _ if self.refusal.is_some() => (SlipState::Unjudged, self.refusal),
             _ if half_lost => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             _ if !self.contact.touches => (SlipState::NoContact, None),
             // Deviation: D11 unsure

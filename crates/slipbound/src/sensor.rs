@@ -12,6 +12,7 @@ use crate::image::SizePx;
 use crate::plane::Vec2;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// Whether markers are darker or brighter than the gel around them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,6 +36,33 @@ pub enum Flip {
     Horizontal,
     /// Both: the frame is upside down.
     Both,
+}
+
+impl Flip {
+    /// Every flip.
+    pub const ALL: [Flip; 4] = [Flip::None, Flip::Vertical, Flip::Horizontal, Flip::Both];
+
+    /// Whether left and right are exchanged.
+    pub fn is_horizontal(self) -> bool {
+        matches!(self, Flip::Horizontal | Flip::Both)
+    }
+
+    /// Whether top and bottom are exchanged.
+    pub fn is_vertical(self) -> bool {
+        matches!(self, Flip::Vertical | Flip::Both)
+    }
+}
+
+/// As it stands in a sensor file.
+impl fmt::Display for Flip {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Flip::None => "none",
+            Flip::Vertical => "vertical",
+            Flip::Horizontal => "horizontal",
+            Flip::Both => "both",
+        })
+    }
 }
 
 /// What covers the gel, and so how contact shows.
@@ -231,8 +259,8 @@ impl Sensor {
     pub fn camera_from_rectified(&self, p: Vec2) -> Vec2 {
         let p = self.upright_from_rectified(p);
         let (right, bottom) = ((self.image_px.width - 1) as f64, (self.image_px.height - 1) as f64);
-        let x = if matches!(self.flip, Flip::Horizontal | Flip::Both) { right - p.x } else { p.x };
-        let y = if matches!(self.flip, Flip::Vertical | Flip::Both) { bottom - p.y } else { p.y };
+        let x = if self.flip.is_horizontal() { right - p.x } else { p.x };
+        let y = if self.flip.is_vertical() { bottom - p.y } else { p.y };
         Vec2::new(x, y)
     }
 

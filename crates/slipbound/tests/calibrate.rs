@@ -72,6 +72,8 @@ struct Finger {
     /// Nodes of the grid in pitches about its middle, those without a dot among them.
     nodes: Vec<Vec2>,
     polarity: Polarity,
+    pitch_px: f64,
+    diameter_px: f64,
     grey: Vec<u8>,
     what: String,
 }
@@ -153,7 +155,42 @@ fn finger(seed: u64) -> Finger {
         diameter_pitch * pitch_px,
         turn.to_degrees(),
     );
-    Finger { truth, size, nodes, polarity, grey, what }
+    let diameter_px = diameter_pitch * pitch_px;
+    Finger { truth, size, nodes, polarity, pitch_px, diameter_px, grey, what }
+}
+
+/// The same with the reflection of a lamp across it: a bright strip in which the markers are fainter, with a chain of
+/// highlights that look like dots. Returns where these are.
+fn with_glare(finger: &mut Finger, seed: u64) -> Vec<Vec2> {
+    let mut random = Random::new(seed ^ 0x61A2E);
+    let (w, h) = (finger.size.width as f64, finger.size.height as f64);
+    let along_rad = random.within(0.0, std::f64::consts::TAU);
+    let (along, across) = (Vec2::new(along_rad.cos(), along_rad.sin()), Vec2::new(-along_rad.sin(), along_rad.cos()));
+    let middle = Vec2::new(w / 2.0, h / 2.0) + across * (random.within(0.1, 0.38) * h);
+    let half_px = 0.5 * random.within(2.5, 4.0) * finger.pitch_px;
+    let mut phantoms = Vec::new();
+    let chains_count = (2.0 * half_px / (0.9 * finger.pitch_px)).floor() as i32;
+    for chain in 0..chains_count {
+        let off_px = (f64::from(chain) - 0.5 * f64::from(chains_count - 1)) * 0.9 * finger.pitch_px;
+        let mut at_px = -0.8 * w;
+        while at_px < 0.8 * w {
+            at_px += random.within(0.6, 1.1) * finger.pitch_px;
+            let wobble_px = random.within(-0.2, 0.2) * finger.pitch_px;
+            phantoms.push(middle + along * at_px + across * (off_px + wobble_px));
+        }
+    }
+    phantoms.retain(|p| p.x > 0.0 && p.y > 0.0 && p.x < w && p.y < h);
+    let straight = Truth { homography: Homography::IDENTITY, bend: [0.0; 5], half_span: 1.0 };
+    let mut cover = vec![0.0; finger.size.area()];
+    phantoms.iter().for_each(|p| draw(&mut cover, finger.size, &straight, *p, finger.diameter_px));
+    let sign = if finger.polarity == Polarity::Dark { -1.0 } else { 1.0 };
+    for (i, level) in finger.grey.iter_mut().enumerate() {
+        let p = Vec2::new((i % finger.size.width) as f64, (i / finger.size.width) as f64);
+        let light = 1.0 / (1.0 + (((p - middle).dot(across).abs() - half_px) / 1.5).exp());
+        let lit = f64::from(*level) * (1.0 - 0.5 * light) + light * (90.0 + sign * 70.0 * cover[i]);
+        *level = lit.round().clamp(0.0, 255.0) as u8;
+    }
+    phantoms
 }
 
 /// A disc of the plane as the camera sees it, with an edge of about a pixel.
@@ -314,6 +351,54 @@ fn dots_on_no_grid_are_refused_with_the_reason() {
         "grid too narrow",
     ];
     assert!(reasons.keys().all(|r| of_clouds.contains(&r.as_str())), "{reasons:?}");
+}
+
+/// Glare neither spoils the map nor counts as markers; what cannot be told apart is refused.
+#[test]
+fn a_finger_with_a_strip_of_glare_is_calibrated_from_the_grid_alone() {
+    let (from, count) = (number("SLIPBOUND_CALIBRATE_FROM", 0), number("SLIPBOUND_CALIBRATE_COUNT", 20));
+    let (mut right, mut wrong, mut refused) = (0, 0, 0);
+    let (mut phantoms_count, mut taken_count) = (0, 0);
+    for seed in from..from + count {
+        let mut finger = finger(seed);
+        let phantoms = with_glare(&mut finger, seed);
+        let found = match calibrate(&[frame(&finger.grey, finger.size)], &known()) {
+            Ok(found) => found,
+            Err(e) => {
+                println!("{}, {} highlights: refused: {e}", finger.what, phantoms.len());
+                refused += 1;
+                continue;
+            }
+        };
+        let (rms, worst) = reprojection_pitch(&found.sensor, &finger.truth, &finger.nodes, finger.size);
+        let near = |list: &[Vec2], p: Vec2| {
+            list.iter().map(|q| (*q - p).length()).fold(f64::INFINITY, f64::min) / finger.pitch_px
+        };
+        let places: Vec<Vec2> = finger.nodes.iter().map(|n| finger.truth.camera(*n)).collect();
+        let taken =
+            found.markers.iter().filter(|m| near(&places, m.camera_px) > 0.2 && near(&phantoms, m.camera_px) < 0.1);
+        let taken = taken.count();
+        if rms <= 0.03 {
+            right += 1
+        } else {
+            wrong += 1
+        }
+        phantoms_count += phantoms.len();
+        taken_count += taken;
+        println!(
+            "{}, {} highlights: {} markers, {} off the grid, {taken} highlights taken; reprojection {rms:.4}, worst {worst:.4}",
+            finger.what,
+            phantoms.len(),
+            found.markers.len(),
+            found.off_grid.len(),
+        );
+    }
+    println!(
+        "{count} fingers with glare: {right} right, {refused} refused, {wrong} wrong; {taken_count} of {phantoms_count} highlights taken"
+    );
+    assert_eq!(wrong, 0);
+    assert!(10 * refused <= count, "{refused} of {count} refused");
+    assert!(50 * taken_count <= phantoms_count, "{taken_count} highlights taken for markers");
 }
 
 /// How a finger came out; errors in pitches, RMS.

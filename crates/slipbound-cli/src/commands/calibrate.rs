@@ -82,10 +82,18 @@ impl Calibrate {
             "pitch {:.1} px, diameter {:.1} px, residual {:.3} pitch RMS by {map}",
             sensor.pitch_px, sensor.marker_diameter_px, found.residual_pitch
         ))?;
-        if found.off_grid_count > 0 {
-            let count = found.off_grid_count;
-            terminal.say(&format!("{count} markers lie off the grid: red in the picture, harmless if few"))?;
+        if !found.off_grid.is_empty() {
+            let count = found.off_grid.len();
+            terminal.say(&format!("{count} dots lie off the grid and are not used: red in the picture"))?;
         }
+        let flip = sensor.flip;
+        terminal.say(&match self.flip {
+            Some(_) => format!("flip = \"{flip}\", as stated: the camera's picture is mirrored back"),
+            None => format!(
+                "flip = \"{flip}\" assumed: the picture is taken as delivered; a mirrored grid looks the same, so say --flip \
+                 if it is mirrored"
+            ),
+        })?;
         terminal.say(&format!("written: {} and {}", self.output.display(), self.picture().display()))?;
         terminal.say(&format!(
             "next: look at the picture, then slipbound watch RECORDING --sensor {}",

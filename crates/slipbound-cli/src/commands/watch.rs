@@ -31,6 +31,9 @@ use summary::Summary;
 /// An overlay video of a recording without times is played at this rate.
 const OVERLAY_RATE_HZ: u32 = 10;
 
+/// What follows from markers that do not stand the sensor's pitch apart.
+const UNJUDGED: &str = "no frame is judged until the sensor file fits, or the settings say rest.check_spacing = false";
+
 /// The arguments of `slipbound watch`.
 #[derive(Debug, clap::Args)]
 pub struct Watch {
@@ -79,8 +82,7 @@ impl Watch {
         let found = rest::find(self, &mut recording, &settings, |size| self.sensor_for(size, sensor.as_ref()))?;
         found.notes.iter().for_each(|note| terminal.note(note));
         let mut monitor = SlipMonitor::new(&found.sensor, &settings, found.rest).map_err(Failure::arguments)?;
-        let at_rest: Vec<_> = monitor.markers().iter().map(|m| m.rest).collect();
-        let doubt = sensors::doubt(monitor.sensor(), &at_rest);
+        let doubt = monitor.refusal().map(|reason| format!("{reason}; {UNJUDGED}"));
         doubt.iter().for_each(|doubt| terminal.note(&format!("{}: {doubt}", self.source)));
         let notes: Vec<String> = found.report_note.into_iter().chain(doubt).collect();
         let origin = outputs::Origin {

@@ -82,6 +82,9 @@ pub struct Rail {
     pub shift_mm: Vec2,
     /// Rotation in rad per unit of r.
     pub turn_rad: f64,
+    /// How far its lowest point rolls over its skin per unit of r, in mm: against the displacement where a round
+    /// profile stays in place while the skin walks. Pressure on the profile then does no work on r.
+    pub roll_mm: Vec2,
     /// Generalised force along r at r = 0, beside that of the gel.
     pub push: f64,
     /// Growth of the force against r, 0 or above.
@@ -184,7 +187,8 @@ impl Body {
     }
 
     /// What one implicit Euler step does to the body: (M/dt^2 + D/dt + K) dd = M v/dt + K (target - pose) + F - n Q,
-    /// hence dd = free - W n Q. `area` turns sums of tractions into forces.
+    /// hence dd = free - W n Q. `area` turns sums of tractions into forces; `on_profile` is the sum over the cells of what
+    /// pressure does in the plane by the profile.
     pub(crate) fn step(
         &self,
         pose: Pose,
@@ -193,6 +197,7 @@ impl Body {
         velocity: Motion,
         dt: f64,
         area: f64,
+        on_profile: Complex64,
     ) -> (Motion, Option<Resistance>) {
         let away =
             Motion { shift: complex(target.position_mm - pose.position_mm), turn: target.turn_rad - pose.turn_rad };
@@ -202,25 +207,10 @@ impl Body {
             Drive::Free(inertia) => (None, None, Some(inertia)),
             Drive::Mounted(mount, inertia) => (Some(mount), None, inertia),
             Drive::Sprung(springs, inertia) => (None, Some(springs), Some(inertia)),
-            Drive::Railed(rail) => return rail.step(away, dt, share),
+            Drive::Railed(rail) => return rail.step(away, dt, share, on_profile),
         };
         let mut stiff = [[0.0; 3]; 3];
         let mut push = [wrench.force_n.x, wrench.force_n.y, wrench.torque_n_mm];
-        if let Some(inertia) = inertia {
-            let m = inertia.mass_kg * TONNES_PER_KG;
-            let (s, c) = pose.turn_rad.sin_cos();
-            let e = inertia.centre_of_mass_mm;
-            let (ex, ey) = (c * e.x - s * e.y, s * e.x + c * e.y);
-            let spin = inertia.gyration_radius_mm * inertia.gyration_radius_mm + e.length_squared();
-            let mass = [[m, 0.0, -m * ey], [0.0, m, m * ex], [-m * ey, m * ex, m * spin]];
-            let v = [velocity.shift.re, velocity.shift.im, velocity.turn];
-            for (row, (line, push)) in mass.iter().zip(&mut push).enumerate() {
-                for (column, &entry) in line.iter().enumerate() {
-                    stiff[row][column] += entry / (dt * dt);
-                    *push += entry * v[column] / dt;
-                }
-            }
-        }
         if let Some(mount) = mount {
             for (i, (k, d, away)) in [
                 (mount.stiffness_n_per_mm, mount.damping_n_s_per_mm, away.shift.re),
@@ -241,6 +231,16 @@ impl Body {
                 }
             }
         }
+        // How far it turns in this step is known when it is solved; a second pass has it, but for what the gel does.
+        let mut turn = velocity.turn * dt;
+        if let Some(inertia) = inertia.filter(|inertia| inertia.centre_of_mass_mm != Vec2::ZERO) {
+            let (mut stiff, mut push) = (stiff, push);
+            inertia.resist(pose.turn_rad, turn, velocity, dt, &mut stiff, &mut push);
+            turn = times(&inverse(&stiff), push)[2];
+        }
+        if let Some(inertia) = inertia {
+            inertia.resist(pose.turn_rad, turn, velocity, dt, &mut stiff, &mut push);
+        }
         let give = inverse(&stiff);
         let free = times(&give, push);
         let give = give.map(|row| row.map(|entry| entry * share));
@@ -248,13 +248,44 @@ impl Body {
     }
 }
 
+impl Inertia {
+    /// Adds M/dt^2 to the stiffness of a step and M v/dt to what pushes. Force accelerates the centre of mass, torque about
+    /// it the rotation. The centre of mass is carried round the reference point: over a step it moves by turn times its
+    /// lever at half the turn, to third order, so that lever is taken, for this step, `next_rad` far, and for the last one. What the two levers differ by is the centripetal force.
+    fn resist(
+        &self,
+        turn_rad: f64,
+        next_rad: f64,
+        velocity: Motion,
+        dt: f64,
+        stiff: &mut [[f64; 3]; 3],
+        push: &mut [f64; 3],
+    ) {
+        let m = self.mass_kg * TONNES_PER_KG;
+        let spin = m * self.gyration_radius_mm * self.gyration_radius_mm;
+        let lever = |turn: f64| Complex64::from_polar(1.0, turn) * complex(self.centre_of_mass_mm);
+        let (last, e) = (lever(turn_rad - 0.5 * velocity.turn * dt), lever(turn_rad + 0.5 * next_rad));
+        let momentum = velocity.at(last) * m;
+        let mass = [[m, 0.0, -m * e.im], [0.0, m, m * e.re], [-m * e.im, m * e.re, spin + m * e.norm_sqr()]];
+        for (row, line) in mass.iter().enumerate() {
+            for (column, entry) in line.iter().enumerate() {
+                stiff[row][column] += entry / (dt * dt);
+            }
+        }
+        push[0] += momentum.re / dt;
+        push[1] += momentum.im / dt;
+        push[2] += (spin * velocity.turn + e.re * momentum.im - e.im * momentum.re) / dt;
+    }
+}
+
 impl Rail {
-    /// (K + D/dt) r = push - n a . Q and dd = away + a r, with a the direction of the rail. `share` turns sums of
-    /// tractions of one finger into the forces of all.
-    fn step(&self, away: Motion, dt: f64, share: f64) -> (Motion, Option<Resistance>) {
+    /// (K + D/dt) r = push - n a . Q - n roll . S and dd = away + a r, with a the direction of the rail and S what
+    /// pressure does in the plane by the profile. `share` turns sums of tractions of one finger into the forces of all.
+    fn step(&self, away: Motion, dt: f64, share: f64, on_profile: Complex64) -> (Motion, Option<Resistance>) {
         let yields = 1.0 / (self.stiffness + self.damping_s / dt);
         let along = [self.shift_mm.x, self.shift_mm.y, self.turn_rad];
-        let far = self.push * yields;
+        let rolled = self.roll_mm.x * on_profile.re + self.roll_mm.y * on_profile.im;
+        let far = (self.push - share * rolled) * yields;
         let free = Motion { shift: away.shift + complex(self.shift_mm) * far, turn: away.turn + self.turn_rad * far };
         let give = along.map(|row| along.map(|column| row * column * yields * share));
         (free, Some(Resistance { give }))
@@ -264,6 +295,11 @@ impl Rail {
 /// A plane vector as a complex number.
 pub(crate) fn complex(v: Vec2) -> Complex64 {
     Complex64::new(v.x, v.y)
+}
+
+/// A complex number as a plane vector.
+pub(crate) fn plane(z: Complex64) -> Vec2 {
+    Vec2::new(z.re, z.im)
 }
 
 /// A small rigid displacement of the object, or what is conjugate to it: force and torque.
@@ -280,6 +316,18 @@ impl Motion {
     #[inline(always)]
     pub fn at(self, lever: Complex64) -> Complex64 {
         self.shift + Complex64::new(-self.turn * lever.im, self.turn * lever.re)
+    }
+
+    /// Adds a traction at a lever to a load.
+    #[inline(always)]
+    pub fn add(&mut self, lever: Complex64, traction: Complex64) {
+        self.shift += traction;
+        self.turn += lever.re * traction.im - lever.im * traction.re;
+    }
+
+    /// A load that is a sum of tractions over cells of an area in mm2.
+    pub fn wrench(self, area: f64) -> Wrench {
+        Wrench { force_n: plane(self.shift) * area, torque_n_mm: self.turn * area }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Reading a finger after a step: numbers, fields per cell, displacement anywhere.
 
-use super::body::Body;
+use super::body::{Body, plane};
 use super::finger::Finger;
 use super::settings::FingerSettings;
 use super::truth::{Displacement, Truth};
@@ -31,7 +31,7 @@ impl Finger {
         &self.pressure
     }
 
-    /// Largest traction friction could carry in every cell in MPa, row by row.
+    /// Largest friction in every cell in MPa, row by row, for the direction in which it acted.
     pub fn bound_mpa(&self) -> &[f64] {
         &self.bound
     }
@@ -46,9 +46,19 @@ impl Finger {
         &self.stick
     }
 
-    /// In-plane traction of the object on a cell of the gel, in MPa.
+    /// In-plane traction of the object on a cell of the gel in MPa: friction, and the horizontal part of pressure.
     pub fn traction_mpa(&self, cell: usize) -> Vec2 {
         plane(self.traction[cell])
+    }
+
+    /// The part of it that is friction, in MPa.
+    pub fn friction_mpa(&self, cell: usize) -> Vec2 {
+        plane(self.traction[cell] - self.push[cell])
+    }
+
+    /// Gradient of the gap over a cell in contact, along x and y of the gel; 0 elsewhere.
+    pub fn slope(&self, cell: usize) -> Vec2 {
+        plane(self.slope[cell])
     }
 
     /// How far the object slid over a cell in the last step, in mm.
@@ -96,8 +106,4 @@ impl Finger {
         }
         Displacement { shift_mm: plane(shift), depth_mm }
     }
-}
-
-fn plane(z: Complex64) -> Vec2 {
-    Vec2::new(z.re, z.im)
 }

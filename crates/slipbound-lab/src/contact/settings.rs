@@ -130,6 +130,26 @@ pub struct Command {
 }
 
 impl Command {
+    /// A share of the way to another command: its grip (where both are forces or depths), pose and roll. The wrench, and
+    /// a grip of another kind, are those of the other at once.
+    pub(super) fn towards(&self, to: &Command, share: f64) -> Command {
+        let mix = |from: f64, to: f64| from + (to - from) * share;
+        let place = |from: Vec2, to: Vec2| from + (to - from) * share;
+        Command {
+            grip: match (self.grip, to.grip) {
+                (Grip::ForceN(from), Grip::ForceN(to)) => Grip::ForceN(mix(from, to)),
+                (Grip::DepthMm(from), Grip::DepthMm(to)) => Grip::DepthMm(mix(from, to)),
+                (_, grip) => grip,
+            },
+            pose: Pose {
+                position_mm: place(self.pose.position_mm, to.pose.position_mm),
+                turn_rad: mix(self.pose.turn_rad, to.pose.turn_rad),
+            },
+            roll_mm: place(self.roll_mm, to.roll_mm),
+            wrench: to.wrench,
+        }
+    }
+
     /// Refuses negative forces and numbers that are not finite.
     pub fn check(&self) -> Result<(), SettingError> {
         self.grip.check()?;

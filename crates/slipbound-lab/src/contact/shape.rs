@@ -17,12 +17,38 @@ pub trait Shape: std::fmt::Debug + Send + Sync {
     /// which piece of skin is there, for relief that turns with the object.
     fn gap_mm(&self, from_centre: Vec2, on_skin: Vec2) -> f64;
 
+    /// How fast the gap grows where it is finite, along x and y of the object's frame. Half the difference over
+    /// [`SLOPE_STEP_MM`] to either side unless a shape knows better; at a side, the difference to the face.
+    fn slope(&self, from_centre: Vec2, on_skin: Vec2) -> Slope {
+        slope_by_differences(self, from_centre, on_skin)
+    }
+
     /// Half the size of the part that touches, in mm, along the object's x and y: what must fit on the gel. 0 along
     /// a direction in which only the curvature limits the contact.
     fn half_size_mm(&self) -> Vec2;
 
     /// Refuses numbers outside the ranges of the fields.
     fn check(&self) -> Result<(), SettingError>;
+}
+
+/// Over which a slope is taken where a shape does not know it, in mm.
+pub const SLOPE_STEP_MM: f64 = 1e-4;
+
+/// How fast the gap grows per mm from the centre and per mm on the skin: an object that rolls in place moves its skin
+/// alone.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Slope {
+    /// With the skin held: the profile.
+    pub profile: Vec2,
+    /// With the profile held: relief that turns with the object.
+    pub skin: Vec2,
+}
+
+impl Slope {
+    /// Of a smooth object.
+    fn of_profile(x: f64, y: f64) -> Self {
+        Slope { profile: Vec2::new(x, y), skin: Vec2::ZERO }
+    }
 }
 
 /// A sphere.
@@ -35,6 +61,11 @@ pub struct Sphere {
 impl Shape for Sphere {
     fn gap_mm(&self, from_centre: Vec2, _on_skin: Vec2) -> f64 {
         arc(self.radius_mm, from_centre.length_squared())
+    }
+
+    fn slope(&self, from_centre: Vec2, _on_skin: Vec2) -> Slope {
+        let steepness = arc_slope(self.radius_mm, from_centre.length_squared());
+        Slope::of_profile(steepness * from_centre.x, steepness * from_centre.y)
     }
 
     fn half_size_mm(&self) -> Vec2 {
@@ -58,6 +89,10 @@ impl Shape for Paraboloid {
         from_centre.length_squared() / (2.0 * self.radius_mm)
     }
 
+    fn slope(&self, from_centre: Vec2, _on_skin: Vec2) -> Slope {
+        Slope::of_profile(from_centre.x / self.radius_mm, from_centre.y / self.radius_mm)
+    }
+
     fn half_size_mm(&self) -> Vec2 {
         Vec2::ZERO
     }
@@ -74,14 +109,21 @@ pub struct Cylinder {
     pub radius_mm: f64,
     /// Length in mm, above 0.
     pub length_mm: f64,
-    /// Radius of the rounded rims at its ends in mm, 0 or above, at most half the length.
+    /// Radius of the rounded rims at its ends in mm, 0 or above, at most half the length; bevelled from 27 degrees on.
     pub edge_radius_mm: f64,
 }
 
 impl Shape for Cylinder {
     fn gap_mm(&self, from_centre: Vec2, _on_skin: Vec2) -> f64 {
         let beyond = past_flat(from_centre.x, 0.5 * self.length_mm, self.edge_radius_mm);
-        arc(self.radius_mm, from_centre.y * from_centre.y) + arc(self.edge_radius_mm, beyond * beyond)
+        arc(self.radius_mm, from_centre.y * from_centre.y) + edge_gap(self.edge_radius_mm, beyond * beyond)
+    }
+
+    fn slope(&self, from_centre: Vec2, _on_skin: Vec2) -> Slope {
+        let beyond = past_flat(from_centre.x, 0.5 * self.length_mm, self.edge_radius_mm);
+        let end = edge_slope(self.edge_radius_mm, beyond * beyond) * beyond;
+        let side = arc_slope(self.radius_mm, from_centre.y * from_centre.y) * from_centre.y;
+        Slope::of_profile(end.copysign(from_centre.x), side)
     }
 
     fn half_size_mm(&self) -> Vec2 {
@@ -102,7 +144,7 @@ pub struct FlatBox {
     pub length_mm: f64,
     /// Width along the object's y in mm, above 0.
     pub width_mm: f64,
-    /// Radius of the rounded edges in mm, 0 or above, at most half the shorter side.
+    /// Radius of the rounded edges in mm, 0 or above, at most half the shorter side; bevelled from 27 degrees on.
     pub edge_radius_mm: f64,
 }
 
@@ -110,7 +152,14 @@ impl Shape for FlatBox {
     fn gap_mm(&self, from_centre: Vec2, _on_skin: Vec2) -> f64 {
         let x = past_flat(from_centre.x, 0.5 * self.length_mm, self.edge_radius_mm);
         let y = past_flat(from_centre.y, 0.5 * self.width_mm, self.edge_radius_mm);
-        arc(self.edge_radius_mm, x * x + y * y)
+        edge_gap(self.edge_radius_mm, x * x + y * y)
+    }
+
+    fn slope(&self, from_centre: Vec2, _on_skin: Vec2) -> Slope {
+        let x = past_flat(from_centre.x, 0.5 * self.length_mm, self.edge_radius_mm);
+        let y = past_flat(from_centre.y, 0.5 * self.width_mm, self.edge_radius_mm);
+        let steepness = edge_slope(self.edge_radius_mm, x * x + y * y);
+        Slope::of_profile((steepness * x).copysign(from_centre.x), (steepness * y).copysign(from_centre.y))
     }
 
     fn half_size_mm(&self) -> Vec2 {
@@ -124,6 +173,31 @@ impl Shape for FlatBox {
     }
 }
 
+/// The slope of any shape, from its gap.
+pub fn slope_by_differences<S: Shape + ?Sized>(shape: &S, from_centre: Vec2, on_skin: Vec2) -> Slope {
+    let here_mm = shape.gap_mm(from_centre, on_skin);
+    let along = |before_mm: f64, after_mm: f64| match (before_mm.is_finite(), after_mm.is_finite()) {
+        (true, true) => (after_mm - before_mm) / (2.0 * SLOPE_STEP_MM),
+        (true, false) => (here_mm - before_mm) / SLOPE_STEP_MM,
+        (false, true) => (after_mm - here_mm) / SLOPE_STEP_MM,
+        (false, false) => 0.0,
+    };
+    let (x, y) = (Vec2::new(SLOPE_STEP_MM, 0.0), Vec2::new(0.0, SLOPE_STEP_MM));
+    let profile = |at: Vec2| shape.gap_mm(at, on_skin);
+    let skin = |at: Vec2| shape.gap_mm(from_centre, at);
+    Slope {
+        profile: Vec2::new(
+            along(profile(from_centre - x), profile(from_centre + x)),
+            along(profile(from_centre - y), profile(from_centre + y)),
+        ),
+        skin: Vec2::new(along(skin(on_skin - x), skin(on_skin + x)), along(skin(on_skin - y), skin(on_skin + y))),
+    }
+}
+
+/// How steep edges become: 27 degrees. A height field over cells of half a millimetre cannot have steep walls: with 45
+/// degrees the gel at the rim of a cap turns all its pressure aside, jams and snaps free by turns.
+const BEVEL_SLOPE: f64 = 0.5;
+
 /// R - sqrt(R^2 - d^2): an arc of radius R at distance d from its lowest point; infinite beyond its side.
 fn arc(radius: f64, squared: f64) -> f64 {
     let inside = radius * radius - squared;
@@ -131,6 +205,37 @@ fn arc(radius: f64, squared: f64) -> f64 {
         return f64::INFINITY;
     }
     squared / (radius + inside.sqrt()).max(f64::MIN_POSITIVE)
+}
+
+/// The gap beside a face with rounded edges, at a distance past its flat part: an arc until it is as steep as
+/// [`BEVEL_SLOPE`], and from there a bevel. Without a radius the edge is sharp, and there is nothing beside it.
+fn edge_gap(radius: f64, squared: f64) -> f64 {
+    let bevel_from = bevel_from(radius);
+    if squared <= bevel_from * bevel_from || radius == 0.0 {
+        return arc(radius, squared);
+    }
+    arc(radius, bevel_from * bevel_from) + BEVEL_SLOPE * (squared.sqrt() - bevel_from)
+}
+
+/// Its slope, over the distance.
+fn edge_slope(radius: f64, squared: f64) -> f64 {
+    let bevel_from = bevel_from(radius);
+    if squared <= bevel_from * bevel_from || radius == 0.0 {
+        arc_slope(radius, squared)
+    } else {
+        BEVEL_SLOPE / squared.sqrt()
+    }
+}
+
+/// The distance at which an arc is as steep as the bevel.
+fn bevel_from(radius: f64) -> f64 {
+    radius * BEVEL_SLOPE / (1.0 + BEVEL_SLOPE * BEVEL_SLOPE).sqrt()
+}
+
+/// Slope of such an arc over the distance: 1 / sqrt(R^2 - d^2); 0 without an arc and beyond its side.
+fn arc_slope(radius: f64, squared: f64) -> f64 {
+    let inside = radius * radius - squared;
+    if inside > 0.0 { inside.sqrt().recip() } else { 0.0 }
 }
 
 /// How far a point is past the flat part of a face whose edge begins `edge` before its half length; 0 on it.
@@ -144,4 +249,44 @@ fn edge(key: &str, radius: f64, most: f64) -> Result<(), SettingError> {
         return Ok(());
     }
     Err(SettingError { key: key.into(), got: radius.to_string(), expected: format!("at most {most}") })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A shape that knows its slope only by differences.
+    #[derive(Debug)]
+    struct ByDifferences<S>(S);
+
+    impl<S: Shape> Shape for ByDifferences<S> {
+        fn gap_mm(&self, from_centre: Vec2, on_skin: Vec2) -> f64 {
+            self.0.gap_mm(from_centre, on_skin)
+        }
+
+        fn half_size_mm(&self) -> Vec2 {
+            self.0.half_size_mm()
+        }
+
+        fn check(&self) -> Result<(), SettingError> {
+            self.0.check()
+        }
+    }
+
+    fn agree(shape: impl Shape + Copy) {
+        for (x, y) in [(0.0, 0.0), (3.1, -2.2), (-5.4, 1.0), (-5.3, -6.7), (2.0, 6.6), (6.4, 0.3), (-5.9, -7.2)] {
+            let at = Vec2::new(x, y);
+            let (known, measured) = (shape.slope(at, at), ByDifferences(shape).slope(at, at));
+            let off = (known.profile - measured.profile).length() + (known.skin - measured.skin).length();
+            assert!(off < 1e-6, "{shape:?} at {at:?}: {known:?} {measured:?}");
+        }
+    }
+
+    #[test]
+    fn slopes_are_those_of_the_gaps() {
+        agree(Sphere { radius_mm: 15.0 });
+        agree(Paraboloid { radius_mm: 15.0 });
+        agree(Cylinder { radius_mm: 14.0, length_mm: 12.0, edge_radius_mm: 1.0 });
+        agree(FlatBox { length_mm: 12.0, width_mm: 14.0, edge_radius_mm: 1.0 });
+    }
 }

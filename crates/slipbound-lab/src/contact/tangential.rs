@@ -2,6 +2,9 @@
 //! in every contact cell that minimise 1/2 q.A q - q.w; then A q - w is minus the slip of the object over the
 //! gel, zero where the bound is not reached.
 //!
+//! Friction is not all that acts in the plane: on an inclined surface pressure pushes sideways, too. q is the whole
+//! in-plane traction, and friction its distance from that push: |q - push| <= bound.
+//!
 //! Spectral projected gradient: step lengths of J. Barzilai and J. M. Borwein (1988), the two of them in turn,
 //! projection on the discs, exact line search (E. G. Birgin, J. M. Martinez and M. Raydan, 2000).
 //!
@@ -45,7 +48,9 @@ pub(crate) struct Question<'a> {
     pub stride: usize,
     /// The contact cells, in order.
     pub cells: &'a [u32],
-    /// Largest traction of each cell in MPa.
+    /// In-plane traction of the pressure on each cell in MPa: friction is what differs from it.
+    pub push: &'a [Complex64],
+    /// Largest friction of each cell in MPa.
     pub bound: &'a [f64],
     /// w in mm: where the surface would be if it stuck without traction.
     pub target: &'a [Complex64],
@@ -70,11 +75,12 @@ pub(crate) struct Tangential {
     pub gradient: Vec<Complex64>,
 }
 
-/// The nearest traction that friction can carry.
+/// The nearest traction that friction can carry beside the push of the pressure.
 #[inline(always)]
-fn within(bound: f64, q: Complex64) -> Complex64 {
-    let squared = q.norm_sqr();
-    if squared <= bound * bound { q } else { q * (bound / squared.sqrt()) }
+fn within(push: Complex64, bound: f64, q: Complex64) -> Complex64 {
+    let friction = q - push;
+    let squared = friction.norm_sqr();
+    if squared <= bound * bound { q } else { push + friction * (bound / squared.sqrt()) }
 }
 
 #[inline(always)]
@@ -89,11 +95,11 @@ impl Tangential {
 
     /// Solves; `traction` comes in as the first guess, zero outside the contact, and goes out as the solution.
     pub fn solve(&mut self, response: &mut Response, question: &Question<'_>, traction: &mut [Complex64]) -> Held {
-        let Question { cells, bound, stop, stiffness_mpa_per_mm: safe, .. } = *question;
+        let Question { cells, push, bound, stop, stiffness_mpa_per_mm: safe, .. } = *question;
         let most = cells.iter().map(|&i| bound[i as usize]).fold(0.0, f64::max);
         for &i in cells {
             let i = i as usize;
-            traction[i] = within(bound[i], traction[i]);
+            traction[i] = within(push[i], bound[i], traction[i]);
         }
         let (back, _) = self.yielding(response, question, traction, true);
         for &i in cells {
@@ -148,7 +154,7 @@ impl Tangential {
         };
         for &i in cells {
             let i = i as usize;
-            traction[i] = within(bound[i], traction[i] + self.direction[i]);
+            traction[i] = within(push[i], bound[i], traction[i] + self.direction[i]);
         }
         held.load = load_of(question, cells.iter().map(|&i| (i as usize, traction[i as usize])));
         held
@@ -161,7 +167,7 @@ impl Tangential {
             let i = i as usize;
             let q = traction[i];
             let safe = q - self.gradient[i] * question.stiffness_mpa_per_mm;
-            worst = worst.max((within(question.bound[i], safe) - q).norm_sqr());
+            worst = worst.max((within(question.push[i], question.bound[i], safe) - q).norm_sqr());
         }
         worst.sqrt()
     }
@@ -172,9 +178,9 @@ impl Tangential {
         let (mut worst, mut descent) = (0.0f64, 0.0);
         for &i in question.cells {
             let i = i as usize;
-            let (q, g, bound) = (traction[i], self.gradient[i], question.bound[i]);
-            worst = worst.max((within(bound, q - g * question.stiffness_mpa_per_mm) - q).norm_sqr());
-            let d = within(bound, q - g * length) - q;
+            let (q, g, push, bound) = (traction[i], self.gradient[i], question.push[i], question.bound[i]);
+            worst = worst.max((within(push, bound, q - g * question.stiffness_mpa_per_mm) - q).norm_sqr());
+            let d = within(push, bound, q - g * length) - q;
             descent -= dot(g, d);
             self.direction[i] = d;
         }
@@ -232,8 +238,8 @@ impl Tangential {
         for &i in question.cells {
             let i = i as usize;
             let (bound, lever) = (question.bound[i], question.lever[i]);
-            if traction[i].norm_sqr() < bound * bound * (1.0 - 1e-9) {
-                add(&mut load, lever, self.gradient[i] * -length);
+            if (traction[i] - question.push[i]).norm_sqr() < bound * bound * (1.0 - 1e-9) {
+                load.add(lever, self.gradient[i] * -length);
                 spread.add_free(lever);
             }
         }
@@ -246,19 +252,20 @@ impl Tangential {
         for &i in question.cells {
             let i = i as usize;
             let (q, g, bound, lever) = (traction[i], self.gradient[i], question.bound[i], question.lever[i]);
-            let z = q - (g + back.at(lever)) * length;
+            let push = question.push[i];
+            let z = q - (g + back.at(lever)) * length - push;
             let squared = z.norm_sqr();
             let d = if squared <= bound * bound {
                 sweep.spread.add_free(lever);
-                z - q
+                z + push - q
             } else {
                 let inverse = squared.sqrt().recip();
                 sweep.spread.add_sliding(Complex64::new(-z.im, z.re) * inverse, bound * inverse, lever);
-                z * (bound * inverse) - q
+                z * (bound * inverse) + push - q
             };
             sweep.descent -= dot(g, d);
             sweep.squares += d.norm_sqr();
-            add(&mut sweep.load, lever, d);
+            sweep.load.add(lever, d);
             self.direction[i] = d;
         }
         sweep
@@ -306,17 +313,11 @@ impl Sweep {
     }
 }
 
-#[inline(always)]
-fn add(load: &mut Motion, lever: Complex64, traction: Complex64) {
-    load.shift += traction;
-    load.turn += lever.re * traction.im - lever.im * traction.re;
-}
-
 /// B^T q: force and torque, still per unit of cell area unless the resistance scales it.
 fn load_of(question: &Question<'_>, tractions: impl Iterator<Item = (usize, Complex64)>) -> Motion {
     let mut load = Motion::ZERO;
     for (i, q) in tractions {
-        add(&mut load, question.lever[i], q);
+        load.add(question.lever[i], q);
     }
     load
 }

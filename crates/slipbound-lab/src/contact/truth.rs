@@ -4,8 +4,15 @@ use super::body::{Pose, Wrench};
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 
-/// Stick ratio below which the object slides as a whole.
-pub const GROSS_STICK_RATIO: f64 = 0.01;
+/// Share of the friction there is, from which on an object slides as a whole.
+///
+/// The limit surface of a sliding contact is defined by the work of friction (Goyal, Ruina and Papadopoulos, Wear 143
+/// (1991) 307): of all tractions within the bounds, those of a contact that slides everywhere do the most on the motion of
+/// the object. Gross slip is where they do 99 % of it: sum(q . v) >= 0.99 sum(bound |v|), with q the friction on a cell and v
+/// the motion of the object over it. Sticking cells then carry nothing that matters. The stick ratio says so only on
+/// some grids: cells that come into contact at the leading edge stick for a step or two under next to no pressure, and the
+/// middle of a contact that is twisted sticks for ever.
+pub const GROSS_FRICTION_FRACTION: f64 = 0.99;
 
 /// Largest displacement gradient, as a fraction, for which a linear gel is taken to hold.
 pub const LINEAR_STRAIN: f64 = 0.3;
@@ -20,7 +27,7 @@ pub enum Event {
     StickBelow80,
     /// The stick ratio fell below 0.5.
     StickBelow50,
-    /// The stick ratio fell below [`GROSS_STICK_RATIO`].
+    /// The object began to slide as a whole: the friction used reached [`GROSS_FRICTION_FRACTION`].
     Gross,
     /// The last contact was lost.
     Parted,
@@ -36,17 +43,18 @@ impl Event {
 pub struct Events(u8);
 
 impl Events {
-    /// Events between two steps, from their stick ratios (None without contact). A ratio falls below a level only
-    /// if it was at or above it before.
-    pub fn between(before: Option<f64>, now: Option<f64>) -> Self {
+    /// Events between two steps, from their stick ratios (None without contact) and from what they use of the friction. A
+    /// ratio falls below a level only if it was at or above it before.
+    pub fn between(before: &Truth, now: &Truth) -> Self {
         let mut events = Events(0);
-        match (before, now) {
+        if slides(now.friction_used_fraction) && !slides(before.friction_used_fraction) {
+            events.insert(Event::Gross);
+        }
+        match (before.stick_ratio, now.stick_ratio) {
             (None, Some(_)) => events.insert(Event::FirstContact),
             (Some(_), None) => events.insert(Event::Parted),
             (Some(before), Some(now)) => {
-                for (level, event) in
-                    [(0.8, Event::StickBelow80), (0.5, Event::StickBelow50), (GROSS_STICK_RATIO, Event::Gross)]
-                {
+                for (level, event) in [(0.8, Event::StickBelow80), (0.5, Event::StickBelow50)] {
                     if before >= level && now < level {
                         events.insert(event);
                     }
@@ -92,14 +100,23 @@ pub struct Truth {
     pub grip_force_n: f64,
     /// Depth of the object's lowest point below the flat gel, in mm; negative above it.
     pub depth_mm: f64,
-    /// What the object exerts on this finger's gel in the plane; the torque is about the object's reference point.
+    /// What the object exerts on this finger's gel in the plane, by friction and, where its surface is inclined, by
+    /// pressure: what a sensor under the gel reads. The torque is about the object's reference point.
     pub wrench: Wrench,
+    /// The part of it that is friction.
+    pub friction: Wrench,
+    /// Force in N that pressure exerts on the gel in the plane by the object's profile, which a body that rolls in
+    /// place does not feel; what it exerts by relief on the skin is in [`Truth::wrench`] alone.
+    pub on_profile_n: Vec2,
     /// Number of cells under pressure.
     pub contact_cells_count: u32,
     /// Area under pressure in mm2.
     pub contact_area_mm2: f64,
     /// Area that sticks over area in contact, 0 to 1; None without contact.
     pub stick_ratio: Option<f64>,
+    /// Work of friction on the motion of the object in this step over the most that it could do, -1 to 1: at
+    /// [`GROSS_FRICTION_FRACTION`] the object slides as a whole. None without contact or motion.
+    pub friction_used_fraction: Option<f64>,
     /// Largest pressure in MPa.
     pub peak_pressure_mpa: f64,
     /// Largest displacement gradient (Frobenius norm) at the surface, as a fraction.
@@ -120,7 +137,19 @@ pub struct Truth {
     pub converged: bool,
 }
 
-/// Loads and stick ratios of a run, from which the load fraction of every step is known once gross slip is.
+impl Truth {
+    /// Whether the object slid as a whole in this step, as [`GROSS_FRICTION_FRACTION`] defines it.
+    pub fn slides_as_a_whole(&self) -> bool {
+        slides(self.friction_used_fraction)
+    }
+}
+
+/// Whether that much of the friction used means that the object slides as a whole.
+fn slides(friction_used_fraction: Option<f64>) -> bool {
+    friction_used_fraction.is_some_and(|used| used >= GROSS_FRICTION_FRACTION)
+}
+
+/// Loads of a run and how much of the friction they use, from which the load fraction of every step is known once gross slip is.
 ///
 /// Push every step of the load ramp. A load is the factor by which the wrench of the path is scaled, or, for a
 /// guided object, the wrench along the motion: force times direction plus torque times rotation.
@@ -130,14 +159,14 @@ pub struct LoadRecord {
 }
 
 impl LoadRecord {
-    /// Appends a step: its load, 0 or above in any one unit, and its stick ratio.
-    pub fn push(&mut self, load: f64, stick_ratio: Option<f64>) {
-        self.steps.push((load, stick_ratio));
+    /// Appends a step: its load, 0 or above in any one unit, and its [`Truth::friction_used_fraction`].
+    pub fn push(&mut self, load: f64, friction_used_fraction: Option<f64>) {
+        self.steps.push((load, friction_used_fraction));
     }
 
-    /// Number of the first step whose stick ratio is below [`GROSS_STICK_RATIO`]; None while there was none.
+    /// Number of the first step of gross slip; None while there was none.
     pub fn gross_step(&self) -> Option<usize> {
-        self.steps.iter().position(|&(_, stick)| stick.is_some_and(|ratio| ratio < GROSS_STICK_RATIO))
+        self.steps.iter().position(|&(_, used)| slides(used))
     }
 
     /// Load fraction f of every step: its load over that of the gross step. None until gross slip has come; let the

@@ -27,16 +27,16 @@ pub struct HandTruth {
     pub contact_area_mm2: f64,
     /// phi: area that did not slide in the last step over area in contact; None without contact.
     pub stick_ratio: Option<f64>,
-    /// Share of the friction that is used, see [`GrossRule::FrictionUsed`](crate::world::GrossRule); None without
-    /// contact or motion.
+    /// Share of the friction that is used, see [`GROSS_FRICTION_FRACTION`](crate::contact::GROSS_FRICTION_FRACTION);
+    /// None without contact or motion.
     pub friction_used_fraction: Option<f64>,
-    /// Least normal force per finger that would hold the present load, in N: sqrt(F^2 + (T / a)^2) / mu with the
-    /// tangential force F, the torque T about the middle of the contact and the mean lever a of friction. Exact for
-    /// a pure force, and for a pure torque as far as a stays the same; in between the limit surface is taken for an
-    /// ellipsoid (Howe and Cutkosky, IJRR 15 (1996) 557), which is good to some 10 %.
+    /// Least normal force per finger that would hold the present load, in N: the grip times sqrt(F^2 + (T / a)^2) over the
+    /// sum of the bounds, with the friction F, its torque T about the middle of the contact and the mean lever a of
+    /// friction. Exact for a pure force, and for a pure torque as far as a stays the same; in between the limit surface is
+    /// taken for an ellipsoid (Howe and Cutkosky, IJRR 15 (1996) 557), which is good to some 10 %.
     pub required_n: f64,
-    /// Whether the object slid as a whole in the last step: phi < 0.01 or 0.99 of the friction used, while at least
-    /// half of the grip was required.
+    /// Whether the object slid as a whole in the last step: 0.99 of the friction used, while at least half of the grip
+    /// was required.
     pub gross: bool,
     /// Steps in which that was so.
     pub gross_steps_count: u64,

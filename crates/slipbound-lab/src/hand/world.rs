@@ -2,9 +2,9 @@
 
 use super::scene::HandScene;
 use super::truth::HandTruth;
-use crate::contact::{Body, Command, Displacement, Finger, GROSS_STICK_RATIO, Grip, LINEAR_STRAIN, Pose, Wrench};
+use crate::contact::{Body, Command, Displacement, Finger, Grip, LINEAR_STRAIN, Pose, Wrench};
 use crate::plants::{ContactInput, FINGERS_COUNT, HandState, HeldObject, Symmetry};
-use crate::world::{FRAME_RATE_HZ, GROSS_FRICTION_FRACTION, SUBSTEPS_COUNT, Sliding};
+use crate::world::{FRAME_RATE_HZ, SUBSTEPS_COUNT, Sliding};
 use slipbound::plane::Vec2;
 use slipbound::plant::Plant;
 use slipbound::setting::SettingError;
@@ -24,7 +24,6 @@ pub struct HandWorld {
     finger: Finger,
     held: Box<dyn HeldObject>,
     width_mm: f64,
-    mu: f64,
     steps_count: u64,
     now: HandState,
     /// Where gripper and wrist are to be at the end of the next call of `advance_to`.
@@ -50,7 +49,6 @@ impl HandWorld {
         let mut world = HandWorld {
             finger,
             width_mm: scene.width_mm(),
-            mu: scene.mu(),
             steps_count: 0,
             now: HandState::default(),
             target: HandState::default(),
@@ -152,7 +150,7 @@ impl HandWorld {
         truth.pose = contact.pose;
         truth.contact_area_mm2 = contact.contact_area_mm2;
         truth.stick_ratio = contact.stick_ratio;
-        truth.friction_used_fraction = sliding.and_then(|s| s.friction_used_fraction);
+        truth.friction_used_fraction = contact.friction_used_fraction;
         truth.peak_pressure_mpa = contact.peak_pressure_mpa;
         truth.largest_strain_fraction = contact.largest_strain_fraction;
         let soft = self.finger.settings().soft_object;
@@ -171,12 +169,14 @@ impl HandWorld {
             Symmetry::Mirrored => Wrench { force_n: Vec2::new(force_n.x, -force_n.y), torque_n_mm: -torque_n_mm },
         };
         truth.wrench = [left, right];
-        let by_torque_n = sliding.map_or(0.0, |s| torque_n_mm / s.arm_mm.max(f64::MIN_POSITIVE));
-        truth.required_n = force_n.length().hypot(by_torque_n) / self.mu;
-
-        let slides = contact.stick_ratio.is_some_and(|phi| phi < GROSS_STICK_RATIO)
-            || truth.friction_used_fraction.is_some_and(|used| used >= GROSS_FRICTION_FRACTION);
-        truth.gross = slides && truth.required_n > LOADED_FRACTION * contact.grip_force_n;
+        // Of friction alone, against what friction can hold: pressure holds its own part of the load.
+        truth.required_n = sliding.map_or(0.0, |s| {
+            let by_force_n = contact.friction.force_n;
+            let by_torque_n_mm = contact.friction.torque_n_mm + to_object_mm.cross(by_force_n);
+            let used_n = by_force_n.length().hypot(by_torque_n_mm / s.arm_mm.max(f64::MIN_POSITIVE));
+            contact.grip_force_n * used_n / s.most_n
+        });
+        truth.gross = contact.slides_as_a_whole() && truth.required_n > LOADED_FRACTION * contact.grip_force_n;
         if truth.gross {
             truth.gross_steps_count += 1;
             truth.first_gross_ns.get_or_insert(truth.time_ns);

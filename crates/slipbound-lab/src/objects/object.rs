@@ -2,7 +2,7 @@
 
 use super::form::Form;
 use super::relief::Relief;
-use crate::contact::shape::Shape;
+use crate::contact::shape::{Shape, Slope, slope_by_differences};
 use crate::layer::{SoftObject, above_zero};
 use serde::Serialize;
 use slipbound::plane::Vec2;
@@ -54,6 +54,13 @@ impl Shape for ObjectSurface {
             gap_mm + self.relief.depth_at_mm(self.form.unrolled_mm(from_centre, on_skin))
         } else {
             gap_mm
+        }
+    }
+
+    fn slope(&self, from_centre: Vec2, on_skin: Vec2) -> Slope {
+        match self.relief {
+            Relief::Smooth => self.form.shape().slope(from_centre, on_skin),
+            _ => slope_by_differences(self, from_centre, on_skin),
         }
     }
 

@@ -99,6 +99,11 @@ impl Cap {
         Vec2::new(self.pitch_mm_per_rad, -self.radius_mm) * self.thread.sense()
     }
 
+    /// How far its profile rolls over its skin, per rad as above: it stays between the pads.
+    fn roll_mm(&self) -> Vec2 {
+        Vec2::new(0.0, -self.along_mm().y)
+    }
+
     /// Where it is over the pads while it stands.
     fn pose(&self, hand: HandState) -> Pose {
         let by_hand_mm = Vec2::new(-hand.lowered_mm, self.radius_mm * hand.angle_rad);
@@ -107,7 +112,8 @@ impl Cap {
 
     /// What the pads do along the thread, per rad in the sense of the task, in N mm.
     fn drive_n_mm(&self, contact: &Truth) -> f64 {
-        -f64::from(FINGERS_COUNT) * contact.wrench.force_n.dot(self.along_mm())
+        let work_n_mm = contact.wrench.force_n.dot(self.along_mm()) + contact.on_profile_n.dot(self.roll_mm());
+        -f64::from(FINGERS_COUNT) * work_n_mm
     }
 }
 
@@ -132,6 +138,7 @@ impl HeldObject for Cap {
             Drive::Railed(Rail {
                 shift_mm: self.along_mm(),
                 turn_rad: 0.0,
+                roll_mm: self.roll_mm(),
                 push: -now_n_mm.min(next_n_mm),
                 stiffness: ((next_n_mm - now_n_mm) / step_rad).max(0.0),
                 damping_s: VISCOUS_N_MM_S_PER_RAD,
@@ -151,8 +158,9 @@ impl HeldObject for Cap {
         let turns = self.truth.yields && contact.contact_cells_count > 0;
         self.step_rad = if turns { (turned_mm.dot(along_mm) / along_mm.length_squared()).max(0.0) } else { 0.0 };
         self.truth.angle_rad += self.step_rad;
-        self.truth.torque_n_mm =
-            f64::from(FINGERS_COUNT) * self.radius_mm * contact.wrench.force_n.y * self.thread.sense();
+        // Pressure on a round profile has no lever about its axis.
+        let on_skin_n = contact.wrench.force_n.y - contact.on_profile_n.y;
+        self.truth.torque_n_mm = f64::from(FINGERS_COUNT) * self.radius_mm * on_skin_n * self.thread.sense();
         self.truth.thread_n_mm = self.thread.torque_n_mm(self.truth.angle_rad);
         self.truth.limit_n_mm = f64::from(FINGERS_COUNT) * self.mu * contact.grip_force_n * self.radius_mm;
     }

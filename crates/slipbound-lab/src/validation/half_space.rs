@@ -65,10 +65,13 @@ impl Bench {
             .collect();
         let target: Vec<Complex64> = lever.iter().map(|&at| displacement(at)).collect();
         let mut traction = vec![Complex64::new(0.0, 0.0); count];
+        // The theories know no push of pressure in the plane, and neither does this case: traction is friction.
+        let push = vec![Complex64::new(0.0, 0.0); count];
         let question = Question {
             window: self.grid.whole(),
             stride: SIDE_CELLS,
             cells: &cells,
+            push: &push,
             bound: &bound,
             target: &target,
             lever: &lever,

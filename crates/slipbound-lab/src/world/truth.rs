@@ -52,7 +52,7 @@ pub struct FrameTruth {
     pub stick_area_mm2: f64,
     /// phi, the one over the other; None without contact.
     pub stick_ratio: Option<f64>,
-    /// Share of the friction that is used: see [`GrossRule::FrictionUsed`](super::GrossRule). None without contact,
+    /// Share of the friction that is used: see [`Finger`]'s truth of that name. None without contact,
     /// load or motion.
     pub friction_used_fraction: Option<f64>,
     /// The load along its path, 0 or above, in the unit of the scene: see [`Pull`](crate::scenes::Pull) and

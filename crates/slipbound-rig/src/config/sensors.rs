@@ -8,7 +8,6 @@
 
 use super::error::Error;
 use super::layer::{Layer, blame, nearest, typed};
-use slipbound::plane::Vec2;
 use slipbound::sensor::Sensor;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -32,28 +31,6 @@ pub fn load(name_or_file: &str) -> Result<Sensor, Error> {
     let sensor: Sensor = typed(merged, &layers)?;
     sensor.check().map_err(|source| Error::OutOfRange { file: blame(&layers, &source.key), source })?;
     Ok(sensor)
-}
-
-/// The right finger's markers were found 0.97 to 1.03 of its pitch apart (all recordings we have), another finger's
-/// 0.47 to 0.79 or 1.29 to 1.41.
-const PITCH_TRUSTED_RATIO: std::ops::RangeInclusive<f64> = 0.85..=1.18;
-
-/// Why the recording may be of another finger: its markers at rest (rectified px) do not stand a pitch apart.
-pub fn doubt(sensor: &Sensor, markers: &[Vec2]) -> Option<String> {
-    let nearest = |(i, a): (usize, &Vec2)| {
-        let others = markers.iter().enumerate().filter(|(j, _)| *j != i);
-        others.map(|(_, b)| (*b - *a).length()).min_by(f64::total_cmp)
-    };
-    let mut apart: Vec<f64> = markers.iter().enumerate().filter_map(nearest).collect();
-    apart.sort_by(f64::total_cmp);
-    let median_px = *apart.get(apart.len() / 2)?;
-    (!PITCH_TRUSTED_RATIO.contains(&(median_px / sensor.pitch_px))).then(|| {
-        let (name, pitch_px) = (&sensor.name, sensor.pitch_px);
-        format!(
-            "markers expected {pitch_px:.1} px apart (pitch_px of sensor {name}), got {median_px:.1} px: \
-             is it the right sensor file?"
-        )
-    })
 }
 
 /// The file asked for, then what it extends, then what that extends.
@@ -119,8 +96,9 @@ fn lay_over(under: &mut Table, over: Table) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slipbound::plane::Vec2;
     use slipbound::image::SizePx;
-    use slipbound::sensor::{Flip, Polarity, Skin};
+        use slipbound::sensor::{Flip, Polarity, Skin};
     use std::fs;
 
     #[test]
@@ -144,20 +122,6 @@ mod tests {
         // The middle of the gel is seen near the middle of the picture.
         let middle = sensor.camera_from_rectified(Vec2::new(163.0, 160.0));
         assert!((middle - Vec2::new(213.0, 160.0)).length() < 60.0, "{middle:?}");
-    }
-
-    #[test]
-    fn another_pitch_raises_a_doubt() {
-        let sensor = load("gelslim").expect("valid");
-        let grid = |pitch_px: f64| -> Vec<Vec2> {
-            (0..25).map(|i| Vec2::new(f64::from(i % 5) * pitch_px, f64::from(i / 5) * pitch_px)).collect()
-        };
-        assert_eq!(doubt(&sensor, &grid(15.2)), None);
-        assert_eq!(doubt(&sensor, &grid(16.5)), None);
-        let said = doubt(&sensor, &grid(20.0)).expect("a doubt");
-        assert!(said.starts_with("markers expected 15.2 px apart (pitch_px of sensor gelslim), got 20.0 px"), "{said}");
-        assert!(doubt(&sensor, &grid(10.0)).is_some());
-        assert_eq!(doubt(&sensor, &[]), None);
     }
 
     fn load_file(text: &str) -> Result<Sensor, Error> {

@@ -1,21 +1,13 @@
 //! From the address of a gripper to its driver.
 
 use super::config::{Config, Kind};
-use super::device::Device;
 use super::driver::Driver;
 use super::error::Error;
 use super::protocol::Protocol;
 use super::{dry, gcl, line, robotiq, wsg50};
 use crate::link::{Connector, TcpConnector};
-use slipbound::port::Gripper;
 use std::path::Path;
 use std::sync::Arc;
-
-/// Opens a gripper: connects, asks for its state, moves nothing. `config`: a TOML file of settings. Waits at most some
-/// seconds for the first sign of life; afterwards no call waits.
-pub fn open(address: &str, config: Option<&Path>) -> Result<Box<dyn Gripper + Send>, Error> {
-    Ok(Box::new(Device::open(address, config)?))
-}
 
 /// The driver of an address without its link, where bytes are to be moved in another way; connects nothing.
 pub fn driver(address: &str, config: Option<&Path>) -> Result<Driver, Error> {

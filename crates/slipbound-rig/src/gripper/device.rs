@@ -18,6 +18,12 @@ const FIRST_STATE_NS: u64 = 2_000_000_000;
 /// Longest wait for the farewell to be sent, ns.
 const FAREWELL_NS: u64 = 100_000_000;
 
+/// Opens a gripper: connects, asks for its state, moves nothing. `config`: a TOML file of settings. Waits at most some
+/// seconds for the first sign of life; afterwards no call waits.
+pub fn open(address: &str, config: Option<&Path>) -> Result<Box<dyn Gripper + Send>, Error> {
+    Ok(Box::new(Device::open(address, config)?))
+}
+
 /// A gripper on a link. A lost link is made again; what is held stays held.
 pub struct Device {
     address: String,

@@ -1,7 +1,7 @@
 //! The picture of a calibration: the camera image with the grid drawn in.
 
 use super::canvas::{Canvas, Colour, Text};
-use slipbound::calibrate::{Calibration, OFF_GRID_PITCH};
+use slipbound::calibrate::{Calibration, GridMarker};
 use slipbound::image::SizePx;
 use slipbound::plane::Vec2;
 use std::collections::BTreeMap;
@@ -19,7 +19,7 @@ const PIECES_COUNT: usize = 6;
 const STRIP_PX: usize = 28;
 
 /// Red, green and blue of the picture, and its size: lines through the nodes as the map has them, a ring round every
-/// marker, red where it lies off the grid, defects in purple.
+/// marker, red round what lies off the grid and was left out of the fit, defects in purple.
 pub fn grid_picture(calibration: &Calibration) -> (Vec<u8>, SizePx) {
     let sensor = &calibration.sensor;
     let camera = sensor.image_px;
@@ -50,10 +50,11 @@ pub fn grid_picture(calibration: &Calibration) -> (Vec<u8>, SizePx) {
             }
         }
     }
-    for marker in &calibration.markers {
-        let colour = if marker.residual_pitch > OFF_GRID_PITCH { OFF_GRID } else { MARKER };
+    let mut ring = |marker: &GridMarker, colour: Colour| {
         canvas.ring(place(marker.camera_px), 0.25 * sensor.pitch_px * scale, 1.5, colour);
-    }
+    };
+    calibration.markers.iter().for_each(|m| ring(m, MARKER));
+    calibration.off_grid.iter().for_each(|m| ring(m, OFF_GRID));
     for &[left, top, right, bottom] in &sensor.defects_px {
         let corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
         let points: Vec<Vec2> = corners
@@ -65,10 +66,11 @@ pub fn grid_picture(calibration: &Calibration) -> (Vec<u8>, SizePx) {
     whole.fill(PAPER);
     whole.paste(&canvas, (0, 0));
     let said = format!(
-        "{} markers, pitch {:.1} px, {:.3} pitch RMS off the grid; red: more than {OFF_GRID_PITCH}; purple: defects",
+        "{} markers, pitch {:.1} px, {:.3} pitch RMS off the grid; red: {} off it, not used; purple: defects",
         calibration.markers.len(),
         sensor.pitch_px,
-        calibration.residual_pitch
+        calibration.residual_pitch,
+        calibration.off_grid.len()
     );
     whole.text((10, shown.height as i32 + 6), Text::Small, MARKER, &said);
     (whole.rgb(), whole.size())

@@ -1,8 +1,8 @@
 //! Whether a grid is accepted: a wrong one is worse than none.
 
 use super::error::{
-    CalibrationError, FEWEST_FILLED, FEWEST_LINES, FEWEST_MARKERS, SECOND_GRID_RATIO, WORST_ERROR_PITCH,
-    WORST_MEDIAN_PITCH, WORST_RMS_PITCH,
+    CalibrationError, FEWEST_FILLED, FEWEST_LINES, FEWEST_MARKERS, FEWEST_ON_GRID, SECOND_GRID_RATIO,
+    WORST_ERROR_PITCH, WORST_MEDIAN_PITCH, WORST_RMS_PITCH,
 };
 use super::fit::{median, rms};
 use super::grid::Grid;
@@ -29,6 +29,10 @@ pub(super) fn accept(grid: &Grid, dots_count: usize, grey: &[u8], camera_px: Siz
     let nodes_count = within_outline(grid);
     if (markers_count as f64) < FEWEST_FILLED * nodes_count as f64 {
         return Err(CalibrationError::Holes { markers_count, nodes_count });
+    }
+    let off_grid_count = grid.off_grid.len();
+    if (markers_count as f64) < FEWEST_ON_GRID * (markers_count + off_grid_count) as f64 {
+        return Err(CalibrationError::Strays { markers_count, off_grid_count });
     }
     let residuals = grid.residuals_pitch();
     let (median_pitch, rms_pitch) = (median(&residuals), rms(&residuals));

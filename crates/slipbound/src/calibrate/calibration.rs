@@ -4,10 +4,7 @@ use super::grid::MARGIN_PITCH;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
-/// A marker so far from its node is a defect of the print, not of the map.
-pub const OFF_GRID_PITCH: f64 = 0.15;
-
-/// One marker of the grid.
+/// One spot and the node of the grid nearest to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GridMarker {
     /// Column and row of the grid.
@@ -25,12 +22,13 @@ pub struct Calibration {
     pub sensor: Sensor,
     /// Every marker on the grid, column by column.
     pub markers: Vec<GridMarker>,
+    /// Spots near a node that are off the grid: glare, dirt, a dot printed twice. Neither the map nor the residual counts
+    /// them.
+    pub off_grid: Vec<GridMarker>,
     /// RMS of the residuals of all markers, in pitches.
     pub residual_pitch: f64,
     /// The same with a homography alone.
     pub residual_without_distortion_pitch: f64,
-    /// Markers more than [`OFF_GRID_PITCH`] from their node.
-    pub off_grid_count: usize,
     /// Places in the list of frames that were averaged, first and last.
     pub averaged: [usize; 2],
     /// Whether the averaged frames look untouched.

@@ -17,6 +17,9 @@ pub(super) const WORST_RMS_PITCH: f64 = 0.15;
 /// them leaves 0.15 sqrt(1 - p/n), and 0.15 sqrt(p/n (1 - p/n)) is above this bar for all p/n from 0.02 to 0.98; below,
 /// the residual is above its own.
 pub(super) const WORST_ERROR_PITCH: f64 = 0.02;
+/// Fewest of the spots near nodes that must lie on the grid, as a share. With 0.75 of a small grid a map was wrong by a
+/// seventh of a pitch; right ones had 0.84 and more.
+pub(super) const FEWEST_ON_GRID: f64 = 0.8;
 /// Fewest nodes inside the outline of the grid that must have a marker, as a share.
 pub(super) const FEWEST_FILLED: f64 = 0.5;
 /// A second grid in the gaps of the first is there when it has this share of as many spots.
@@ -72,6 +75,13 @@ pub enum CalibrationError {
         /// RMS, in pitches.
         rms_pitch: f64,
     },
+    /// Too many spots near nodes are off the grid.
+    Strays {
+        /// Markers on the grid.
+        markers_count: usize,
+        /// Spots near its nodes that are off it.
+        off_grid_count: usize,
+    },
     /// Too few markers for the scatter they have.
     Uncertain {
         /// Expected error of the map, in pitches.
@@ -119,6 +129,11 @@ impl fmt::Display for CalibrationError {
                 f,
                 "markers off the grid: expected half of them within {WORST_MEDIAN_PITCH} pitch and {WORST_RMS_PITCH} \
                  RMS, got {median_pitch:.3} and {rms_pitch:.3} (was the gel touched? take the finger at rest)"
+            ),
+            CalibrationError::Strays { markers_count, off_grid_count } => write!(
+                f,
+                "glare or dirt among the markers: expected four of five dots on the grid, got {off_grid_count} off it beside \
+                 {markers_count} on it (turn the light down, or clean the gel)"
             ),
             CalibrationError::Uncertain { error_pitch, markers_count, rms_pitch } => write!(
                 f,

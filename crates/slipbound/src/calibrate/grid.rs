@@ -5,7 +5,7 @@
 //!   rough grid --fit--> map --> rectified picture --spots, edge pull--> dots --fit--> map ... three times
 //! ```
 
-use super::fit::{Pair, PlaneMap, bounds, fit_as_needed, homography, median};
+use super::fit::{Pair, PlaneMap, bounds, fit_as_needed, homography, median, robust_sigma};
 use super::search::Found;
 use crate::image::SizePx;
 use crate::pixels::centroid::EdgeKernel;
@@ -29,6 +29,14 @@ const LEAST_LEVELS: f32 = 2.0;
 /// Nodes so near count as around.
 const AROUND: i32 = 2;
 
+/// A spot is off the grid when it leaves both the map and the spots around it by more than this many standard deviations
+/// of such differences over the whole grid,
+const OFF_GRID_SIGMAS: f64 = 3.5;
+/// and by more than this in pitches: a print is seldom better than a third of it.
+const OFF_GRID_LEAST_PITCH: f64 = 0.06;
+/// Fewest spots around one that say where it should be.
+const FEWEST_AROUND: usize = 4;
+
 /// A dot of the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Dot {
@@ -42,6 +50,8 @@ pub(super) struct Dot {
 #[derive(Debug, Clone)]
 pub(super) struct Grid {
     pub dots: BTreeMap<(i32, i32), Dot>,
+    /// Spots near a node that are none of the grid's: glare, dirt, printed twice. The map is not fitted to them.
+    pub off_grid: BTreeMap<(i32, i32), Dot>,
     pub map: PlaneMap,
     pub pitch_px: f64,
     pub diameter_px: f64,
@@ -67,6 +77,7 @@ impl Grid {
         let pitch_px = (median(&scales) * 10.0).round() / 10.0;
         let mut grid = Grid {
             dots,
+            off_grid: BTreeMap::new(),
             map,
             pitch_px,
             diameter_px: found.diameter_px.min(pitch_px / 1.5),
@@ -95,6 +106,11 @@ impl Grid {
         self.dots.iter().map(|(n, d)| Pair { plane: self.plane(*n), seen: d.seen }).collect()
     }
 
+    /// How far a dot of a node is from where the map puts it, in pitches.
+    pub fn residual_pitch(&self, node: (i32, i32), dot: &Dot) -> f64 {
+        self.map.residual_px(&Pair { plane: self.plane(node), seen: dot.seen }) / self.pitch_px
+    }
+
     /// How far dots are from where the map puts them, in pitches.
     pub fn residuals_pitch(&self) -> Vec<f64> {
         self.pairs().iter().map(|p| self.map.residual_px(p) / self.pitch_px).collect()
@@ -111,6 +127,8 @@ impl Grid {
         for round in 0..ROUNDS_COUNT {
             let near_pitch = if round == 0 { NEAR_PITCH.0 } else { NEAR_PITCH.1 };
             self.find_again(grey, camera_px, near_pitch);
+            self.fit()?;
+            self.set_aside_off_grid();
             self.fit()?;
         }
         Some(())
@@ -191,8 +209,27 @@ impl Grid {
         }
         if dots.len() * 2 > self.dots.len() {
             self.dots = dots;
+            self.off_grid.clear();
         }
         self.first = low;
+    }
+
+    /// Takes the spots out of the grid that leave both the map and their neighbours. Where the map itself is not good yet,
+    /// neighbours leave it alike and stay.
+    fn set_aside_off_grid(&mut self) {
+        let offsets = self.offsets_px();
+        let from_neighbours_px = |node: (i32, i32), own: Vec2| match median_around(&offsets, node) {
+            Some(median) => (own - median).length(),
+            None => own.length(),
+        };
+        let apart: Vec<((i32, i32), f64)> = offsets.iter().map(|(n, by)| (*n, from_neighbours_px(*n, *by))).collect();
+        let sigma_px = robust_sigma(&apart.iter().map(|(_, px)| *px).collect::<Vec<_>>());
+        let limit_px = (OFF_GRID_SIGMAS * sigma_px).max(OFF_GRID_LEAST_PITCH * self.pitch_px);
+        for (node, px) in apart {
+            if px > limit_px && offsets[&node].length() > limit_px {
+                self.off_grid.extend(self.dots.remove_entry(&node));
+            }
+        }
     }
 
     /// What the map leaves of every dot, in plane px.
@@ -223,6 +260,14 @@ impl Grid {
         (deepest > 0.0 && diameter_px.is_finite())
             .then(|| ((diameter_px * 10.0).round() / 10.0).clamp(3.0, largest.max(3.0)))
     }
+}
+
+/// Median, along each axis, of what the map leaves of the dots around a node; None with too few of them.
+fn median_around(offsets: &BTreeMap<(i32, i32), Vec2>, (i, j): (i32, i32)) -> Option<Vec2> {
+    let columns = (i - AROUND..=i + AROUND).flat_map(|x| offsets.range((x, j - AROUND)..=(x, j + AROUND)));
+    let around: Vec<Vec2> = columns.filter(|(node, _)| **node != (i, j)).map(|(_, by)| *by).collect();
+    let along = |axis: fn(&Vec2) -> f64| median(&around.iter().map(axis).collect::<Vec<_>>());
+    (around.len() >= FEWEST_AROUND).then(|| Vec2::new(along(|v| v.x), along(|v| v.y)))
 }
 
 /// What the map leaves at a node, from the dots around it but not its own, which may be half of a double. None far from

@@ -154,6 +154,22 @@ impl Imprint {
         Ok(())
     }
 
+    /// Makes the grey picture from the camera image taken last as it were with another flip; nothing where nothing
+    /// is rectified: the picture would only be mirrored.
+    pub(super) fn mirror(&mut self, from: Flip, to: Flip) {
+        let Some((table, upright)) = &mut self.warp else { return };
+        if from.is_horizontal() != to.is_horizontal() {
+            upright.chunks_exact_mut(self.camera_px.width).for_each(<[u8]>::reverse);
+        }
+        if from.is_vertical() != to.is_vertical() {
+            // The whole picture turned around is mirrored both ways.
+            upright.reverse();
+            upright.chunks_exact_mut(self.camera_px.width).for_each(<[u8]>::reverse);
+        }
+        table.apply(upright, &mut self.grey);
+        self.flatten();
+    }
+
     /// Replaces the grey picture, by an average of several for one.
     pub(super) fn put_grey(&mut self, grey: impl Iterator<Item = u8>) {
         self.grey.iter_mut().zip(grey).for_each(|(out, v)| *out = v);

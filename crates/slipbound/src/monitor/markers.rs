@@ -92,7 +92,6 @@ impl Markers {
         let weakest = self.tracks.iter().map(|t| t.rest.response_levels).fold(f32::MAX, f32::min);
         let keep = self.settings.keep_contrast_fraction as f32;
         let spots = self.detector.spots(imprint, f64::from(keep * weakest));
-        self.detected_count = spots.len() as u32;
         let m = &mut self.matching;
         m.take_spots(spots);
         m.least_response(self.tracks.iter().map(|t| keep * t.rest.response_levels));
@@ -143,10 +142,11 @@ impl Markers {
 
     /// Takes over where each marker was found, or is expected to be.
     fn place(&mut self, imprint: &Imprint) {
-        self.matched_count = 0;
+        (self.matched_count, self.detected_count) = (0, 0);
         for i in 0..self.all.len() {
             let (before, known_before) = (self.all[i].now, self.all[i].matched);
             let spot = self.matching.spot_of(i);
+            self.detected_count += u32::from(spot.is_some());
             let whole = spot.and_then(|spot| self.detector.refine(imprint, spot, &self.tracks[i].rest));
             let found = whole.or_else(|| self.matching.cut(&self.all, i));
             let marker = &mut self.all[i];

@@ -2,6 +2,7 @@
 
 use crate::image::SizePx;
 use crate::plane::Vec2;
+use crate::sensor::Flip;
 use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 
@@ -42,6 +43,16 @@ pub enum Reason {
     Torn,
     /// Fewer than half of the markers at rest are in sight.
     MarkersLost,
+    /// The markers at rest do not stand the sensor's pitch apart, in rows and columns: this is another finger, or its picture is mirrored in
+    /// another way than the sensor file says. See [`RestSettings::check_spacing`](super::RestSettings).
+    MarkerSpacing {
+        /// The sensor's pitch in the rectified image, px.
+        expected_px: f64,
+        /// Median distance of a marker at rest to its nearest neighbour, px.
+        got_px: f64,
+        /// The flip with which they would stand a pitch apart, and their distance then, px; None when no flip does.
+        fitting: Option<(Flip, f64)>,
+    },
     /// The patch is too small, too weak or holds too few markers: see [`ContactReport::quality`].
     ContactQuality,
 }
@@ -53,6 +64,16 @@ impl fmt::Display for Reason {
             Reason::Dark { mean_levels } => write!(f, "dark frame: mean grey level {mean_levels:.1}"),
             Reason::Torn => f.write_str("torn frame"),
             Reason::MarkersLost => f.write_str("more than half of the markers are lost"),
+            Reason::MarkerSpacing { expected_px, got_px, fitting } => {
+                write!(
+                    f,
+                    "markers expected on a grid of {expected_px:.1} px (pitch_px of the sensor), got {got_px:.1} px apart: "
+                )?;
+                match fitting {
+                    Some((flip, px)) => write!(f, "with flip = \"{flip}\" they stand {px:.1} px apart"),
+                    None => f.write_str("is it the right sensor file?"),
+                }
+            }
             Reason::ContactQuality => f.write_str("contact too small or too weak to judge"),
         }
     }
@@ -81,7 +102,8 @@ pub struct ContactReport {
 /// How many markers are where.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct MarkerCounts {
-    /// Spots in this frame that look like markers.
+    /// Spots in this frame that lie on a marker of the rest frame. Other spots that look like markers (glare, dirt) do
+    /// not count.
     pub detected: u32,
     /// Markers of the rest frame found again.
     pub matched: u32,

@@ -23,6 +23,9 @@ pub struct RestSettings {
     pub imprint_levels: f64,
     /// Fewest markers a rest frame must show.
     pub markers_min_count: u32,
+    /// Whether nothing is judged while the markers at rest do not stand the sensor's pitch apart (0.85 to 1.18 of it), or
+    /// would lie on its grid with another flip only. Set it to false for a finger whose dots are known to be irregular.
+    pub check_spacing: bool,
 }
 
 impl Default for RestSettings {
@@ -34,6 +37,7 @@ impl Default for RestSettings {
             brightness_fraction: 0.1,
             imprint_levels: 6.0,
             markers_min_count: 9,
+            check_spacing: true,
         }
     }
 }
@@ -114,6 +118,7 @@ pub struct Rest {
     pub(super) cells: Vec<[f32; 3]>,
     pub(super) cells_covered: Vec<bool>,
     pub(super) markers: Vec<RestMarker>,
+    pub(super) refusal: Option<Reason>,
 }
 
 impl Rest {
@@ -130,6 +135,11 @@ impl Rest {
     /// Frames averaged into it.
     pub fn frames_count(&self) -> u32 {
         self.frames_count
+    }
+
+    /// Why no frame can be judged against it; None when it can.
+    pub fn refusal(&self) -> Option<Reason> {
+        self.refusal
     }
 
     /// Markers found on it.

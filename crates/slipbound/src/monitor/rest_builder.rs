@@ -5,6 +5,7 @@
 //! ```
 
 mod choose;
+mod lattice;
 
 pub use choose::{RestChoice, RestLook};
 
@@ -12,10 +13,12 @@ use crate::image::{Frame, SizePx};
 use crate::monitor::cell_map::{CellMap, cover_radius_px};
 use crate::monitor::contact::{illumination, roughness_levels, texture_share};
 use crate::monitor::imprint::{Extra, Imprint};
-use crate::monitor::markers::Detector;
+use crate::monitor::markers::{Detector, RestMarker};
+use crate::monitor::report::Reason;
 use crate::monitor::rest::{Rest, RestError, RestKind};
 use crate::monitor::settings::Settings;
-use crate::sensor::{Sensor, Skin};
+use crate::plane::Vec2;
+use crate::sensor::{Flip, Sensor, Skin};
 use crate::setting::SettingError;
 use choose::Picture;
 
@@ -146,7 +149,12 @@ impl RestBuilder {
         let n = self.frames_count;
         // Deviation: D2 averaged rest
         self.imprint.put_grey(self.grey_sum.iter().map(|sum| ((sum + n / 2) / n) as u8));
-        let markers = self.detector.markers_at_rest(&self.imprint);
+        let mut markers = self.detector.markers_at_rest(&self.imprint);
+        let spacing_px = lattice::spacing_px(&places(&markers));
+        let on_lattice = self.on_lattice(&markers);
+        let regular = on_lattice.is_some();
+        let mut keep = on_lattice.into_iter().flatten();
+        markers.retain(|_| keep.next().unwrap_or(true));
         let expected_count = self.settings.rest.markers_min_count;
         if markers.len() < expected_count as usize {
             return Err(RestError::FewMarkers { expected_count, got_count: markers.len() });
@@ -156,7 +164,7 @@ impl RestBuilder {
         if kind == RestKind::InContact && self.sensor.skin == Skin::Smooth {
             illumination(&mut cells, &cells_covered, self.map.columns);
         }
-        Ok(Rest {
+        let mut rest = Rest {
             kind,
             seq: self.seq,
             frames_count: n,
@@ -165,6 +173,55 @@ impl RestBuilder {
             cells,
             cells_covered,
             markers,
-        })
+            refusal: None,
+        };
+        rest.refusal = spacing_px.and_then(|px| self.spacing_refusal(px, regular));
+        Ok(rest)
     }
+
+    /// Which of the markers found lie on the finger's lattice; those that do not are glare or dirt. A finger has a lattice
+    /// where its file says how the camera sees the gel (then markers stand a pitch apart along both axes of the
+    /// rectified image) and most of its dots are found to lie on one. None for any other finger: all its dots are markers.
+    fn on_lattice(&self, markers: &[RestMarker]) -> Option<Vec<bool>> {
+        self.sensor.rectification.as_ref()?;
+        lattice::on_lattice(&places(markers), self.sensor.pitch_px)
+    }
+
+    /// Why markers that stand so far apart are not this finger's, and with which flip they would be; None when they are.
+    /// Distances alone do not always show a wrong flip: where the markers lie on no lattice but would with another
+    /// flip, they are not this finger's, either. The picture taken last is mirrored, so this comes last.
+    fn spacing_refusal(&mut self, got_px: f64, regular: bool) -> Option<Reason> {
+        let expected_px = self.sensor.pitch_px;
+        let fits = lattice::fits(got_px, expected_px);
+        let rectified = self.sensor.rectification.is_some();
+        if !self.settings.rest.check_spacing || (fits && (regular || !rectified)) {
+            return None;
+        }
+        let fitting = if rectified { self.fitting_flip() } else { None };
+        (!fits || fitting.is_some()).then_some(Reason::MarkerSpacing { expected_px, got_px, fitting })
+    }
+
+    /// The other flip with which most markers lie on the lattice, and how far apart they stand then, px.
+    fn fitting_flip(&mut self) -> Option<(Flip, f64)> {
+        let mut now = self.sensor.flip;
+        let mut best: Option<(usize, Flip, f64)> = None;
+        for flip in Flip::ALL.into_iter().filter(|flip| *flip != self.sensor.flip) {
+            self.imprint.mirror(now, flip);
+            now = flip;
+            let markers = self.detector.markers_at_rest(&self.imprint);
+            let Some(on) = self.on_lattice(&markers) else { continue };
+            let count = on.iter().filter(|on| **on).count();
+            let spacing_px = lattice::spacing_px(&places(&markers));
+            if let Some(px) = spacing_px.filter(|px| lattice::fits(*px, self.sensor.pitch_px)) {
+                if best.is_none_or(|(most, ..)| count > most) {
+                    best = Some((count, flip, px));
+                }
+            }
+        }
+        best.map(|(_, flip, px)| (flip, px))
+    }
+}
+
+fn places(markers: &[RestMarker]) -> Vec<Vec2> {
+    markers.iter().map(|m| m.position).collect()
 }

@@ -30,9 +30,9 @@ pub struct Calibrate {
     /// What this kind of finger is called [default: the name of the file]
     #[arg(long)]
     pub(super) name: Option<String>,
-    /// The mirror image that the camera delivers; a grid cannot tell
-    #[arg(long, value_enum, default_value = "none")]
-    pub(super) flip: FlipArgument,
+    /// The mirror image that the camera delivers; a grid cannot tell [default: none, and the output says so]
+    #[arg(long, value_enum)]
+    pub(super) flip: Option<FlipArgument>,
     /// What covers the gel; an untouched finger cannot tell
     #[arg(long, value_enum, default_value = "smooth")]
     pub(super) skin: SkinArgument,
@@ -109,10 +109,10 @@ impl Calibrate {
             serial: self.serial.clone(),
             pitch_mm: self.pitch_mm,
             flip: match self.flip {
-                FlipArgument::None => Flip::None,
-                FlipArgument::Vertical => Flip::Vertical,
-                FlipArgument::Horizontal => Flip::Horizontal,
-                FlipArgument::Both => Flip::Both,
+                None | Some(FlipArgument::None) => Flip::None,
+                Some(FlipArgument::Vertical) => Flip::Vertical,
+                Some(FlipArgument::Horizontal) => Flip::Horizontal,
+                Some(FlipArgument::Both) => Flip::Both,
             },
             skin: match self.skin {
                 SkinArgument::Smooth => Skin::Smooth,

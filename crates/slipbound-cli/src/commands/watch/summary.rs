@@ -42,6 +42,7 @@ impl Summary {
             Reason::Dark { .. } => "dark",
             Reason::Torn => "torn",
             Reason::MarkersLost => "with most markers lost",
+            Reason::MarkerSpacing { .. } => "with markers that do not stand a pitch apart",
             Reason::ContactQuality => "in poor contact",
         };
         match self.reasons.iter_mut().find(|u| u.why == why) {

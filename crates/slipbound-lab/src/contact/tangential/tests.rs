@@ -36,11 +36,13 @@ fn pull(mass_kg: f64, stop: Stop) -> Pulled {
     let wrench = Wrench { force_n: Vec2::new(7.0, 2.0), torque_n_mm: 40.0 };
     let inertia = Inertia { mass_kg, gyration_radius_mm: 20.0, centre_of_mass_mm: Vec2::new(3.0, -2.0) };
     let body = Body { drive: Drive::Free(inertia), fingers_count: 1 };
-    let (free, resistance) = body.step(Pose::default(), Pose::default(), wrench, Motion::ZERO, 1.0 / 120.0, area);
+    let (free, resistance) = body.step(Pose::default(), Pose::default(), wrench, Motion::ZERO, 1.0 / 120.0, area, ZERO);
+    let push = vec![ZERO; count];
     let question = Question {
         window: PATCH,
         stride,
         cells: &cells,
+        push: &push,
         bound: &bound,
         target: &lever.iter().map(|&r| free.at(r)).collect::<Vec<_>>(),
         lever: &lever,
@@ -60,7 +62,7 @@ fn pull(mass_kg: f64, stop: Stop) -> Pulled {
     for &i in &cells {
         let i = i as usize;
         let gradient = shift[i] + back.at(lever[i]) - question.target[i];
-        let moved = within(bound[i], traction[i] - gradient * question.stiffness_mpa_per_mm);
+        let moved = within(push[i], bound[i], traction[i] - gradient * question.stiffness_mpa_per_mm);
         worst = worst.max((moved - traction[i]).norm());
         sliding += usize::from(traction[i].norm() > 0.999 * bound[i]);
     }

@@ -38,7 +38,7 @@ fn screw_unscrew_and_lift_end_through_a_driver_as_they_do_without() {
             (folder, told(&output))
         };
         let (_, without) = run("without", &[]);
-        let (folder, with) = run("wsg50", &["--through", "wsg50"]);
+        let (folder, with) = run("wsg50", &["--emulated", "wsg50"]);
         for name in same {
             assert_eq!(row(&without, name), row(&with, name), "{task}: {name}\n{without}\n{with}");
         }
@@ -58,7 +58,7 @@ fn a_link_cut_in_the_middle_is_waited_for_and_the_recording_replays() {
     let run = scratch.path().join("run");
     let through = "wsg50?acknowledge_own_fast_stop=true";
     let args =
-        ["--task", "unscrew", "--set", "mu=0.9", "--through", through, "--gripper-fault", "close@2500", "--record"];
+        ["--task", "unscrew", "--set", "mu=0.9", "--emulated", through, "--gripper-fault", "close@2500", "--record"];
     let output = demo(&run, &args);
     assert!(output.status.success(), "{}", told(&output));
     assert_eq!(row(&told(&output), "ended"), "Opened");
@@ -75,7 +75,7 @@ fn a_link_cut_in_the_middle_is_waited_for_and_the_recording_replays() {
 #[test]
 fn a_deaf_wrist_does_not_keep_the_grip_from_answering_slip() {
     let scratch = tempfile::tempdir().expect("a folder");
-    let fault = ["--task", "lift", "--through", "wsg50", "--wrist-fault", "stall=5000@3000"];
+    let fault = ["--task", "lift", "--emulated", "wsg50", "--wrist-fault", "stall=5000@3000"];
     let output = demo(&scratch.path().join("run"), &fault);
     assert!(output.status.success(), "{}", told(&output));
     assert!(told(&output).contains("wrist: line://"), "{}", told(&output));
@@ -91,7 +91,7 @@ fn a_gripper_that_does_not_press_harder_ends_the_task_and_no_cap_is_called_tight
     let scratch = tempfile::tempdir().expect("a folder");
     for (fault, said) in [("fixed-limit", "measured 10.0 N for too long"), ("refuse-force@2500", "out of range")] {
         let run = scratch.path().join(fault);
-        let output = demo(&run, &["--set", "mu=0.9", "--through", "wsg50", "--gripper-fault", fault]);
+        let output = demo(&run, &["--set", "mu=0.9", "--emulated", "wsg50", "--gripper-fault", fault]);
         assert_eq!(output.status.code(), Some(1), "{}", told(&output));
         assert!(told(&output).contains(said) && told(&output).contains("waited 10 s"), "{}", told(&output));
         assert_eq!(row(&told(&output), "ended"), "not", "{}", told(&output));
@@ -103,7 +103,7 @@ fn a_gripper_that_does_not_press_harder_ends_the_task_and_no_cap_is_called_tight
 fn a_lower_force_that_is_not_permitted_is_told_once_and_the_task_goes_on() {
     let scratch = tempfile::tempdir().expect("a folder");
     let run = scratch.path().join("run");
-    let output = demo(&run, &["--task", "lift", "--controller", "margin", "--through", "wsg50"]);
+    let output = demo(&run, &["--task", "lift", "--controller", "margin", "--emulated", "wsg50"]);
     assert!(output.status.success(), "{}", told(&output));
     assert_eq!(row(&told(&output), "ended"), "Held");
     let refused = told(&output).lines().filter(|line| line.contains("a lower force was asked for")).count();
@@ -117,7 +117,7 @@ fn other_grippers_do_the_tasks_too() {
     let scratch = tempfile::tempdir().expect("a folder");
     for (name, said) in [("robotiq-rtu", "presses with 20 to 235 N per finger"), ("line", "Opened")] {
         let run = scratch.path().join(name);
-        let output = demo(&run, &["--task", "unscrew", "--set", "mu=0.6", "--through", name]);
+        let output = demo(&run, &["--task", "unscrew", "--set", "mu=0.6", "--emulated", name]);
         assert!(output.status.success(), "{name}: {}", told(&output));
         assert_eq!(row(&told(&output), "ended"), "Opened", "{name}");
         assert!(told(&output).contains(said), "{name}: {}", told(&output));
@@ -128,7 +128,7 @@ fn other_grippers_do_the_tasks_too() {
 fn over_sockets_and_in_real_time_a_cap_is_opened_too() {
     let scratch = tempfile::tempdir().expect("a folder");
     let output =
-        demo(&scratch.path().join("run"), &["--task", "unscrew", "--set", "mu=0.9", "--through", "wsg50", "--sockets"]);
+        demo(&scratch.path().join("run"), &["--task", "unscrew", "--set", "mu=0.9", "--emulated", "wsg50", "--sockets"]);
     assert!(output.status.success(), "{}", told(&output));
     assert_eq!(row(&told(&output), "ended"), "Opened");
 }
@@ -152,9 +152,9 @@ fn what_run_and_hold_cannot_do_is_said_before_anything_moves() {
             2,
             "lowering",
         ),
-        (vec!["demo", "--task", "place", "--through", "wsg50"], 2, "lowering"),
-        (vec!["demo", "--through", "hand"], 2, "wsg50"),
-        (vec!["demo", "--gripper-fault", "close@3"], 2, "--through"),
+        (vec!["demo", "--task", "place", "--emulated", "wsg50"], 2, "lowering"),
+        (vec!["demo", "--emulated", "hand"], 2, "wsg50"),
+        (vec!["demo", "--gripper-fault", "close@3"], 2, "--emulated"),
     ] {
         let output = slipbound(&args);
         assert_eq!(output.status.code(), Some(code), "{args:?}: {}", told(&output));
