@@ -127,8 +127,10 @@ fn other_grippers_do_the_tasks_too() {
 #[test]
 fn over_sockets_and_in_real_time_a_cap_is_opened_too() {
     let scratch = tempfile::tempdir().expect("a folder");
-    let output =
-        demo(&scratch.path().join("run"), &["--task", "unscrew", "--set", "mu=0.9", "--emulated", "wsg50", "--sockets"]);
+    let output = demo(
+        &scratch.path().join("run"),
+        &["--task", "unscrew", "--set", "mu=0.9", "--emulated", "wsg50", "--sockets"],
+    );
     assert!(output.status.success(), "{}", told(&output));
     assert_eq!(row(&told(&output), "ended"), "Opened");
 }

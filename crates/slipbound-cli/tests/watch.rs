@@ -253,10 +253,16 @@ fn markers_that_do_not_stand_a_pitch_apart_raise_a_doubt() {
     let trial = Trial::new(3);
     let arguments = ["watch", "run", "--sensor", "gelsight_mini_near", "--json", "report.json"];
     let ended = Ended::of(trial.command(&arguments).output().expect("runs"));
-    ended.expect(0, &["run: markers expected on a grid of 44.0 px (pitch_px of the sensor), got 30.8 px apart", "no frame is judged until"]);
+    ended.expect(
+        0,
+        &[
+            "run: markers expected on a grid of 44.0 px (pitch_px of the sensor), got 30.8 px apart",
+            "no frame is judged until",
+        ],
+    );
     let note = trial.report("report.json")[0]["note"].to_string();
     assert!(note.contains("right sensor file?"), "{note}");
-    assert!(states(&trial.report("report.json")).iter().all(|state| state == "unjudged"));
+    assert!(states(&trial.report("report.json")).iter().all(|state| *state == "unjudged"));
 }
 
 #[test]

@@ -15,9 +15,9 @@ mod gross;
 mod load;
 mod truth;
 
-pub(crate) use gross::Sliding;
 pub use crate::contact::GROSS_FRICTION_FRACTION;
 pub use gross::Gross;
+pub(crate) use gross::Sliding;
 pub use truth::{FrameTruth, SlipTruth, TRUTH_FORMAT_VERSION, TimedEvent, TruthHeader, complete, runs, unpacked};
 
 use crate::contact::{Command, Displacement, Drive, Event, Finger, FingerSettings, Friction, Grid, Grip, Pose, Wrench};

@@ -11,7 +11,7 @@ use slipbound::sensor::Sensor;
 use std::io::{self, Write};
 
 /// Grows when a reader of the old lines could misread the new ones; new keys alone do not count.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 2;
 
 /// What is said once, in the first line.
 #[derive(Debug, Clone, Serialize)]

@@ -253,7 +253,7 @@ impl ControlLoop {
     /// The wrist is paused; an error when the fault lasts too long.
     fn raise_fault(&mut self, now_ns: u64, fault: Fault, wrist: &mut dyn Wrist) -> Result<(), ControlError> {
         let _ = wrist.command(PAUSE); // the wrist may be what has the fault: it then pauses by itself
-        self.faults.raise(now_ns, fault)
+        self.faults.raise(now_ns, fault).map_err(|(fault, waited_ns)| ControlError::Fault { fault, waited_ns })
     }
 }
 

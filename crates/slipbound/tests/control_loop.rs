@@ -163,7 +163,12 @@ fn scenes(parts: &[(usize, Scene)]) -> Vec<Scene> {
 }
 
 /// Runs to the end of the source, or to the error.
-fn run(control: &mut ControlLoop, gripper: &mut MyGripper, wrist: &mut MyWrist, diary: &mut Diary) -> Option<ControlError> {
+fn run(
+    control: &mut ControlLoop,
+    gripper: &mut MyGripper,
+    wrist: &mut MyWrist,
+    diary: &mut Diary,
+) -> Option<ControlError> {
     for cycle in 0.. {
         match control.cycle(cycle * FRAME_NS, gripper, wrist, diary) {
             Ok(CycleOutcome::SourceEnded) => return None,
@@ -209,7 +214,8 @@ fn a_lost_gripper_is_waited_for_with_the_wrist_paused_and_frames_judged() {
 
 #[test]
 fn an_unplugged_camera_ends_the_loop_with_the_wrist_paused_and_the_force_kept() {
-    let parts = [(20, Scene::Open), (20, Scene::Held(0.0)), (1, Scene::Torn), (3, Scene::Held(0.0)), (1, Scene::Unplugged)];
+    let parts =
+        [(20, Scene::Open), (20, Scene::Held(0.0)), (1, Scene::Torn), (3, Scene::Held(0.0)), (1, Scene::Unplugged)];
     let mut control = control(scenes(&parts), &hold());
     let (mut gripper, mut wrist, mut diary) = (MyGripper::default(), MyWrist::default(), Diary::default());
     let error = run(&mut control, &mut gripper, &mut wrist, &mut diary).expect("unplugged");

@@ -13,6 +13,7 @@
 //! step in the metric 1/length + B W B^T; Birgin, Martinez and Raydan, IMA J. Numer. Anal. 23, 2003), by Newton's method
 //! in the three numbers of the rigid motion, which costs sweeps over the cells but no transform.
 
+mod product;
 mod rigid;
 
 use self::rigid::{Spread, added, work};
@@ -20,6 +21,7 @@ use super::body::{Motion, Resistance};
 use super::grid::Region;
 use super::normal::Stop;
 use super::response::Response;
+use product::dot;
 use rustfft::num_complex::Complex64;
 
 const ZERO: Complex64 = Complex64::new(0.0, 0.0);
@@ -84,11 +86,6 @@ fn within(push: Complex64, bound: f64, q: Complex64) -> Complex64 {
     let friction = q - push;
     let squared = friction.norm_sqr();
     if squared <= bound * bound { q } else { push + friction * (bound / squared.sqrt()) }
-}
-
-#[inline(always)]
-fn dot(a: Complex64, b: Complex64) -> f64 {
-    a.re * b.re + a.im * b.im
 }
 
 impl Tangential {

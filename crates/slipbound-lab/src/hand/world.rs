@@ -181,7 +181,8 @@ impl HandWorld {
             contact.grip_force_n * used_n / s.most_n
         });
         let goes_on = truth.gross && contact.friction_used_fraction.is_some_and(|used| used >= STILL_SLIDES_FRACTION);
-        truth.gross = (contact.slides_as_a_whole() || goes_on) && truth.required_n > LOADED_FRACTION * contact.grip_force_n;
+        truth.gross =
+            (contact.slides_as_a_whole() || goes_on) && truth.required_n > LOADED_FRACTION * contact.grip_force_n;
         if truth.gross {
             truth.gross_steps_count += 1;
             truth.first_gross_ns.get_or_insert(truth.time_ns);

@@ -1,7 +1,7 @@
 //! A rigid sphere on a nearly incompressible bonded layer.
 
-use super::Row;
 use super::exact::sphere_on_layer_n;
+use super::row::Row;
 use crate::contact::{Grid, Grip, Normal, Planner, Region, Response, Stop};
 use crate::layer::layer_compliance;
 

@@ -1,6 +1,6 @@
 //! A bottle held by two fingers and filled until it falls.
 
-use super::Row;
+use super::row::Row;
 use crate::contact::shape::Cylinder;
 use crate::contact::{Body, Command, Drive, Event, Finger, FingerSettings, Friction, Grip, Inertia, Pose, Wrench};
 use slipbound::plane::Vec2;

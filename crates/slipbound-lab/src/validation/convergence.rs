@@ -1,6 +1,6 @@
 //! Coarse grids against a fine one, along the way to full slip.
 
-use super::Row;
+use super::row::Row;
 use crate::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use crate::contact::{Finger, FingerSettings, Grid, Leg, Path, Pose, Stop};
 

@@ -1,6 +1,6 @@
 //! Action and reaction: what is put in at the object is found again as heat and in the gel.
 
-use super::Row;
+use super::row::Row;
 use crate::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use crate::contact::{Finger, FingerSettings, Leg, Path, Pose, Stop, Truth};
 use crate::layer::above_zero;

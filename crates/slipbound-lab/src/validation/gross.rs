@@ -1,6 +1,6 @@
 //! The load at which an object slides as a whole must not be a matter of the grid.
 
-use super::Row;
+use super::row::Row;
 use crate::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use crate::contact::{Event, Finger, FingerSettings, Grid, Leg, Path, Pose};
 

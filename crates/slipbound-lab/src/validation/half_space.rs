@@ -1,7 +1,7 @@
 //! The two solvers on a half-space: Hertz, Cattaneo-Mindlin, torsion.
 
-use super::Row;
 use super::exact::SphereOnHalfSpace;
+use super::row::Row;
 use crate::contact::{Grid, Grip, Normal, Planner, Question, Response, Stop, Tangential, half_space_response};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::PI;

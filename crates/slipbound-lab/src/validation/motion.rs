@@ -1,6 +1,6 @@
 //! How the object moves: rates and rotations.
 
-use super::Row;
+use super::row::Row;
 use crate::contact::shape::Sphere;
 use crate::contact::{Body, Command, Drive, Finger, FingerSettings, Grip, Inertia, Leg, Path, Pose, Wrench};
 use slipbound::plane::Vec2;

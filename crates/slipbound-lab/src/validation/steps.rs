@@ -1,6 +1,6 @@
 //! What must hold in every step of every load path.
 
-use super::Row;
+use super::row::Row;
 use crate::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use crate::contact::{Finger, FingerSettings, Friction, Law, Leg, Path, Stop};
 use crate::layer::{Creep, Gel, SoftObject};

@@ -1,7 +1,7 @@
 //! The layer once more, by another road: its differential equations through the thickness, integrated by matrix
 //! exponentials of thin slices, from the bonded base up.
 
-use super::Row;
+use super::row::Row;
 use crate::layer::{Compliance, layer_compliance};
 
 type Square = [[f64; 4]; 4];

@@ -96,9 +96,9 @@ fn lay_over(under: &mut Table, over: Table) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slipbound::plane::Vec2;
     use slipbound::image::SizePx;
-        use slipbound::sensor::{Flip, Polarity, Skin};
+    use slipbound::plane::Vec2;
+    use slipbound::sensor::{Flip, Polarity, Skin};
     use std::fs;
 
     #[test]

@@ -1,6 +1,6 @@
 //! What ends a control loop before its task.
 
-use super::Fault;
+use super::fault::Fault;
 use crate::image::ImageError;
 use crate::monitor::RestError;
 use crate::port::SourceError;

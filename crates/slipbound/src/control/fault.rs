@@ -2,10 +2,9 @@
 //!
 //! ```text
 //!   raise ----------> current: the wrist pauses, the force stays
-//!     | no more fault for 0.5 s: cleared        | 10 s since it began: ControlError::Fault
+//!     | no more fault for 0.5 s: cleared        | 10 s since it began: the loop is left
 //! ```
 
-use super::ControlError;
 use crate::port::{GripCommand, GripperError, GripperErrorKind, GripperState, Jaws, WristError, WristErrorKind};
 use crate::task::TaskStep;
 use std::borrow::Cow;
@@ -94,12 +93,12 @@ impl FaultLog {
         self.current.as_ref().map(|(fault, ..)| fault)
     }
 
-    /// A fault in this cycle; an error when there have been faults for too long.
-    pub fn raise(&mut self, now_ns: u64, fault: Fault) -> Result<(), ControlError> {
+    /// A fault in this cycle. When there have been faults for too long it comes back, with how long that is, ns.
+    pub fn raise(&mut self, now_ns: u64, fault: Fault) -> Result<(), (Fault, u64)> {
         let since_ns = self.current.as_ref().map_or(now_ns, |(_, since_ns, _)| *since_ns);
         let waited_ns = now_ns.saturating_sub(since_ns);
         if waited_ns >= PATIENCE_NS {
-            return Err(ControlError::Fault { fault, waited_ns });
+            return Err((fault, waited_ns));
         }
         self.current = Some((fault, since_ns, now_ns));
         Ok(())

@@ -1,6 +1,7 @@
 //! The fifth port: whoever looks on. Recorder, terminal, browser view, ROS or Python hang here.
 
-use super::{Cycle, CycleOutcome, Fault};
+use super::cycle::{Cycle, CycleOutcome};
+use super::fault::Fault;
 use crate::finger_pipeline::FingerView;
 use crate::plant::PlantTruth;
 use crate::port::DriverEvent;

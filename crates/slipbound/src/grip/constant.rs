@@ -1,6 +1,6 @@
 //! Holds with one force, whatever happens: what the others are measured against.
 
-use super::{ArmMotion, GripController, GripDecision, GripLimits};
+use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::GripperState;

@@ -1,6 +1,6 @@
 //! What no controller may get past: forces stay in range, and a hand that sees nothing does not let go.
 
-use super::{ArmMotion, GripController, GripDecision, GripLimits};
+use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::{GripperState, Jaws};

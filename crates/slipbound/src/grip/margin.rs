@@ -14,7 +14,7 @@
 //! shows that it is less. The law needs the stiffness of the gel (see [`Shear`](crate::sensor::Shear)); without it
 //! it is refused.
 
-use super::{ArmMotion, GripController, GripDecision, GripLimits};
+use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::GripperState;

@@ -8,7 +8,7 @@
 //!              +---------------------------> time     the arm pauses at each step until the force has arrived
 //! ```
 
-use super::{ArmMotion, GripController, GripDecision, GripLimits, arrived};
+use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::GripperState;

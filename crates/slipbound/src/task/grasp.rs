@@ -1,6 +1,6 @@
 //! Taking hold: close with the starting force until it has arrived and the fingers feel the object.
 
-use super::{Ending, Observation};
+use super::step::{Ending, Observation};
 use crate::grip::{ArmMotion, GripDecision, Guard};
 use crate::monitor::SlipState;
 use crate::port::Jaws;

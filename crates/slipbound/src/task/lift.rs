@@ -1,8 +1,8 @@
 //! Lifting and holding: raise what was taken, then hold it for a time, whatever is poured into it or pulls at it.
 
 use super::grasp::{Grasp, Grasped};
+use super::step::{Ending, Observation, PAUSE, Phase, Task, TaskStep, lower};
 use super::tare::Tare;
-use super::{Ending, Observation, PAUSE, Phase, Task, TaskStep, lower};
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard};
 use crate::hand::Allowed;
 use crate::port::{Jaws, WristMotion};

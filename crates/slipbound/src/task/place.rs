@@ -9,7 +9,7 @@
 //! ```
 
 use super::grasp::{Grasp, Grasped};
-use super::{Ending, Observation, PAUSE, Phase, Task, TaskStep, lower};
+use super::step::{Ending, Observation, PAUSE, Phase, Task, TaskStep, lower};
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
 use crate::port::{GripCommand, Jaws};

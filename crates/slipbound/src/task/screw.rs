@@ -7,8 +7,8 @@
 //! The paper stops at incipient slip at 60 N. Incipient is not yet all: half of the torque can be unused then. Here
 //! the wrist turns on until the shear of the gels stays flat while it turns ([`ScrewEnd::Evidence`]).
 
+use super::step::{Ending, Observation, Task, TaskStep};
 use super::turning::{SlideSettings, Turning};
-use super::{Ending, Observation, Task, TaskStep};
 use crate::grip::Guard;
 use crate::hand::Allowed;
 use crate::setting::{SettingError, within};

@@ -1,6 +1,10 @@
 //! Everything a task is run with, as one file holds it.
 
-use super::{Lift, LiftSettings, Place, PlaceSettings, Screw, ScrewEnd, ScrewSettings, Task, Unscrew, UnscrewSettings};
+use super::lift::{Lift, LiftSettings};
+use super::place::{Place, PlaceSettings};
+use super::screw::{Screw, ScrewEnd, ScrewSettings};
+use super::step::Task;
+use super::unscrew::{Unscrew, UnscrewSettings};
 use crate::grip::{GripLimits, Law, MarginSettings, OnSlipSettings};
 use crate::setting::{SettingError, named};
 use serde::{Deserialize, Serialize};

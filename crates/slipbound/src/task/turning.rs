@@ -2,8 +2,8 @@
 
 use super::grasp::{Grasp, Grasped};
 use super::shear_watch::ShearWatch;
+use super::step::{Ending, Observation, PAUSE, Phase, TaskStep, turn};
 use super::tare::Tare;
-use super::{Ending, Observation, PAUSE, Phase, TaskStep, turn};
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
 use crate::monitor::SlipState;

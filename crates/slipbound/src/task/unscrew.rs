@@ -5,8 +5,8 @@
 //!                                      -> Ended(Stuck):  at the largest force the fingers slide over the cap
 //! ```
 
+use super::step::{Ending, Observation, Task, TaskStep};
 use super::turning::{SlideSettings, Turning};
-use super::{Ending, Observation, Task, TaskStep};
 use crate::grip::Guard;
 use crate::hand::Allowed;
 use crate::setting::{SettingError, within};

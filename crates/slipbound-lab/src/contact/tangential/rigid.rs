@@ -1,6 +1,6 @@
 //! The rank-three part of the tangential problem: a body that gives way as a whole, in three numbers.
 
-use super::dot;
+use super::product::dot;
 use crate::contact::body::{Motion, Resistance, inverse};
 use rustfft::num_complex::Complex64;
 

@@ -1,0 +1,91 @@
+//! What a grip controller is, what it decides, and the limits every one keeps to.
+
+use crate::hand::HandReport;
+use crate::port::{GripCommand, GripperState};
+use crate::setting::{SettingError, within};
+use serde::{Deserialize, Serialize};
+
+/// What the arm may do while the grip is as it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ArmMotion {
+    /// It may go on.
+    Go,
+    /// It stands still until the grip has caught up.
+    Pause,
+}
+
+/// What a controller decides: how hard to hold, and whether the arm may go on meanwhile. Controllers never release;
+/// tasks do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GripDecision {
+    /// Normal force per finger in newtons.
+    pub force_n: f64,
+    /// What the arm may do.
+    pub arm: ArmMotion,
+}
+
+impl GripDecision {
+    /// The command for the gripper.
+    pub const fn command(&self) -> GripCommand {
+        GripCommand::Hold { force_n: self.force_n }
+    }
+}
+
+/// Decides how hard to hold.
+pub trait GripController {
+    /// The decision for this cycle. `now_ns` is the time of the loop in nanoseconds, which never goes back.
+    fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision;
+
+    /// How often it answered slip, or would have had it not been at its limit.
+    fn alarms_count(&self) -> u32;
+
+    /// Whether it has been shown slip while it was at its largest force: it wants more than it may.
+    fn wants_more(&self) -> bool;
+
+    /// The slip margin it reckons with, 0 to 1; None for a controller that has none.
+    fn margin(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// What every controller keeps to.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GripLimits {
+    /// Force per finger with which an object is taken, N. The paper starts at 10 N.
+    pub start_n: f64,
+    /// Least force while something is held, N per finger: 5 N is the least a WSG-50 holds with.
+    pub least_n: f64,
+    /// Largest force, N per finger: 60 N in the paper, less where the object would be crushed.
+    pub most_n: f64,
+    /// Force per finger to go to when nothing can be seen any more, N; None keeps the force that is there.
+    pub blind_force_n: Option<f64>,
+    /// Time without any live finger after which the hand counts as blind, ns.
+    pub blind_after_ns: u64,
+}
+
+impl Default for GripLimits {
+    fn default() -> Self {
+        // Three frames at 30 Hz, just: one lost frame is no reason to stop.
+        GripLimits { start_n: 10.0, least_n: 5.0, most_n: 60.0, blind_force_n: None, blind_after_ns: 90_000_000 }
+    }
+}
+
+impl GripLimits {
+    /// Checks every limit; the error names the first one that cannot be.
+    pub fn check(&self) -> Result<(), SettingError> {
+        within("grip.least_n", self.least_n, 0.1, 1000.0)?;
+        within("grip.most_n", self.most_n, self.least_n, 1000.0)?;
+        within("grip.start_n", self.start_n, self.least_n, self.most_n)?;
+        if let Some(force_n) = self.blind_force_n {
+            within("grip.blind_force_n", force_n, self.least_n, self.most_n)?;
+        }
+        within("grip.blind_after_ns", self.blind_after_ns as f64, 0.0, 10e9)
+    }
+}
+
+/// Whether a commanded force has arrived at the object: within half a newton or a twentieth.
+pub(crate) fn arrived(target_n: f64, gripper: &GripperState) -> bool {
+    gripper.pressed_n().is_some_and(|n| (n - target_n).abs() <= 0.5f64.max(0.05 * target_n))
+}
