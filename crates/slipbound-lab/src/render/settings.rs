@@ -107,7 +107,7 @@ impl CameraSettings {
             pitch_mm: Some(1.5),
             marker_diameter_px: 5.3,
             skin: Skin::Fabric,
-            bare_sharpness: Some(0.046), // the foot of the glare and two scratches
+            bare_sharpness: Some(0.115), // 0.095 to 0.132 on single frames at rest, 0.27 and more with an imprint
             edge_bands: vec![
                 EdgeBand { rows_to_fraction: 0.8875, low_levels: 90, high_levels: 120 },
                 EdgeBand { rows_to_fraction: 1.0, low_levels: 50, high_levels: 70 },
