@@ -4,6 +4,7 @@ use super::row::Row;
 use crate::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use crate::contact::{Finger, FingerSettings, Friction, Law, Leg, Path, Stop};
 use crate::layer::{Creep, Gel, SoftObject};
+use slipbound::plane::Vec2;
 
 /// The paths: press, then shear, twist, both, roll and let go, there and back.
 fn paths() -> Vec<Path> {
@@ -19,7 +20,8 @@ fn paths() -> Vec<Path> {
 }
 
 fn settings() -> Vec<(&'static str, FingerSettings)> {
-    let plain = FingerSettings::fast();
+    // Fine enough for every step to be made in one increment: what is looked at then is known at the end of each.
+    let plain = FingerSettings { substep_s: 1.0 / 300.0, ..FingerSettings::fast() };
     let weakening = Law::SlipWeakening { mu_static: 0.9, mu_kinetic: 0.6, distance_mm: 0.05 };
     let capped = Law::PressureDependent { adhesion_mpa: 0.005, slope: 0.5, cap_mpa: 0.06 };
     let soft = SoftObject { modulus_mpa: 0.5, poisson_ratio: 0.3, thickness_mm: 10.0 };
@@ -55,7 +57,7 @@ fn every_step(settings: FingerSettings, mut look: impl FnMut(&Finger, &Finger)) 
     run(settings, Cylinder { radius_mm: 14.0, length_mm: 12.0, edge_radius_mm: 1.0 }, &paths[2], &mut look);
 }
 
-/// Traction never exceeds what friction can carry.
+/// Friction never exceeds what it can carry on the slope it is on, by the direction it had in the step before.
 pub fn friction_bound() -> Vec<Row> {
     settings()
         .into_iter()
@@ -66,9 +68,14 @@ pub fn friction_bound() -> Vec<Row> {
                     // From the law itself, with the slip known at the beginning of the step.
                     let stayed = before.contact()[cell];
                     let slipped_mm = if stayed { before.slipped_mm(cell) } else { 0.0 };
-                    let bound_mpa = settings.friction.bound_mpa(pressure_mpa, slipped_mm);
-                    let traction_mpa = after.traction_mpa(cell).length();
-                    let over = if traction_mpa == 0.0 { 0.0 } else { traction_mpa / bound_mpa - 1.0 };
+                    let used = match before.bound_mpa()[cell] {
+                        bound_mpa if bound_mpa > 0.0 => before.friction_mpa(cell) / bound_mpa,
+                        _ => Vec2::ZERO,
+                    };
+                    let slope = after.slope(cell);
+                    let bound_mpa = settings.friction.bound_on_slope_mpa(pressure_mpa, slipped_mm, slope, used);
+                    let friction_mpa = after.friction_mpa(cell).length();
+                    let over = if friction_mpa == 0.0 { 0.0 } else { friction_mpa / bound_mpa - 1.0 };
                     worst = worst.max(over);
                 }
             });
@@ -93,7 +100,7 @@ pub fn friction_work() -> Vec<Row> {
                     let at = settings.grid.centre_mm(cell) + before.displacement(cell).shift_mm - from.position_mm;
                     let carried = to.position_mm - from.position_mm + at.turned() * (to.turn_rad - from.turn_rad);
                     let moved = after.displacement(cell).shift_mm - before.displacement(cell).shift_mm;
-                    let work = after.traction_mpa(cell).dot(carried - moved);
+                    let work = after.friction_mpa(cell).dot(carried - moved);
                     if work < 0.0 {
                         put_in -= work;
                     } else {
