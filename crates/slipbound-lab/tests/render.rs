@@ -185,24 +185,23 @@ fn markers_are_where_the_camera_shows_them_at_rest_and_under_load() {
     let sphere = Pressed::frames(Sphere { radius_mm: 15.0 }, 20.0, shift_mm);
     let cap = Pressed::frames(cylinder(14.0, 12.0), 20.0, shift_mm);
     let face = Pressed::frames(face, 60.0, shift_mm);
-    // The bar is 0.1 px. Without weave and among walls it is met but for 0.005 px; six places at the glare are no dots. The
-    // weave, as strong as on released frames, has gaps as wide and nearly as dark as a dot; and middles of highlights
-    // at the far border are taken for dots, which they are not. What is reached with both is held.
+    // The bar is 0.1 px. Without weave it is met but for 0.005 px. The weave, as strong as on released frames, has gaps as
+    // wide and nearly as dark as a dot. What is reached with it is held; highlights are off the grid and no markers.
     let mut plain = CameraSettings { surroundings: Surroundings::Walls, ..CameraSettings::gelslim() };
     (plain.texture.rest_fraction, plain.texture.gain_fraction) = (0.0, 0.0);
     let plain = Renderer::new(plain, 2);
     let full = Renderer::gelslim(2);
     let walls = full.clone().with_surroundings(Surroundings::Walls);
     for (name, camera, frames, most_rms_px, most_lost) in [
-        ("without weave: at rest", &plain, &at_rest, 0.1, 0.016),
-        ("without weave: sphere, 20 N, sheared", &plain, &sphere, 0.105, 0.016),
-        ("without weave: cap, 20 N, sheared", &plain, &cap, 0.105, 0.016),
-        ("without weave: box, 60 N, sheared", &plain, &face, 0.11, 0.016),
-        ("walls: at rest", &walls, &at_rest, 0.11, 0.03),
-        ("at rest", &full, &at_rest, 0.115, 0.055),
-        ("sphere, 20 N, sheared", &full, &sphere, 0.14, 0.12),
-        ("cap, 20 N, sheared", &full, &cap, 0.155, 0.14),
-        ("box, 60 N, sheared", &full, &face, 0.23, 0.42),
+        ("without weave: at rest", &plain, &at_rest, 0.1, 0.0),
+        ("without weave: sphere, 20 N, sheared", &plain, &sphere, 0.105, 0.0),
+        ("without weave: cap, 20 N, sheared", &plain, &cap, 0.105, 0.0),
+        ("without weave: box, 60 N, sheared", &plain, &face, 0.11, 0.0),
+        ("walls: at rest", &walls, &at_rest, 0.11, 0.012),
+        ("at rest", &full, &at_rest, 0.115, 0.012),
+        ("sphere, 20 N, sheared", &full, &sphere, 0.14, 0.075),
+        ("cap, 20 N, sheared", &full, &cap, 0.155, 0.09),
+        ("box, 60 N, sheared", &full, &face, 0.23, 0.36),
     ] {
         let off = off(&mut camera.clone(), frames, name);
         assert!(off.lost <= most_lost * off.count, "{name}: {} lost", off.lost);
