@@ -14,12 +14,13 @@ mod nodes;
 mod settings;
 mod surface;
 mod surroundings;
+mod surroundings_kind;
 mod view;
 
 pub use settings::{CameraSettings, Dots, Light, Texture};
 pub use surface::Surface;
-pub(crate) use surroundings::SURROUNDINGS;
-pub use surroundings::Surroundings;
+pub(crate) use surroundings_kind::SURROUNDINGS;
+pub use surroundings_kind::Surroundings;
 
 use crate::random::Random;
 use atlas::Atlas;

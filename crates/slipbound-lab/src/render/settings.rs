@@ -1,6 +1,6 @@
 //! What a simulated camera and the skin it looks at are made of; the two fingers we know.
 
-use super::Surroundings;
+use super::surroundings_kind::Surroundings;
 use serde::{Deserialize, Serialize};
 use slipbound::image::SizePx;
 use slipbound::plane::{Homography, Vec2};
