@@ -1,5 +1,15 @@
 //! Reports as JSON, one object a line: a header, then a line a frame. `docs/report.schema.json` is the schema.
 //!
+//! A line of a frame, shortened:
+//!
+//! ```json
+//! {"finger":"finger","frame":41,"seq":41,"time_ns":4100000000,"state":"incipient","reason":null,
+//!  "contact":{"area_px2":22786,"area_mm2":128.1,"quality":0.93},
+//!  "markers":{"detected":224,"matched":224,"lost":0,"inner":24},"reference_seq":0,"grip_n":null,
+//!  "motion":{"translation_px":[5.1,0.2],"rotation_rad":0.01,"icr_px":null},
+//!  "slip":{"markers_over":9,"markers_needed":2,"max_px":7.2,"max_mm":0.54,"kind":"translation","direction_rad":0.05}}
+//! ```
+//!
 //! A line is flushed as soon as it is written, so what was judged is kept when a later frame fails. Numbers of a
 //! frame have at most 4 decimals; what is not a number is null. Readers must ignore keys they do not know.
 

@@ -26,6 +26,7 @@ pub use error::{CalibrationError, FEWEST_MARKERS};
 pub use facts::KnownFacts;
 pub use shear::{
     HangingFrame, ShearError, displacement_sum_px, outermost, shear_stiffness, stationary_end, stationary_held,
+    steadied,
 };
 
 use crate::image::{Frame, Pixels, Rgb};

@@ -28,8 +28,6 @@ enum Scene {
     Open,
     /// Held; the rim of the contact lags behind the object by so many px.
     Held(f64),
-    /// A firm imprint.
-    Pressed,
     Torn,
     Unplugged,
 }
@@ -50,7 +48,6 @@ impl FrameSource for Camera {
         let (lag_px, touch) = match scene {
             Scene::Open => (0.0, None),
             Scene::Held(lag_px) => (lag_px, Some(touch)),
-            Scene::Pressed => (0.0, Some(Touch { strength_levels: 120.0, ..touch })),
             Scene::Torn => return Ok(Next::Torn { reason: "cut off".into() }),
             Scene::Unplugged => return Err("my camera: unplugged".into()),
         };
@@ -147,7 +144,11 @@ impl CycleObserver for Diary {
 }
 
 fn control(scenes: impl IntoIterator<Item = Scene>, settings: &TaskSettings) -> ControlLoop {
-    let painter = Painter::new(SIZE, PITCH_PX, 8.0, Skin::Smooth, 0.5, 11);
+    control_with(Skin::Smooth, scenes, settings)
+}
+
+fn control_with(skin: Skin, scenes: impl IntoIterator<Item = Scene>, settings: &TaskSettings) -> ControlLoop {
+    let painter = Painter::new(SIZE, PITCH_PX, 8.0, skin, 0.5, 11);
     let sensor = painter.sensor.clone();
     let camera = Camera { painter, scenes: scenes.into_iter().collect(), seq: 0 };
     let mounting = Mounting::on(Side::Left);
@@ -230,7 +231,7 @@ fn an_unplugged_camera_ends_the_loop_with_the_wrist_paused_and_the_force_kept() 
 
 #[test]
 fn a_finger_that_starts_in_contact_says_so() {
-    let mut control = control(scenes(&[(22, Scene::Pressed)]), &hold());
+    let mut control = control_with(Skin::Fabric, scenes(&[(22, Scene::Held(0.0))]), &hold());
     let (mut gripper, mut wrist, mut diary) = (MyGripper::default(), MyWrist::default(), Diary::default());
     assert!(run(&mut control, &mut gripper, &mut wrist, &mut diary).is_none());
     assert_eq!(diary.rest_kind, Some(RestKind::InContact));

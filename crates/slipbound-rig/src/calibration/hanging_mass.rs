@@ -1,7 +1,9 @@
 //! A recording that begins untouched, then holds a mass that stands, and ends with the mass hanging -> shear stiffness.
 
 use crate::source::ReadAhead;
-use slipbound::calibrate::{HangingFrame, ShearError, outermost, shear_stiffness, stationary_end, stationary_held};
+use slipbound::calibrate::{
+    HangingFrame, ShearError, outermost, shear_stiffness, stationary_end, stationary_held, steadied,
+};
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::image::ImageError;
 use slipbound::monitor::{RestError, RestKind, Settings, SlipMonitor};
@@ -65,7 +67,7 @@ impl HangingMass {
     pub fn measure(&self, source: &mut ReadAhead, sensor: &Sensor) -> Result<MeasuredShear, HangingMassError> {
         let mut monitor = monitor_from_start(source, sensor)?;
         let outermost = outermost(monitor.sensor(), monitor.markers());
-        let (mut frames, mut torn_count) = (Vec::new(), 0);
+        let (mut reports, mut markers, mut torn_count) = (Vec::new(), Vec::new(), 0);
         let mut buffer = FrameBuffer::default();
         loop {
             match source.next(&mut buffer).map_err(HangingMassError::Source)? {
@@ -73,11 +75,13 @@ impl HangingMass {
                 Next::Silent => {}
                 Next::Torn { .. } => torn_count += 1,
                 Next::Frame => {
-                    let report = monitor.step(&buffer.frame()?, None);
-                    frames.push(HangingFrame::new(&report, monitor.markers(), &outermost));
+                    reports.push(monitor.step(&buffer.frame()?, None));
+                    markers.push(monitor.markers().to_vec());
                 }
             }
         }
+        let frame = |(at, report)| HangingFrame::new(report, &steadied(&markers, at), &outermost);
+        let frames: Vec<HangingFrame> = reports.iter().enumerate().map(frame).collect();
         let within = |range: &Range<u64>| frames.iter().filter(|f| range.contains(&f.seq)).copied().collect::<Vec<_>>();
         let hanging = self.hanging.as_ref().map_or_else(|| stationary_end(&frames).to_vec(), within);
         let first_seq = hanging.first().map_or(u64::MAX, |f| f.seq);

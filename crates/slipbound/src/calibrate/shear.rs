@@ -144,6 +144,23 @@ pub fn displacement_sum_px(markers: &[Marker]) -> Vec2 {
     markers.iter().fold(Vec2::ZERO, |sum, m| sum + (m.now - m.rest))
 }
 
+/// Frames on either side of a frame over which [`steadied`] takes the median.
+const STEADY_FRAMES: usize = 2;
+
+/// The markers of a frame where the median of the frames around it has them: one that jumps to a gap of the weave and
+/// back for a frame or two stays where it was. `frames`: the markers of every frame, in their order.
+pub fn steadied(frames: &[Vec<Marker>], at: usize) -> Vec<Marker> {
+    let around = &frames[at.saturating_sub(STEADY_FRAMES)..frames.len().min(at + STEADY_FRAMES + 1)];
+    let middle = |i: usize, part: &dyn Fn(&Marker) -> f64| {
+        median(&around.iter().filter_map(|markers| markers.get(i).map(part)).collect::<Vec<_>>())
+    };
+    let steady = |(i, marker): (usize, &Marker)| {
+        let now = Vec2::new(middle(i, &|m| m.now.x), middle(i, &|m| m.now.y));
+        Marker { now, ..*marker }
+    };
+    frames.get(at).into_iter().flatten().enumerate().map(steady).collect()
+}
+
 /// The outermost markers: those beside which a wide sector has no other. True at their places in the list.
 pub fn outermost(sensor: &Sensor, markers: &[Marker]) -> Vec<bool> {
     let reach_px = NEIGHBOURS_PITCH * sensor.pitch_px;
