@@ -73,7 +73,7 @@ fn a_link_cut_in_the_middle_is_waited_for_and_the_recording_replays() {
 
 /// The bottle is filled on while nobody hears the wrist: the grip answers all the same.
 #[test]
-fn a_deaf_wrist_does_not_keep_the_grip_from_answering_slip() {
+fn an_unresponsive_wrist_does_not_keep_the_grip_from_answering_slip() {
     let scratch = tempfile::tempdir().expect("a folder");
     let fault = ["--task", "lift", "--emulated", "wsg50", "--wrist-fault", "stall=5000@3000"];
     let output = demo(&scratch.path().join("run"), &fault);

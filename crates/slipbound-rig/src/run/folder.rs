@@ -181,9 +181,37 @@ impl Lines {
         let written = self.file.write_all(bytes.as_bytes());
         match written {
             Ok(()) => self.length += bytes.len() as u64,
-            // What fails here too is the same disk: the first failure is told.
-            Err(_) => drop(self.file.set_len(self.length).and_then(|()| self.file.seek(SeekFrom::Start(self.length)))),
+            Err(_) => self.drop_half_line(),
         }
         written.map_err(|source| Error::Write { path: self.path.clone(), source })
+    }
+
+    fn drop_half_line(&mut self) {
+        // What fails here too is the same disk: its first failure is what is told.
+        let _ = self.file.set_len(self.length).and_then(|()| self.file.seek(SeekFrom::Start(self.length)));
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_an_error_and_leaves_no_half_line() {
+        let mut full = Lines::create("/dev/full".into()).expect("opens");
+        assert!(matches!(full.push("{}"), Err(Error::Write { .. })));
+        assert_eq!(full.length, 0);
+    }
+
+    #[test]
+    fn lines_after_one_that_failed_can_be_read() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("lines");
+        let mut lines = Lines::create(path.clone()).expect("creates");
+        lines.push("first").expect("writes");
+        lines.file.write_all(b"half of").expect("writes"); // as a disk that fills up in the middle of a line leaves it
+        lines.drop_half_line();
+        lines.push("second").expect("writes");
+        assert_eq!(fs::read_to_string(path).expect("reads"), "first\nsecond\n");
     }
 }
