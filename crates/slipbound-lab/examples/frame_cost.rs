@@ -41,7 +41,7 @@ fn main() -> Result<(), Failure> {
         let mut frame = FrameBuffer::default();
         let (mut costs, mut ran_ms): ([Vec<f64>; 4], _) = (Default::default(), [0.0; 4]);
         for round in 0..ROUNDS_COUNT {
-            let mut finger = Finger::new(settings.clone(), Sphere { radius_mm: 15.0 })?;
+            let mut finger = Finger::new(settings, Sphere { radius_mm: 15.0 })?;
             let commands: Vec<_> = path.commands(finger.settings().substep_s).collect();
             for (i, steps) in commands.chunks(STEPS_A_FRAME).enumerate() {
                 let (mut ran, mut at) = (watch.ran(), Instant::now());

@@ -147,7 +147,7 @@ mod tests {
         let mut summary = ReportSummary::new();
         let kind = Some(SlipKind::Both);
         let begins =
-            SlipEvent::Begins { slip: 1, seq: 7, time_ns: Some(280_000_000), kind, direction_rad: Some(1.5708) };
+            SlipEvent::Begins { slip: 1, seq: 7, time_ns: Some(280_000_000), kind, direction_rad: Some(1.571) };
         let line = "frame 7 (0.280 s): slip 1 begins, translation and rotation, towards 90 deg";
         assert_eq!(summary.event(&begins), line);
         let ends = SlipEvent::Ends { slip: 1, seq: 9, time_ns: None, frames_count: 1 };

@@ -1,5 +1,6 @@
 //! A camera of your own behind the port that monitors and the control loop use: implement `FrameSource`, let
 //! `RestFinder` find the untouched finger, then judge every frame. `cargo run -p slipbound --example my_camera`
+#![allow(clippy::disallowed_macros)] // an example prints
 
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::image::SizePx;

@@ -1,4 +1,5 @@
 //! A gripper of your own behind the port that the control loop uses. `cargo run -p slipbound --example my_gripper`
+#![allow(clippy::disallowed_macros)] // an example prints
 
 use slipbound::port::{GripCommand, Gripper, GripperError, GripperErrorKind, GripperState, Jaws};
 

@@ -191,8 +191,7 @@ impl Body {
     /// pressure does in the plane by the profile.
     pub(crate) fn step(
         &self,
-        pose: Pose,
-        target: Pose,
+        (pose, target): (Pose, Pose),
         wrench: Wrench,
         velocity: Motion,
         dt: f64,

@@ -184,7 +184,7 @@ impl Finger {
             _ => settings.substep_s / f64::from(increment.of_count),
         };
         let (free, resistance) =
-            settings.body.step(pose, command.pose, command.wrench, self.velocity, step_s, area, self.on_profile);
+            settings.body.step((pose, command.pose), command.wrench, self.velocity, step_s, area, self.on_profile);
         let Some(window) = self.window else {
             return (free, Held { iterations: 0, converged: true, load: Motion::ZERO });
         };

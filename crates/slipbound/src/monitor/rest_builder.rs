@@ -212,10 +212,10 @@ impl RestBuilder {
             let Some(on) = self.on_lattice(&markers) else { continue };
             let count = on.iter().filter(|on| **on).count();
             let spacing_px = lattice::spacing_px(&places(&markers));
-            if let Some(px) = spacing_px.filter(|px| lattice::fits(*px, self.sensor.pitch_px)) {
-                if best.is_none_or(|(most, ..)| count > most) {
-                    best = Some((count, flip, px));
-                }
+            if let Some(px) = spacing_px.filter(|px| lattice::fits(*px, self.sensor.pitch_px))
+                && best.is_none_or(|(most, ..)| count > most)
+            {
+                best = Some((count, flip, px));
             }
         }
         best.map(|(_, flip, px)| (flip, px))

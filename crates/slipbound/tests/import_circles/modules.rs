@@ -81,8 +81,8 @@ impl Modules {
                 }
                 Token::Into => i += 1,
                 Token::Word(w) if w == "use" => {
-                    let public = i > 0 && matches!(&t[i - 1], Token::Word(w) if w == "pub")
-                        || i > 0 && t[i - 1] == Token::Sign(')');
+                    let public =
+                        i > 0 && (matches!(&t[i - 1], Token::Word(w) if w == "pub") || t[i - 1] == Token::Sign(')'));
                     let from = module.imports.len();
                     i = parse_use(t, i + 1, &mut Vec::new(), &mut module.imports);
                     module.imports[from..].iter_mut().for_each(|import| import.public = public);

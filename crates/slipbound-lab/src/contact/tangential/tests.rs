@@ -36,7 +36,8 @@ fn pull(mass_kg: f64, stop: Stop) -> Pulled {
     let wrench = Wrench { force_n: Vec2::new(7.0, 2.0), torque_n_mm: 40.0 };
     let inertia = Inertia { mass_kg, gyration_radius_mm: 20.0, centre_of_mass_mm: Vec2::new(3.0, -2.0) };
     let body = Body { drive: Drive::Free(inertia), fingers_count: 1 };
-    let (free, resistance) = body.step(Pose::default(), Pose::default(), wrench, Motion::ZERO, 1.0 / 120.0, area, ZERO);
+    let (free, resistance) =
+        body.step((Pose::default(), Pose::default()), wrench, Motion::ZERO, 1.0 / 120.0, area, ZERO);
     let push = vec![ZERO; count];
     let question = Question {
         window: PATCH,
