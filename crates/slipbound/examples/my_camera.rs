@@ -1,5 +1,4 @@
-//! A camera of your own behind the port that monitors and the control loop use: implement `FrameSource`, let
-//! `RestFinder` find the untouched finger, then judge every frame. `cargo run -p slipbound --example my_camera`
+//! A camera of your own: implement `FrameSource`, find the finger at rest, judge every frame. `--example my_camera`
 #![allow(clippy::disallowed_macros)] // an example prints
 
 use slipbound::finger_pipeline::RestFinder;
@@ -18,9 +17,7 @@ impl FrameSource for MyCamera {
         let shift_px = self.seq.saturating_sub(25) as usize;
         let dot = |at: usize| (8..14).contains(&(at % 20));
         let level = |i: usize| if dot(i % 320 + 20 - shift_px % 20) && dot(i / 320) { 60 } else { 150 };
-        into.pixels.clear();
-        into.pixels.extend((0..320 * 240).map(level));
-        into.encoded.clear(); // no JPEG; a camera that sends some keeps it here, so that it can be recorded
+        into.pixels = (0..320 * 240).map(level).collect(); // and into.encoded, where the camera sends JPEG
         (into.format, into.size) = (PixelFormat::Gray, SizePx::new(320, 240));
         (into.seq, into.time_ns, into.clock) = (self.seq, Some(self.seq * 1_000_000_000 / 30), Clock::Device);
         self.seq += 1;
@@ -55,9 +52,8 @@ fn main() -> Result<(), SourceError> {
     }
     let mut monitor = SlipMonitor::new(&sensor, &settings, finder.find()?.rest)?;
     while camera.next(&mut frame)? == Next::Frame {
-        let report = monitor.step(&frame.frame()?, None);
-        let moved_px = monitor.markers().iter().map(|m| m.now_from_rest().x).sum::<f64>() / 192.0;
-        println!("frame {:2}: {:?}, the dots moved by {moved_px:.2} px", report.seq, report.state);
+        let (report, marker) = (monitor.step(&frame.frame()?, None), monitor.markers()[50]);
+        println!("{:2}: {:?}, marker 50 moved {:.2} px", report.seq, report.state, marker.now_from_rest().x);
     }
     Ok(())
 }
