@@ -262,7 +262,7 @@ mod tests {
     #[test]
     fn the_header_says_what_made_the_lines() {
         let line: Value = serde_json::from_str(&lines()[0]).expect("JSON");
-        assert_eq!((&line["format"], &line["format_version"]), (&"slipbound-report".into(), &1.into()));
+        assert_eq!((&line["format"], &line["format_version"]), (&"slipbound-report".into(), &2.into()));
         assert_eq!(line["software_version"], env!("CARGO_PKG_VERSION"));
         assert_eq!(line["sensor"]["rectification"]["homography"][2][0], -0.00010275817, "not rounded");
         assert_eq!(line["rest"].to_string(), r#"{"frames":[0,6],"kind":"in_contact"}"#);
@@ -293,7 +293,7 @@ mod tests {
         let lines = lines();
         for (line, pointer, value) in [
             (0, "/clock", Value::from("noon")),
-            (0, "/format_version", Value::from(2)),
+            (0, "/format_version", Value::from(3)),
             (0, "/rest/kind", Value::from("warm")),
             (0, "/settings", Value::Null),
             (1, "/state", Value::from("slipping")),

@@ -68,8 +68,10 @@ pub fn friction_bound() -> Vec<Row> {
                     // From the law itself, with the slip known at the beginning of the step.
                     let stayed = before.contact()[cell];
                     let slipped_mm = if stayed { before.slipped_mm(cell) } else { 0.0 };
-                    let used = match before.bound_mpa()[cell] {
-                        bound_mpa if bound_mpa > 0.0 => before.friction_mpa(cell) / bound_mpa,
+                    // A cell that comes into contact in the step has no friction before it: that within it counts.
+                    let used = match (before.bound_mpa()[cell], after.bound_mpa()[cell]) {
+                        (bound_mpa, _) if bound_mpa > 0.0 => before.friction_mpa(cell) / bound_mpa,
+                        (_, bound_mpa) if bound_mpa > 0.0 => after.friction_mpa(cell) / bound_mpa,
                         _ => Vec2::ZERO,
                     };
                     let slope = after.slope(cell);

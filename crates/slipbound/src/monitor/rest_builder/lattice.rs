@@ -22,7 +22,7 @@ const FIRST_LIMIT_PITCH: f64 = 0.3;
 /// Off the lattice is a spot further from its node than this many standard deviations of the spots on it,
 const LIMIT_SIGMAS: f64 = 4.5;
 /// and further than this in pitches; but nothing nearer than the first, everything beyond the second.
-const LIMITS_PITCH: (f64, f64) = (0.12, 0.35);
+const LIMITS_PITCH: (f64, f64) = (0.16, 0.35);
 /// Share of the spots that must be on a lattice; with fewer the dots are taken to have none (painted by hand, or random),
 /// and all of them are markers. Glare on a real finger made 18 % of the spots.
 const REGULAR_FRACTION: f64 = 0.65;
