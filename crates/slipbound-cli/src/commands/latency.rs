@@ -62,7 +62,7 @@ impl CycleObserver for KeptFrames {
         for (frames, finger) in self.frames.iter_mut().zip(view.fingers) {
             frames.push(finger.frame.clone());
         }
-        if view.cycle().is_none_or(|cycle| cycle.phase == Phase::Grasping) {
+        if view.cycle().is_some_and(|cycle| cycle.phase == Phase::Grasping) {
             self.held_from = self.frames[0].len();
         }
     }
