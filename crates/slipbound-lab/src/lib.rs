@@ -47,6 +47,7 @@
 
 pub mod contact;
 pub mod faults;
+pub mod fit;
 pub mod hand;
 pub mod jpeg;
 pub mod layer;
