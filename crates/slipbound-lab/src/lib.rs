@@ -46,6 +46,7 @@
 //! takes commands; [`score`] rates what a run did.
 
 pub mod contact;
+pub mod eval;
 pub mod faults;
 pub mod hand;
 pub mod jpeg;
