@@ -58,6 +58,7 @@ pub mod protocol;
 pub mod random;
 pub mod record;
 pub mod render;
+pub mod rivals;
 pub mod scenes;
 pub mod score;
 pub mod trials;
