@@ -46,6 +46,7 @@
 //! takes commands; [`score`] rates what a run did.
 
 pub mod contact;
+pub mod eval;
 pub mod faults;
 pub mod fit;
 pub mod hand;
@@ -54,10 +55,10 @@ pub mod layer;
 pub mod lockstep;
 pub mod objects;
 pub mod plants;
-pub mod protocol;
 pub mod random;
 pub mod record;
 pub mod render;
+pub mod rivals;
 pub mod scenes;
 pub mod score;
 pub mod trials;
