@@ -13,7 +13,8 @@ use crate::random::Random;
 use crate::scenes::Trial;
 use crate::world::{FRAME_RATE_HZ, World};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
-use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use slipbound::port::{FrameBuffer, FrameSource, Next};
+use std::error::Error;
 
 /// Grip forces per finger in N: the least a common gripper holds, a firm grip, a strong one.
 pub const FORCES_N: [f64; 3] = [5.0, 15.0, 30.0];
@@ -105,7 +106,7 @@ pub struct RuleOutcome {
 
 /// Runs a trial and evaluates every rule on the same frames. A rule starts anew from the last frame before the load,
 /// as the paper takes its reference once the object is held.
-pub fn evaluate(push: &Push, rules: &[Settings]) -> Result<Vec<RuleOutcome>, SourceError> {
+pub fn evaluate(push: &Push, rules: &[Settings]) -> Result<Vec<RuleOutcome>, Box<dyn Error + Send + Sync>> {
     let mut world = World::new(&push.trial)?;
     let sensor = world.sensor();
     let rest_frames = push.trial.number("rest_frames") as u64;

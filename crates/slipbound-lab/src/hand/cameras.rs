@@ -7,7 +7,7 @@ use crate::jpeg::Codec;
 use crate::random::Random;
 use crate::render::{Renderer, Surface};
 use slipbound::plane::Vec2;
-use slipbound::port::{Clock, FrameBuffer, SourceError};
+use slipbound::port::{Clock, FrameBuffer, SourceError, SourceErrorKind};
 use slipbound::sensor::{Sensor, Shear};
 
 /// The camera of one finger, with its own markers, threads and defects, and its last frame.
@@ -100,12 +100,12 @@ impl Cameras {
 
     /// The picture of a finger drawn last, into a recycled buffer.
     pub fn deliver(&self, finger: usize, into: &mut FrameBuffer) -> Result<(), SourceError> {
-        let camera = self
-            .fingers
-            .get(finger)
-            .ok_or_else(|| format!("camera: expected finger 0 to {}, got {finger}", self.fingers.len() - 1))?;
+        let camera = self.fingers.get(finger).ok_or_else(|| {
+            let why = format!("camera: expected finger 0 to {}, got {finger}", self.fingers.len() - 1);
+            SourceError::new(SourceErrorKind::Settings, why)
+        })?;
         if let Some(failed) = &camera.failed {
-            return Err(failed.clone().into());
+            return Err(SourceError::new(SourceErrorKind::Format, failed.clone()));
         }
         // Field by field, so that the buffer keeps its memory.
         into.encoded.clone_from(&camera.frame.encoded);
