@@ -28,15 +28,15 @@ struct FingerCamera {
 #[derive(Debug)]
 pub(super) struct Cameras {
     fingers: Vec<FingerCamera>,
-    /// Of the gel against shear.
-    stiffness_mpa_per_mm: f64,
+    /// Of the gel of the left and of the right finger against shear.
+    stiffness_mpa_per_mm: [f64; 2],
     /// The frame that the pictures show; None before the first.
     drawn: Option<u64>,
 }
 
 impl Cameras {
     pub fn new(scene: &HandScene, world: &HandWorld) -> Self {
-        let settings = world.finger().settings();
+        let settings = world.finger(0).settings();
         let cells_count = settings.grid.cells_count();
         let quality = scene.number("jpeg_quality").map_or(85, |quality| quality as u8);
         let fingers = (0..scene.fingers_count()).map(|finger| {
@@ -55,16 +55,20 @@ impl Cameras {
                 renderer,
             }
         });
-        let stiffness_mpa_per_mm = settings.gel.shear_modulus_mpa() / settings.gel.thickness_mm;
+        let stiffness_mpa_per_mm = [0, 1].map(|finger| {
+            let gel = world.finger(finger).settings().gel;
+            gel.shear_modulus_mpa() / gel.thickness_mm
+        });
         Cameras { fingers: fingers.collect(), stiffness_mpa_per_mm, drawn: None }
     }
 
     /// The facts of a finger; those of the last one beyond it.
     pub fn sensor(&self, finger: usize) -> Sensor {
-        let camera = &self.fingers[finger.min(self.fingers.len() - 1)];
+        let finger = finger.min(self.fingers.len() - 1);
+        let camera = &self.fingers[finger];
         let sensor = camera.renderer.sensor();
         let shear = sensor.pitch_mm.map(|pitch_mm| Shear {
-            stiffness_n_per_pitch: self.stiffness_mpa_per_mm * pitch_mm * pitch_mm * pitch_mm,
+            stiffness_n_per_pitch: self.stiffness_mpa_per_mm[finger.min(1)] * pitch_mm * pitch_mm * pitch_mm,
             provenance: "simulator: shear modulus over thickness of the gel".into(),
         });
         Sensor { shear, ..sensor }
