@@ -13,6 +13,7 @@
 //! incompressible gel pushes it outward (C > 0), which is why the coupling is never dropped here.
 
 use serde::{Deserialize, Serialize};
+use slipbound::sensor::Shear;
 use slipbound::setting::SettingError;
 
 /// Poisson's ratio taken for the skin of [`Gel::membrane_n_per_mm`]: woven fabric, between 0.2 and 0.4. Assumed.
@@ -171,6 +172,15 @@ impl Gel {
     /// G = E / (2 (1 + nu)) in MPa.
     pub fn shear_modulus_mpa(&self) -> f64 {
         self.modulus_mpa / (2.0 * (1.0 + self.poisson_ratio))
+    }
+
+    /// What a sensor file says of it: the force on the patch around a marker that is displaced by one pitch, G/h of a wide
+    /// layer.
+    pub fn shear_of_marker(&self, pitch_mm: f64) -> Shear {
+        Shear {
+            stiffness_n_per_pitch: self.shear_modulus_mpa() / self.thickness_mm * pitch_mm * pitch_mm * pitch_mm,
+            provenance: "simulator: shear modulus over thickness of the gel".into(),
+        }
     }
 
     /// Refuses numbers outside the ranges of the fields.

@@ -48,6 +48,7 @@
 pub mod contact;
 pub mod eval;
 pub mod faults;
+pub mod fit;
 pub mod hand;
 pub mod jpeg;
 pub mod layer;

@@ -119,9 +119,11 @@ impl World {
         Ok(world)
     }
 
-    /// The facts of the finger as its camera sees it.
+    /// The facts of the finger as its camera sees it, with the stiffness of its gel.
     pub fn sensor(&self) -> Sensor {
-        self.camera.sensor()
+        let sensor = self.camera.sensor();
+        let gel = self.finger.settings().gel;
+        Sensor { shear: sensor.pitch_mm.map(|pitch_mm| gel.shear_of_marker(pitch_mm)), ..sensor }
     }
 
     /// The trial.

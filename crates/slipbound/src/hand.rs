@@ -14,7 +14,7 @@
 //!
 //! What one finger cannot tell apart (around or across), two can.
 
-use crate::monitor::{Reason, SlipKind, SlipReport, SlipState};
+use crate::monitor::{Estimate, Reason, SlipKind, SlipReport, SlipState};
 use crate::plane::Vec2;
 use crate::setting::{SettingError, named, within};
 use serde::{Deserialize, Serialize};
@@ -146,6 +146,13 @@ pub struct HandReport {
     pub quality: f64,
     /// What slips; None while nothing does.
     pub slip: Option<HandSlip>,
+    /// The least slip margin among the live fingers, 1 without load, 0 when the object slides; None while no finger knows
+    /// one. See [`Estimates`](crate::monitor::Estimates).
+    #[serde(default)]
+    pub margin: Option<f64>,
+    /// The least friction coefficient among the live fingers; None while no finger knows one.
+    #[serde(default)]
+    pub friction: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -236,6 +243,8 @@ impl Hand {
             quality: live().map(|(_, r)| r.contact.quality).fold(1.0, f64::min)
                 * f64::from(live().count().min(1) as u32),
             slip: fused_slip(live(), separated),
+            margin: least(live().filter_map(|(_, r)| r.estimates.margin)),
+            friction: least(live().filter_map(|(_, r)| r.estimates.friction)),
         }
     }
 }
@@ -245,11 +254,14 @@ fn same_picture(a: &SlipReport, b: &SlipReport) -> bool {
     a.shear.is_some() && a.shear == b.shear && a.contact == b.contact && a.markers == b.markers
 }
 
-/// Any finger that sees slip is believed; so are two that each see half of what it takes.
+/// Any finger that sees slip is believed; so are two that each see half of what it takes, where markers decide.
 fn fused_state(reports: impl Iterator<Item = SlipReport> + Clone) -> SlipState {
     let any = |state| reports.clone().any(|r| r.state == state);
     let halves = reports.clone().filter(|r| {
-        r.state == SlipState::Stick && r.slip.markers_over > 0 && 2 * r.slip.markers_over >= r.slip.markers_needed
+        r.state == SlipState::Stick
+            && r.estimates.margin.is_none()
+            && r.slip.markers_over > 0
+            && 2 * r.slip.markers_over >= r.slip.markers_needed
     });
     match () {
         _ if reports.clone().next().is_none() => SlipState::Unjudged,
@@ -259,6 +271,11 @@ fn fused_state(reports: impl Iterator<Item = SlipReport> + Clone) -> SlipState {
         _ if any(SlipState::Unsure) => SlipState::Unsure,
         _ => SlipState::NoContact,
     }
+}
+
+/// The least value; None without any.
+fn least(estimates: impl Iterator<Item = Estimate>) -> Option<f64> {
+    estimates.map(|estimate| estimate.value).reduce(f64::min)
 }
 
 /// Mean of what all have; None when there is nothing or one has none.

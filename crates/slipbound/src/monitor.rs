@@ -2,6 +2,7 @@
 
 mod cell_map;
 mod contact;
+mod estimate;
 mod imprint;
 mod markers;
 mod motion;
@@ -12,6 +13,7 @@ mod settings;
 mod slip;
 
 pub use contact::ContactSettings;
+pub use estimate::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
 pub use imprint::{Illumination, ImprintSettings};
 pub use markers::{Finder, MarkerSettings};
 pub use motion::{Fit, MotionSettings, fit_most, fit_rigid, fit_similarity};
@@ -19,7 +21,7 @@ pub use report::*;
 pub use rest::{Rest, RestError, RestKind, RestSettings};
 pub use rest_builder::{RestBuilder, RestChoice, RestLook};
 pub use settings::Settings;
-pub use slip::{RigidField, SlipSettings};
+pub use slip::{RigidField, SlipRule, SlipSettings};
 
 use crate::image::{Frame, Gray, Mask};
 use crate::port::GripSample;
@@ -63,12 +65,16 @@ pub struct SlipMonitor {
     markers: markers::Markers,
     motion: motion::Motion,
     slip: slip::Slip,
+    estimator: estimate::Estimator,
     rest_seq: u64,
     refusal: Option<Reason>,
     reference_seq: u64,
     rebase_from: Option<u64>,
     reference_grip_n: Option<f64>,
     in_contact_count: u32,
+    /// Rule `margin`: whether slip is said, and how many frames in a row had a small margin.
+    alarmed: bool,
+    small_margin_frames_count: u32,
 }
 
 impl SlipMonitor {
@@ -79,9 +85,11 @@ impl SlipMonitor {
         sensor.check()?;
         let extra = imprint::Extra { flat: settings.markers.finder_needs_flat(), cells: false };
         let imprint = imprint::Imprint::new(&sensor, &settings.imprint, extra);
+        let markers = markers::Markers::new(&sensor, &settings.markers, &rest);
         Ok(SlipMonitor {
             contact: contact::Contact::new(&sensor, &settings.contact, &imprint, &rest),
-            markers: markers::Markers::new(&sensor, &settings.markers, &rest),
+            estimator: estimate::Estimator::new(&sensor, &markers.all, rest.kind == RestKind::InContact),
+            markers,
             motion: motion::Motion::new(&sensor, &settings.motion),
             slip: slip::Slip::new(&sensor, &settings.slip, rest.markers.len()),
             rest_seq: rest.seq,
@@ -90,6 +98,8 @@ impl SlipMonitor {
             rebase_from: None,
             reference_grip_n: None,
             in_contact_count: 0,
+            alarmed: false,
+            small_margin_frames_count: 0,
             imprint,
             settings: settings.clone(),
             sensor,
@@ -129,20 +139,53 @@ impl SlipMonitor {
         self.slip.judge(self.motion.motion.as_ref(), grip, area_px2, &mut self.markers.all);
         probe.after(Step::Slip, self);
 
+        self.estimate(frame, grip, area_px2);
+
         let report = self.report(frame, grip);
+        let by_markers = self.settings.slip.rule == SlipRule::Markers;
         match report.state {
             // The reference is taken anew after slip; the next frame is judged against this one.
-            SlipState::Incipient => self.rebase_from = Some(frame.seq),
+            SlipState::Incipient if by_markers => self.rebase_from = Some(frame.seq),
             SlipState::NoContact => self.return_to_rest(),
             _ => {}
         }
-        self.follow_grip(frame.seq, grip);
+        if by_markers {
+            self.follow_grip(frame.seq, grip);
+        }
         report
+    }
+
+    /// Step 5, and the rule `margin`.
+    fn estimate(&mut self, frame: &Frame<'_>, grip: Option<GripSample>, area_px2: f64) {
+        if !self.contact.touches {
+            self.estimator.clear();
+            (self.alarmed, self.small_margin_frames_count) = (false, 0);
+            return;
+        }
+        let had_reference = self.estimator.has_reference();
+        self.estimator.see(frame.time_ns, grip, area_px2, &self.markers.all);
+        let settings = &self.settings.slip;
+        if settings.rule == SlipRule::Markers {
+            return;
+        }
+        if self.estimator.has_reference() && !had_reference {
+            // The slip field counts from the squeezed finger, too.
+            self.rebase_from = Some(frame.seq);
+        }
+        let Some(margin) = self.estimator.estimates.margin else { return };
+        let small = margin.value <= if self.alarmed { settings.clear_margin } else { settings.alarm_margin };
+        self.small_margin_frames_count = if small { self.small_margin_frames_count + 1 } else { 0 };
+        // The picture alone is a weaker witness: two frames must agree.
+        let needed = if self.estimator.knows_grip() { 1 } else { 2 };
+        self.alarmed = small && (self.alarmed || self.small_margin_frames_count >= needed);
+        if self.alarmed {
+            let (force, torque) = self.estimator.load_px3;
+            self.slip.say_load(force, torque);
+        }
     }
 
     /// A squeeze spreads the gel; once it is more than a little, displacement counts from after it.
     fn follow_grip(&mut self, seq: u64, grip: Option<GripSample>) {
-        // Deviation: D14 reference taken anew when the grip changes
         let Some(GripSample { force_n }) = grip.filter(|g| g.force_n.is_finite()) else { return };
         let before_n = *self.reference_grip_n.get_or_insert(force_n);
         if (force_n - before_n).abs() > self.settings.slip.regrip_n {
@@ -192,6 +235,11 @@ impl SlipMonitor {
         self.refusal
     }
 
+    /// What the estimates of the last frame rest on, see [`FEATURE_NAMES`]; None without estimates.
+    pub fn features(&self) -> Option<&Features> {
+        self.estimator.features.as_ref()
+    }
+
     /// The facts of the finger at the size of its frames.
     pub fn sensor(&self) -> &Sensor {
         &self.sensor
@@ -226,13 +274,19 @@ impl SlipMonitor {
         let quality = self.contact.quality(self.in_contact_count);
         let half_lost = 2 * self.markers.matched_count < self.markers.all.len() as u32;
         let unsure = self.contact.unsure(quality) || self.motion.motion.is_none();
+        let slips = match self.settings.slip.rule {
+            SlipRule::Margin => self.alarmed,
+            SlipRule::Markers => self.slip.slips,
+        };
+        // Load over grip needs no contact region: a patch too small or weak for the rest of the method hides no slip.
+        let sure = slips && self.estimator.knows_grip() && self.settings.slip.rule == SlipRule::Margin;
         let (state, reason) = match () {
             _ if self.refusal.is_some() => (SlipState::Unjudged, self.refusal),
             _ if half_lost => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             _ if !self.contact.touches => (SlipState::NoContact, None),
             // Deviation: D11 unsure
-            _ if unsure => (SlipState::Unsure, Some(Reason::ContactQuality)),
-            _ if self.slip.slips => (SlipState::Incipient, None),
+            _ if unsure && !sure => (SlipState::Unsure, Some(Reason::ContactQuality)),
+            _ if slips => (SlipState::Incipient, None),
             _ => (SlipState::Stick, None),
         };
         let area_px2 = self.contact.area_px2 as f64;
@@ -254,6 +308,7 @@ impl SlipMonitor {
             }),
             shear: self.shear(),
             slip: self.slip.summary,
+            estimates: self.estimator.estimates,
         }
     }
 
@@ -282,6 +337,7 @@ impl SlipMonitor {
             motion: None,
             shear: None,
             slip: SlipSummary { max_mm: none, ..SlipSummary::default() },
+            estimates: Estimates::default(),
         }
     }
 }

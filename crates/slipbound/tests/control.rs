@@ -32,6 +32,8 @@ fn hand(state: SlipState) -> HandReport {
         contact_area_mm2: Some(100.0),
         quality: 0.8,
         slip,
+        margin: None,
+        friction: None,
     }
 }
 
@@ -153,16 +155,25 @@ fn a_controller_that_asks_for_what_cannot_be_never_lets_go() {
 
 #[test]
 fn a_margin_follows_the_load_at_once_and_lets_go_slowly() {
-    let settings = MarginSettings { stiffness_mpa_per_mm: 0.05, mu: 0.4, ..MarginSettings::default() };
-    // 0.05 MPa/mm, 100 mm2, over 0.75: 6.67 N per mm; at mu 0.4 and half of it used: 33 N per mm.
-    let mut hands = vec![sheared(0.15); 2];
-    hands.extend([sheared(0.9); 30]);
-    hands.extend([sheared(0.1); 90]);
-    let told = commands(Law::Margin(settings), GripLimits::default(), &hands);
-    assert!((told[31].force_n - 30.0).abs() < 0.1, "{}", told[31].force_n);
-    let fall_n = told[31].force_n - told[121].force_n;
-    assert!((fall_n - 3.0).abs() < 0.1, "1 N a second, not {fall_n} N in 3 s");
-    assert!(told.iter().all(|c| (5.0..=60.0).contains(&c.force_n)));
+    let settings = MarginSettings { stiffness_mpa_per_mm: 0.05, ..MarginSettings::default() };
+    // A load that would make the object slide at 13 N, then at 26 N, then at 2.6 N: the margin that is left at 65 %.
+    let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
+    let mut force_n = 10.0;
+    let mut told = Vec::new();
+    for (slides_at_n, frames) in [(6.5, 30), (19.5, 60), (2.6, 90)] {
+        for _ in 0..frames {
+            let hand = HandReport { margin: Some(1.0 - slides_at_n / force_n), ..hand(SlipState::Stick) };
+            let decided = controller.decide(told.len() as u64 * FRAME_NS, &hand, &gripper(force_n));
+            force_n = decided.force_n;
+            told.push(force_n);
+        }
+    }
+    assert!((told[29] - 10.0).abs() < 0.1, "held at its target: {}", told[29]);
+    assert!((told[89] - 30.0).abs() < 0.5, "19.5 N over 0.65: {}", told[89]);
+    assert!(told[34] > 25.0, "within five frames: {}", told[34]);
+    let fall_n = told[100] - told[130];
+    assert!((fall_n - 5.0).abs() < 0.1, "5 N a second, not {fall_n} N in 1 s");
+    assert!(told.iter().all(|n| (5.0..=60.0).contains(n)));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome,
 use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::{Mounting, Side};
 use slipbound::image::SizePx;
-use slipbound::monitor::{RestKind, Settings};
+use slipbound::monitor::{RestKind, Settings, SlipRule, SlipSettings};
 use slipbound::plane::Vec2;
 use slipbound::port::{
     Clock, DriverEvent, FrameBuffer, FrameSource, GripCommand, Gripper, GripperError, GripperErrorKind, GripperState,
@@ -147,13 +147,16 @@ fn control(scenes: impl IntoIterator<Item = Scene>, settings: &TaskSettings) -> 
     control_with(Skin::Smooth, scenes, settings)
 }
 
-fn control_with(skin: Skin, scenes: impl IntoIterator<Item = Scene>, settings: &TaskSettings) -> ControlLoop {
+fn control_with(skin: Skin, scenes: impl IntoIterator<Item = Scene>, task: &TaskSettings) -> ControlLoop {
     let painter = Painter::new(SIZE, PITCH_PX, 8.0, skin, 0.5, 11);
     let sensor = painter.sensor.clone();
     let camera = Camera { painter, scenes: scenes.into_iter().collect(), seq: 0 };
     let mounting = Mounting::on(Side::Left);
-    let finger = FingerPipeline::new("left", mounting, sensor, Settings::default(), Box::new(camera));
-    ControlLoop::new(vec![finger], settings.task(TaskKind::Lift, None).expect("valid")).expect("a hand")
+    // Markers decide: a painted rim follows no physics of a contact.
+    let slip = SlipSettings { rule: SlipRule::Markers, ..SlipSettings::default() };
+    let settings = Settings { slip, ..Settings::default() };
+    let finger = FingerPipeline::new("left", mounting, sensor, settings, Box::new(camera));
+    ControlLoop::new(vec![finger], task.task(TaskKind::Lift, None).expect("valid")).expect("a hand")
 }
 
 fn hold() -> TaskSettings {

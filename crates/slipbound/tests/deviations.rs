@@ -5,12 +5,17 @@ mod picture;
 use picture::{Painter, Touch, frame};
 use slipbound::image::SizePx;
 use slipbound::monitor::{
-    MotionSettings, RestBuilder, RestKind, RigidField, Settings, SlipKind, SlipMonitor, SlipReport, SlipSettings,
-    SlipState,
+    MotionSettings, RestBuilder, RestKind, RigidField, Settings, SlipKind, SlipMonitor, SlipReport, SlipRule,
+    SlipSettings, SlipState,
 };
 use slipbound::plane::{RigidMotion, Vec2};
 use slipbound::port::GripSample;
 use slipbound::sensor::{Shear, Skin};
+
+/// Steps 3 and 4 judge: the painted fields follow no physics of a contact.
+fn markers_decide() -> Settings {
+    Settings { slip: SlipSettings { rule: SlipRule::Markers, ..SlipSettings::default() }, ..Settings::default() }
+}
 
 /// A painted finger, `scale` times 320 x 240 px with some 150 dots, watched with these settings.
 struct Play {
@@ -77,7 +82,7 @@ fn drag(play: &mut Play, way: Vec2, stick: f64) -> Option<SlipReport> {
 #[test]
 fn slip_along_y_counts_like_slip_along_x() {
     for way in [Vec2::new(1.0, 0.0), Vec2::new(0.0, 1.0), Vec2::new(0.0, -1.0)] {
-        let mut play = Play::new(1, Skin::Smooth, &Settings::default());
+        let mut play = Play::new(1, Skin::Smooth, &markers_decide());
         let report = drag(&mut play, way, 0.7).unwrap_or_else(|| panic!("no alarm along {way:?}"));
         assert_eq!(report.slip.kind, Some(SlipKind::Translation));
         let along = report.slip.direction_rad.expect("slides") - way.direction_rad();
@@ -88,7 +93,7 @@ fn slip_along_y_counts_like_slip_along_x() {
 /// Faults 2 and 3: the published angle is always 0, and the first marker is never used.
 #[test]
 fn every_inner_marker_is_used_and_the_angle_is_measured() {
-    let mut play = Play::new(1, Skin::Smooth, &Settings::default());
+    let mut play = Play::new(1, Skin::Smooth, &markers_decide());
     play.press();
     let turn = RigidMotion { reference: play.touch().centre, translation: Vec2::ZERO, rotation_rad: 0.05 };
     let report = play.show(true, |p| Some(turn.apply(p)));
@@ -109,7 +114,7 @@ fn every_inner_marker_is_used_and_the_angle_is_measured() {
 fn a_large_rigid_rotation_is_slip_by_equation_1_but_not_exactly() {
     let mut slips = Vec::new();
     for field in [RigidField::SmallAngle, RigidField::Exact] {
-        let settings = Settings { slip: SlipSettings { field, ..SlipSettings::default() }, ..Settings::default() };
+        let settings = Settings { slip: SlipSettings { field, ..markers_decide().slip }, ..markers_decide() };
         let mut play = Play::new(2, Skin::Smooth, &settings);
         play.press();
         let centre = play.touch().centre;
@@ -126,7 +131,7 @@ fn a_large_rigid_rotation_is_slip_by_equation_1_but_not_exactly() {
 /// Fault 6: greedy matching loses whoever moves faster than half a pitch a frame less a little, and for good.
 #[test]
 fn fast_markers_keep_their_numbers_and_lost_ones_return() {
-    let mut play = Play::new(1, Skin::Smooth, &Settings::default());
+    let mut play = Play::new(1, Skin::Smooth, &markers_decide());
     play.press();
     // Speeding up to 0.6 pitch a frame, far beyond the half pitch at which the nearest spot is the wrong one.
     let places: Vec<f64> = [0.0, 0.2, 0.6, 1.2, 1.8, 2.2, 2.4].to_vec();
@@ -150,7 +155,7 @@ fn fast_markers_keep_their_numbers_and_lost_ones_return() {
 fn twice_the_pixels_change_no_verdict() {
     for skin in [Skin::Smooth, Skin::Fabric] {
         let alarm = |scale: usize| {
-            let mut play = Play::new(scale, skin, &Settings::default());
+            let mut play = Play::new(scale, skin, &markers_decide());
             drag(&mut play, Vec2::new(1.0, 0.0), 0.7).map(|r| (r.seq, r.state, r.slip.kind))
         };
         assert!(alarm(1).is_some(), "{skin:?}");
@@ -166,7 +171,7 @@ fn a_finger_at_rest_touches_nothing_even_with_a_scratch() {
     let painter = Painter::new(size, 16.0, 5.5, Skin::Fabric, 0.3, 8);
     let scratch = Touch { centre: Vec2::new(90.0, 80.0), radii_px: Vec2::new(50.0, 40.0), strength_levels: 32.0 };
     let states = [true, false].map(|hide_rest_edges| {
-        let mut settings = Settings::default();
+        let mut settings = markers_decide();
         settings.contact.hide_rest_edges = hide_rest_edges;
         let mut builder = RestBuilder::new(&painter.sensor, &settings, size).expect("valid");
         builder.add(&frame(&painter.paint(&painter.rest, Some(&scratch), 1), size, 0)).expect("bright");
@@ -187,7 +192,7 @@ fn deep_slip_is_seen_by_the_robust_fit_first() {
     use slipbound::monitor::Fit;
     let first = |fit: Fit| {
         let motion = MotionSettings { fit, ..MotionSettings::default() };
-        let mut play = Play::new(1, Skin::Smooth, &Settings { motion, ..Settings::default() });
+        let mut play = Play::new(1, Skin::Smooth, &Settings { motion, ..markers_decide() });
         drag(&mut play, Vec2::new(1.0, 0.0), 0.7).map_or(u64::MAX, |r| r.seq)
     };
     let (robust, plain) = (first(Fit::RobustRigid), first(Fit::Rigid));
@@ -197,7 +202,7 @@ fn deep_slip_is_seen_by_the_robust_fit_first() {
 /// The reference is taken anew after a slip; rest stays.
 #[test]
 fn after_a_slip_the_reference_is_new_and_rest_is_old() {
-    let mut play = Play::new(1, Skin::Smooth, &Settings::default());
+    let mut play = Play::new(1, Skin::Smooth, &markers_decide());
     let touch = play.touch();
     let alarm = drag(&mut play, Vec2::new(1.0, 0.0), 0.7).expect("slips");
     let step = Vec2::new(0.05 * (alarm.seq as f64 - 6.0) * play.pitch_px(), 0.0);
@@ -215,10 +220,10 @@ fn after_a_slip_the_reference_is_new_and_rest_is_old() {
 /// handful of markers is not called stick or slip.
 #[test]
 fn a_small_touch_is_unsure() {
-    let mut play = Play::new(1, Skin::Smooth, &Settings::default());
+    let mut play = Play::new(1, Skin::Smooth, &markers_decide());
     let large = play.press();
     assert_eq!((large.state, large.contact.quality > 0.9), (SlipState::Stick, true), "{large:?}");
-    let mut settings = Settings::default();
+    let mut settings = markers_decide();
     (settings.contact.on_area_fraction, settings.contact.off_area_fraction) = (0.005, 0.004);
     let mut play = Play::new(1, Skin::Smooth, &settings);
     let small = Touch { radii_px: Vec2::new(0.8, 0.7) * play.pitch_px(), ..play.touch() };
@@ -233,12 +238,12 @@ fn a_small_touch_is_unsure() {
 #[test]
 fn a_light_grip_is_judged_by_a_lower_threshold() {
     let alarm = |force_n: Option<f64>| {
-        let mut play = Play::new(1, Skin::Smooth, &Settings::default());
+        let mut play = Play::new(1, Skin::Smooth, &markers_decide());
         play.grip = force_n.map(|force_n| GripSample { force_n });
         drag(&mut play, Vec2::new(1.0, 0.0), 0.7).expect("an alarm").slip
     };
     let (unknown, light, firm) = (alarm(None), alarm(Some(5.0)), alarm(Some(60.0)));
-    assert_eq!(unknown.threshold_pitch, SlipSettings::default().threshold_pitch);
+    assert_eq!(unknown.threshold_pitch, markers_decide().slip.threshold_pitch);
     assert!(light.threshold_pitch < 0.7 * unknown.threshold_pitch, "{light:?}");
     assert!(light.max_pitch < unknown.max_pitch, "{light:?} {unknown:?}");
     assert_eq!(firm, unknown, "never higher than the paper's");
@@ -248,7 +253,7 @@ fn a_light_grip_is_judged_by_a_lower_threshold() {
 #[test]
 fn a_squeeze_is_no_slip_where_the_grip_is_known() {
     let alarms = |known: bool| {
-        let mut play = Play::new(1, Skin::Smooth, &Settings::default());
+        let mut play = Play::new(1, Skin::Smooth, &markers_decide());
         let (touch, pitch_px) = (play.touch(), play.pitch_px());
         play.grip = known.then_some(GripSample { force_n: 60.0 });
         play.press();

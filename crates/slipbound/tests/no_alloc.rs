@@ -5,9 +5,10 @@ mod picture;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 use picture::{Painter, Touch, frame};
 use slipbound::image::SizePx;
-use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipRule, SlipSettings, SlipState};
 use slipbound::plane::Vec2;
-use slipbound::sensor::Skin;
+use slipbound::port::GripSample;
+use slipbound::sensor::{Shear, Skin};
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -15,10 +16,17 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 #[test]
 fn frames_are_judged_without_an_allocation() {
     let size = SizePx::new(320, 240);
-    for (skin, settings) in
-        [(Skin::Smooth, Settings::default()), (Skin::Fabric, Settings::default()), (Skin::Fabric, Settings::paper())]
-    {
-        let painter = Painter::new(size, 16.0, 5.5, skin, 0.5, 4);
+    let by_markers = SlipSettings { rule: SlipRule::Markers, ..SlipSettings::default() };
+    let by_markers = Settings { slip: by_markers, ..Settings::default() };
+    for (skin, settings) in [
+        (Skin::Smooth, Settings::default()),
+        (Skin::Fabric, Settings::default()),
+        (Skin::Smooth, by_markers),
+        (Skin::Fabric, Settings::paper()),
+    ] {
+        let mut painter = Painter::new(size, 16.0, 5.5, skin, 0.5, 4);
+        painter.sensor.pitch_mm = Some(1.5);
+        painter.sensor.shear = Some(Shear { stiffness_n_per_pitch: 0.2, provenance: "assumed".into() });
         let mut builder = RestBuilder::new(&painter.sensor, &settings, size).expect("valid");
         builder.add(&frame(&painter.paint(&painter.rest, None, 0), size, 0)).expect("bright");
         let rest = builder.build(RestKind::Unloaded).expect("markers");
@@ -26,24 +34,27 @@ fn frames_are_judged_without_an_allocation() {
         // Nothing, a press, a shift of the middle past the threshold, markers lost behind noise, a torn frame.
         let centre = Vec2::new(160.0, 120.0);
         let touch = Touch { centre, radii_px: Vec2::new(90.0, 75.0), strength_levels: 32.0 };
-        let pictures: Vec<Vec<u8>> = (0..14)
+        let pictures: Vec<Vec<u8>> = (0..24)
             .map(|i| {
-                let shift = Vec2::new(1.6 * f64::from(i.max(7) - 7), 0.0);
+                let shift = Vec2::new(1.6 * f64::from(i.max(14) - 14), 0.0);
                 let moved = |&p: &Vec2| if touch.depth(p) < 0.7 { p + shift } else { p };
                 let now: Vec<Vec2> = painter.rest.iter().map(moved).collect();
-                let gone = if i == 10 { &now[..now.len() / 3] } else { &now[..] };
+                let gone = if i == 20 { &now[..now.len() / 3] } else { &now[..] };
                 painter.paint(gone, (i > 1).then_some(&touch), i as u64)
             })
             .collect();
         monitor.step(&frame(&pictures[0], size, 0), None);
         reset_violation_count();
-        let mut states = Vec::with_capacity(pictures.len());
+        let (mut states, mut estimates) = (Vec::with_capacity(pictures.len()), 0);
         for (seq, rgb) in pictures.iter().enumerate() {
             let frame = frame(rgb, size, seq as u64);
-            states.push(assert_no_alloc(|| monitor.step(&frame, None)).state);
+            let report = assert_no_alloc(|| monitor.step(&frame, Some(GripSample { force_n: 5.0 })));
+            states.push(report.state);
+            estimates += u32::from(report.estimates.friction.is_some());
         }
         states.push(assert_no_alloc(|| monitor.torn(99, None)).state);
         assert_eq!(violation_count(), 0, "{skin:?}: the frames before allocated");
+        assert!(estimates > 5, "{skin:?}: {estimates} frames had estimates");
         for state in [SlipState::NoContact, SlipState::Stick, SlipState::Incipient, SlipState::Unjudged] {
             assert!(states.contains(&state), "{skin:?}: no frame was {state:?}: {states:?}");
         }

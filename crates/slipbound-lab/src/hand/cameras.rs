@@ -4,11 +4,12 @@ use super::scene::HandScene;
 use super::world::HandWorld;
 use crate::contact::{Displacement, Grid};
 use crate::jpeg::Codec;
+use crate::layer::Gel;
 use crate::random::Random;
 use crate::render::{Renderer, Surface};
 use slipbound::plane::Vec2;
 use slipbound::port::{Clock, FrameBuffer, SourceError};
-use slipbound::sensor::{Sensor, Shear};
+use slipbound::sensor::Sensor;
 
 /// The camera of one finger, with its own markers, threads and defects, and its last frame.
 #[derive(Debug)]
@@ -29,7 +30,7 @@ struct FingerCamera {
 pub(super) struct Cameras {
     fingers: Vec<FingerCamera>,
     /// Of the gel against shear.
-    stiffness_mpa_per_mm: f64,
+    gel: Gel,
     /// The frame that the pictures show; None before the first.
     drawn: Option<u64>,
 }
@@ -55,18 +56,14 @@ impl Cameras {
                 renderer,
             }
         });
-        let stiffness_mpa_per_mm = settings.gel.shear_modulus_mpa() / settings.gel.thickness_mm;
-        Cameras { fingers: fingers.collect(), stiffness_mpa_per_mm, drawn: None }
+        Cameras { fingers: fingers.collect(), gel: settings.gel, drawn: None }
     }
 
     /// The facts of a finger; those of the last one beyond it.
     pub fn sensor(&self, finger: usize) -> Sensor {
         let camera = &self.fingers[finger.min(self.fingers.len() - 1)];
         let sensor = camera.renderer.sensor();
-        let shear = sensor.pitch_mm.map(|pitch_mm| Shear {
-            stiffness_n_per_pitch: self.stiffness_mpa_per_mm * pitch_mm * pitch_mm * pitch_mm,
-            provenance: "simulator: shear modulus over thickness of the gel".into(),
-        });
+        let shear = sensor.pitch_mm.map(|pitch_mm| self.gel.shear_of_marker(pitch_mm));
         Sensor { shear, ..sensor }
     }
 

@@ -1,7 +1,7 @@
 //! The shipped verdict.
 
 use super::Detector;
-use slipbound::monitor::{SlipKind, SlipMonitor, SlipReport, SlipState};
+use slipbound::monitor::{Estimate, SlipKind, SlipMonitor, SlipReport, SlipState};
 
 /// Reads the monitor's own report.
 #[derive(Debug, Clone, Copy, Default)]
@@ -24,11 +24,13 @@ impl Detector for Ours {
     }
 }
 
-/// The evidence behind the verdict as one number: the longest slip over the threshold of a marker.
+/// The evidence behind the verdict as one number: the used fraction of the load over the one at which the alarm is raised; 0
+/// without an estimate.
 fn score(report: &SlipReport) -> f64 {
     let judged = matches!(report.state, SlipState::Stick | SlipState::Incipient | SlipState::Gross | SlipState::Unsure);
-    let ratio = report.slip.max_pitch / report.slip.threshold_pitch;
-    if judged && ratio.is_finite() { ratio } else { 0.0 }
+    let margin = report.estimates.margin.map(|margin| (1.0 - margin.value) / 0.5);
+    let score = margin.unwrap_or(0.0);
+    if judged && score.is_finite() { score } else { 0.0 }
 }
 
 /// What a report says beside its state. None where it does not.
@@ -54,10 +56,16 @@ pub struct Said {
 
 /// Reads a report: the one place where its estimates enter the scores.
 pub fn said(report: &SlipReport) -> Said {
+    let estimates = &report.estimates;
+    let value = |estimate: Option<Estimate>| estimate.map(|estimate| estimate.value);
     Said {
+        stick_ratio: value(estimates.stick_ratio),
+        margin: value(estimates.margin),
+        shear_n: value(estimates.shear_n),
+        torque_n_mm: value(estimates.torque_nmm),
+        friction: value(estimates.friction),
         kind: report.slip.kind,
         direction_rad: report.slip.direction_rad,
         rotation_rad: report.shear.map(|shear| shear.rotation_rad),
-        ..Said::default()
     }
 }

@@ -120,6 +120,8 @@ pub fn cycles() -> Vec<Cycle> {
                 contact_area_mm2: Some(80.0),
                 quality: 0.9,
                 slip: slips.then_some(HandSlip { direction: around, pivots: false, fingers_count: 2 }),
+                margin: None,
+                friction: None,
             },
             gripper: GripperState {
                 time_ns,

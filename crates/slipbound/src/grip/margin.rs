@@ -2,17 +2,15 @@
 //! by a floor, a largest force and a rate.
 //!
 //! ```text
-//!   load         F   from the mean shear of the gel since rest, see `HandReport::load_n`
-//!   used         f = F / (mu P)        margin = 1 - f
-//!   f > target         : P -> F / (mu target)     at once, at most `raise_n_per_s`
+//!   used         f = 1 - margin, the largest among the fingers: load over the load at which the object slides
+//!   f > target         : P -> P f / target        at most `raise_n_per_s`
 //!   f < target - slack : P falls by `release_n_per_s`, not below the floor
 //! ```
 //!
-//! The used fraction is an interim estimate. The residual of the slip field over mu P / (k A) was tried first: on the
-//! simulated finger it reads 0.06 to 0.5 without any load, from the spreading of the squeezed gel alone, where the
-//! mean shear reads 0.03 to 0.07. Friction itself is not measured: `mu` is reckoned with until an incipient slip
-//! shows that it is less. The law needs the stiffness of the gel (see [`Shear`](crate::sensor::Shear)); without it
-//! it is refused.
+//! f is the estimate of the monitor (step 5). The force f P at which the object would slide is averaged over
+//! [`MarginSettings::average_ns`]; above [`MarginSettings::urgent_fraction`] a single frame counts. It needs the stiffness of the gel (see
+//! [`Shear`](crate::sensor::Shear)) and the grip force; without the first the law is refused, without the second the
+//! grip stays.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
@@ -21,22 +19,18 @@ use crate::port::GripperState;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// Share of the friction reckoned with that one slip may take away.
-const SLIP_COST: f64 = 0.2;
-
-/// Friction is never reckoned with as less than this.
-const LEAST_MU: f64 = 0.15;
-
 /// Settings of [`Margin`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MarginSettings {
     /// Shear stiffness of the gel, MPa/mm; 0 takes that of the sensor file.
     pub stiffness_mpa_per_mm: f64,
-    /// Friction coefficient to reckon with until slip shows it to be less.
-    pub mu: f64,
     /// Used fraction to hold, 0 to 1.
     pub target_fraction: f64,
+    /// Used fraction above which a single frame counts, not the average.
+    pub urgent_fraction: f64,
+    /// Time over which the least force that holds is averaged, ns.
+    pub average_ns: u64,
     /// Below target less this the grip is let go slowly.
     pub slack_fraction: f64,
     /// Fastest rise, N per finger and second.
@@ -49,11 +43,12 @@ impl Default for MarginSettings {
     fn default() -> Self {
         MarginSettings {
             stiffness_mpa_per_mm: 0.0,
-            mu: 0.4,
-            target_fraction: 0.5,
-            slack_fraction: 0.3,
+            target_fraction: 0.65,
+            urgent_fraction: 0.8,
+            average_ns: 100_000_000,
+            slack_fraction: 0.1,
             raise_n_per_s: 120.0,
-            release_n_per_s: 1.0,
+            release_n_per_s: 5.0,
         }
     }
 }
@@ -62,8 +57,9 @@ impl MarginSettings {
     /// Checks every setting but whether there is a stiffness; the error names the first one that cannot be.
     pub fn check(&self) -> Result<(), SettingError> {
         within("margin.stiffness_mpa_per_mm", self.stiffness_mpa_per_mm, 0.0, 100.0)?;
-        within("margin.mu", self.mu, 0.05, 2.0)?;
         within("margin.target_fraction", self.target_fraction, 0.05, 0.95)?;
+        within("margin.urgent_fraction", self.urgent_fraction, self.target_fraction, 1.0)?;
+        within("margin.average_ns", self.average_ns as f64, 0.0, 1e9)?;
         within("margin.slack_fraction", self.slack_fraction, 0.0, self.target_fraction)?;
         within("margin.raise_n_per_s", self.raise_n_per_s, 0.1, 10_000.0)?;
         within("margin.release_n_per_s", self.release_n_per_s, 0.0, 1000.0)
@@ -91,7 +87,8 @@ pub struct Margin {
     limits: GripLimits,
     force_n: f64,
     last_ns: Option<u64>,
-    mu: f64,
+    /// Average of the least force that holds, N: the one at which the object would slide.
+    least_n: Option<f64>,
     margin: Option<f64>,
     alarms_count: u32,
     slipping: bool,
@@ -108,7 +105,7 @@ impl Margin {
             limits: *limits,
             force_n: limits.start_n,
             last_ns: None,
-            mu: settings.mu,
+            least_n: None,
             margin: None,
             alarms_count: 0,
             slipping: false,
@@ -116,14 +113,24 @@ impl Margin {
         })
     }
 
-    /// An incipient slip says: no more friction than is used now.
-    fn learn(&mut self, hand: &HandReport, used_mu: f64) {
+    /// The least force that holds, by what this frame says: averaged, for a single frame is noisy. It does not change with the
+    /// grip.
+    fn least_n(&mut self, used: f64, pressed_n: f64, seconds: f64) -> f64 {
+        let now_n = used * pressed_n;
+        let average_s = self.settings.average_ns as f64 * 1e-9;
+        let share = if average_s > 0.0 { 1.0 - libm::exp(-seconds / average_s) } else { 1.0 };
+        let before_n = self.least_n.unwrap_or(now_n);
+        let average_n = before_n + share * (now_n - before_n);
+        self.least_n = Some(average_n);
+        if used >= self.settings.urgent_fraction { now_n.max(average_n) } else { average_n }
+    }
+
+    fn count_alarm(&mut self, hand: &HandReport) {
         let slips = matches!(hand.state, SlipState::Incipient | SlipState::Gross);
         if slips && !self.slipping {
             self.alarms_count += 1;
-            self.wants_more |= self.force_n >= self.limits.most_n;
-            self.mu = self.mu.min(used_mu.max(self.mu * (1.0 - SLIP_COST))).max(LEAST_MU);
         }
+        self.wants_more |= slips && self.force_n >= self.limits.most_n;
         self.slipping = slips;
     }
 }
@@ -132,24 +139,28 @@ impl GripController for Margin {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
         let seconds = now_ns.saturating_sub(self.last_ns.unwrap_or(now_ns)) as f64 * 1e-9;
         self.last_ns = Some(now_ns);
+        self.count_alarm(hand);
         let pressed_n = gripper.pressed_n().filter(|n| *n > 0.0);
-        let (Some(load_n), Some(pressed_n)) = (hand.load_n(self.settings.stiffness_mpa_per_mm), pressed_n) else {
+        let gross = hand.state == SlipState::Gross;
+        // An object that slides uses all there is, whatever the load says.
+        let used = hand.margin.map(|margin| 1.0 - margin).map(|used| if gross { used.max(1.0) } else { used });
+        let (Some(used), Some(pressed_n)) = (used.or(gross.then_some(1.0)), pressed_n) else {
             return GripDecision { force_n: self.force_n, arm: ArmMotion::Go };
         };
-        self.learn(hand, load_n / pressed_n);
         let target = self.settings.target_fraction;
-        let used = load_n / (self.mu * pressed_n);
+        let least_n = self.least_n(used, pressed_n, seconds);
+        let used = least_n / pressed_n;
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
-        let wanted_n = load_n / (self.mu * target);
+        let wanted_n = least_n / target;
+        let release_n = self.settings.release_n_per_s * seconds;
         if wanted_n > self.force_n {
             self.force_n = wanted_n.min(self.force_n + self.settings.raise_n_per_s * seconds);
-        } else if used < target - self.settings.slack_fraction {
-            self.force_n = wanted_n.max(self.force_n - self.settings.release_n_per_s * seconds);
+        } else if least_n < (target - self.settings.slack_fraction) * self.force_n {
+            self.force_n = wanted_n.max(self.force_n - release_n);
         }
         self.force_n = self.force_n.clamp(self.limits.least_n, self.limits.most_n);
-        self.wants_more |= load_n >= self.mu * self.limits.most_n * target && self.force_n >= self.limits.most_n;
         // The arm waits while the grip is behind the load.
-        let behind = self.force_n > 1.2 * pressed_n && used > target + 0.2;
+        let behind = self.force_n > 1.2 * pressed_n && used > target + 0.15;
         GripDecision { force_n: self.force_n, arm: if behind { ArmMotion::Pause } else { ArmMotion::Go } }
     }
 

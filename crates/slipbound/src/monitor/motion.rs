@@ -176,6 +176,11 @@ pub fn fit_rigid(pairs: impl Iterator<Item = (Vec2, Vec2)> + Clone) -> Option<Ri
     Moments::of(pairs.map(|(a, b)| (a, b, 1.0))).map(|m| m.rigid())
 }
 
+/// The same with a weight for each pair; None when all weights are zero.
+pub(super) fn fit_weighted(pairs: impl Iterator<Item = (Vec2, Vec2, f64)> + Clone) -> Option<RigidMotion> {
+    Moments::of(pairs).map(|m| m.rigid())
+}
+
 /// The angle of the least-squares similarity as the paper reads it: arcsin of the lower left entry of its matrix,
 /// with the scale left in. None without points.
 pub fn fit_similarity(pairs: impl Iterator<Item = (Vec2, Vec2)> + Clone) -> Option<RigidMotion> {

@@ -140,6 +140,33 @@ pub struct ShearReport {
     pub rotation_rad: f64,
 }
 
+/// A quantity with its error.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The quantity, in the unit of its name.
+    pub value: f64,
+    /// Standard deviation of its error, in the same unit: what was found on simulated trials, with objects left out.
+    pub sd: f64,
+    /// Frames since it was measured; 0: in this frame.
+    pub age_frames: u32,
+}
+
+/// What is estimated of a contact (step 5). Each is None where it cannot be known: without contact, before the finger
+/// has been squeezed, or where grip force, shear stiffness or pitch in mm are unknown.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Estimates {
+    /// Area that sticks over area in contact, 0 to 1.
+    pub stick_ratio: Option<Estimate>,
+    /// 1 - load over the load of the same direction that makes the object slide; about 0 or below it slides.
+    pub margin: Option<Estimate>,
+    /// Force along the finger's surface, N.
+    pub shear_n: Option<Estimate>,
+    /// Torque about the middle of the contact, N mm, positive from x to y.
+    pub torque_nmm: Option<Estimate>,
+    /// Friction coefficient between object and gel.
+    pub friction: Option<Estimate>,
+}
+
 /// What kind of motion slips.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -197,6 +224,9 @@ pub struct SlipReport {
     pub shear: Option<ShearReport>,
     /// Step 4.
     pub slip: SlipSummary,
+    /// Step 5.
+    #[serde(flatten)]
+    pub estimates: Estimates,
 }
 
 /// One marker as it is known after a frame.

@@ -5,7 +5,7 @@ use crate::monitor::imprint::{Illumination, ImprintSettings};
 use crate::monitor::markers::{Finder, MarkerSettings};
 use crate::monitor::motion::{Fit, MotionSettings};
 use crate::monitor::rest::RestSettings;
-use crate::monitor::slip::{RigidField, SlipSettings};
+use crate::monitor::slip::{RigidField, SlipRule, SlipSettings};
 use crate::sensor::{Polarity, Sensor};
 use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
@@ -48,6 +48,7 @@ impl Settings {
             },
             motion: MotionSettings { fit: Fit::Similarity, ..MotionSettings::default() },
             slip: SlipSettings {
+                rule: SlipRule::Markers,
                 field: RigidField::SmallAngle,
                 full_slip_fraction: 1000.0,
                 regrip_n: 1e6,

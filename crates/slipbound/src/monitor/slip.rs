@@ -23,10 +23,26 @@ pub enum RigidField {
     SmallAngle,
 }
 
+/// What raises the alarm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SlipRule {
+    /// The estimated margin is small: see [`Estimates`](super::Estimates).
+    Margin,
+    /// The paper's: markers whose slip field exceeds a threshold.
+    Markers,
+}
+
 /// Settings of step 4.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SlipSettings {
+    /// What raises the alarm.
+    pub rule: SlipRule,
+    /// Rule `margin`: incipient slip begins at this margin (1: no load, 0: the object slides) or below.
+    pub alarm_margin: f64,
+    /// Rule `margin`: it ends above this margin.
+    pub clear_margin: f64,
     /// How the rigid displacement is computed.
     pub field: RigidField,
     /// A marker slips when its slip field is longer than this many pitches. The paper's code: 4.5 px at 15.2 px.
@@ -52,6 +68,9 @@ const LEAST_THRESHOLD_PITCH: f64 = 0.1;
 impl Default for SlipSettings {
     fn default() -> Self {
         SlipSettings {
+            rule: SlipRule::Margin,
+            alarm_margin: 0.5,
+            clear_margin: 0.55,
             field: RigidField::Exact,
             threshold_pitch: 4.5 / 15.2,
             over_fraction: 7.0 / 400.0,
@@ -65,6 +84,8 @@ impl Default for SlipSettings {
 
 impl SlipSettings {
     pub(super) fn check(&self) -> Result<(), SettingError> {
+        within("slip.alarm_margin", self.alarm_margin, 0.0, 1.0)?;
+        within("slip.clear_margin", self.clear_margin, self.alarm_margin, 1.0)?;
         within("slip.threshold_pitch", self.threshold_pitch, 0.001, 10.0)?;
         within("slip.over_fraction", self.over_fraction, 0.0, 1.0)?;
         within("slip.over_min_count", f64::from(self.over_min_count), 1.0, 1000.0)?;
@@ -162,7 +183,7 @@ impl Slip {
         self.summary.max_pitch = longest_px / self.pitch_px;
         self.summary.max_mm = self.mm_per_px.map(|mm| longest_px * mm);
         self.slips = self.summary.markers_over >= self.over_needed_count;
-        if self.slips {
+        if self.slips && self.settings.rule == SlipRule::Markers {
             // Deviation: D10 direction and kind
             let rim_px = motion.rotation_rad.abs() * (arm_squared / f64::from(count)).sqrt();
             let kind = kind(rim_px, motion.translation.length());
@@ -171,6 +192,16 @@ impl Slip {
             let object = -over_sum;
             self.summary.direction_rad = (kind != SlipKind::Rotation).then(|| object.direction_rad());
         }
+    }
+}
+
+impl Slip {
+    /// Says what slips by the rule `margin`: the object goes where the load pulls it, translation and rotation as the
+    /// load has force and torque over the mean radius, both in the same unit.
+    pub(super) fn say_load(&mut self, force: Vec2, torque_over_radius: f64) {
+        let kind = kind(torque_over_radius.abs(), force.length());
+        self.summary.kind = Some(kind);
+        self.summary.direction_rad = (kind != SlipKind::Rotation).then(|| force.direction_rad());
     }
 }
 

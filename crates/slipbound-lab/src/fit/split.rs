@@ -1,0 +1,113 @@
+//! The training split: random trials with seeds that no table of results uses.
+
+use super::row::Row;
+use crate::objects::OBJECTS;
+use crate::random::Random;
+use crate::scenes::Trial;
+use crate::world::World;
+use slipbound::monitor::{Features, RestBuilder, RestKind, Settings, SlipMonitor};
+use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next, SourceError};
+use slipbound::setting::SettingError;
+
+/// The seed of the split; tables of results use seeds below it.
+pub const TRAINING_SEED: u64 = 1_000_000;
+
+/// Frames of a trial that is no ramp count for less: many of them look alike.
+const QUIET_WEIGHT: f64 = 0.5;
+
+/// A trial of the split: mostly pulls and turns up to gross slip, some below it, some without any load.
+pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
+    let mut random = Random::of(TRAINING_SEED, number);
+    let object = OBJECTS[(random.next_u64() % OBJECTS.len() as u64) as usize].name;
+    let between_log = |random: &mut Random, low: f64, high: f64| low * (high / low).powf(random.fraction());
+    let force_n = between_log(&mut random, 8.0, 60.0);
+    let mu = between_log(&mut random, 0.3, 1.2);
+    let direction_deg = random.between(0.0, 360.0);
+    let twist = match random.next_u64() % 10 {
+        0..=3 => 0.0,
+        4..=6 => random.between(-1.0, 1.0),
+        7 => 1.0,
+        8 => -1.0,
+        _ => random.between(-0.6, 0.6),
+    };
+    let ramp_s = random.between(0.4, 2.0);
+    let turn_deg = random.between(-15.0, 15.0) + if random.fraction() < 0.3 { 90.0 } else { 0.0 };
+    let (x_mm, y_mm) = (random.between(-1.5, 1.5), random.between(-1.0, 1.0));
+    let camera = if random.fraction() < 0.2 { "gelsight_mini" } else { "gelslim" };
+    let kind = random.fraction();
+    let with = |force_n: f64| {
+        format!(
+            "object={object}&force_n={force_n:.3}&mu={mu:.4}&at_x_mm={x_mm:.3}&at_y_mm={y_mm:.3}&turn_deg={turn_deg:.2}\
+             &grid=fast&camera={camera}&seed={}",
+            TRAINING_SEED + number
+        )
+    };
+    let held = with(force_n);
+    let ramp = format!("direction_deg={direction_deg:.1}&twist_fraction={twist:.3}&ramp_s={ramp_s:.3}");
+    let text = match kind {
+        kind if kind < 0.68 => format!("ramp?{held}&{ramp}&hold_s=0.2"),
+        kind if kind < 0.76 => {
+            format!("ramp?{held}&{ramp}&peak_fraction={:.3}&hold_s=0.5", random.between(0.1, 0.7))
+        }
+        kind if kind < 0.80 => {
+            let light = with(random.between(5.0, 20.0));
+            format!("quiet_grip_steps?{light}&step_n={:.2}&most_n=60&hold_s=0.3", random.between(1.0, 12.0))
+        }
+        kind if kind < 0.84 => format!("press?{held}&hold_s=0.8&press_s={:.2}", random.between(0.2, 1.0)),
+        kind if kind < 0.89 => format!(
+            "roll?{held}&distance_mm={:.2}&direction_deg={direction_deg:.1}&speed_mm_per_s={:.2}",
+            random.between(1.0, 5.0),
+            random.between(2.0, 8.0)
+        ),
+        kind if kind < 0.92 => format!("vibration?{held}&direction_deg={direction_deg:.1}&hold_s=1"),
+        kind if kind < 0.97 => format!(
+            "shear?{held}&direction_deg={direction_deg:.1}&distance_mm=4&speed_mm_per_s={:.2}",
+            random.between(1.0, 8.0)
+        ),
+        _ => format!(
+            "shear_and_twist?{held}&direction_deg={direction_deg:.1}&distance_mm=3&speed_mm_per_s={:.2}&angle_deg={:.1}",
+            random.between(1.0, 6.0),
+            random.between(-30.0, 30.0)
+        ),
+    };
+    Trial::parse(&text)
+}
+
+/// The rows of a trial; none for one whose object does not fit on the pad.
+pub fn rows_of(number: u64) -> Result<Vec<Row>, SourceError> {
+    let Ok(trial) = training_trial(number) else { return Ok(Vec::new()) };
+    let Ok(mut world) = World::new(&trial) else { return Ok(Vec::new()) };
+    let (sensor, settings) = (world.sensor(), Settings::default());
+    let mut frame = FrameBuffer::default();
+    world.next(&mut frame)?;
+    let mut rest = RestBuilder::new(&sensor, &settings, frame.size)?;
+    for _ in 0..settings.rest.average_count {
+        rest.add(&frame.frame()?)?;
+        world.next(&mut frame)?;
+    }
+    let mut monitor = SlipMonitor::new(&sensor, &settings, rest.build(RestKind::Unloaded)?)?;
+    let mut seen: Vec<(Features, [f64; 2], f64, f64)> = Vec::new();
+    while world.next(&mut frame)? == Next::Frame {
+        let truth = world.truth();
+        let grip_n = truth.grip_force_n;
+        monitor.step(&frame.frame()?, Some(GripSample { force_n: grip_n }));
+        let (Some(features), Some(stick)) = (monitor.features(), truth.stick_ratio) else { continue };
+        let force_n = truth.wrench.force_n.length();
+        let unloaded = force_n / (trial.mu() * grip_n).max(1e-6);
+        seen.push((*features, [unloaded, stick], truth.load.unwrap_or(f64::NAN), truth.time_ns as f64 * 1e-9));
+    }
+    let gross = world.gross();
+    let is_ramp = trial.scene().name == "ramp";
+    let rows = seen.into_iter().filter_map(|(features, [unloaded, stick], load, time_s)| {
+        let used = match gross {
+            _ if load.is_nan() => unloaded,
+            Some(gross) if time_s >= gross.time_s => 1.0,
+            Some(gross) => load / gross.load,
+            // It never slid: what would have made it slide is not known.
+            None => return None,
+        };
+        let weight = if is_ramp { 1.0 } else { QUIET_WEIGHT };
+        Some(Row::new(number, trial.object().name, weight, [used.clamp(0.0, 1.1), stick], &features))
+    });
+    Ok(rows.collect())
+}

@@ -1,0 +1,285 @@
+//! Step 5: displacement of all markers -> shear load, stick ratio, slip margin, friction, each with its error.
+//!
+//! ```text
+//!   all markers --sum--> F, T          contact --robust fit--> r: motion of those that stick
+//!        |                                |                       |
+//!        +------------> dimensionless features of (F, T, r, s) <--+    s = measured - r
+//!                                |
+//!                  boosted trees, fitted to the contact simulator  -> f = load over load at gross slip, phi = stick ratio
+//!                                |
+//!                  friction mu = F / (f P), pooled over the last frames
+//! ```
+//!
+//! The sum over all markers is the load on a bonded layer whatever the contact looks like: the compliance of a uniform
+//! traction is h/G (docs/simulator.md). Load alone says how much is asked; how far the rim lags says how much friction
+//! is left; together they know the friction.
+
+mod features;
+mod field;
+mod load;
+mod reference;
+mod trees;
+mod window;
+
+pub use features::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
+
+use crate::monitor::report::{Estimate, Estimates, Marker};
+use crate::plane::{RigidMotion, Vec2};
+use crate::port::GripSample;
+use crate::sensor::Sensor;
+use field::{Given, Point};
+use load::Load;
+use reference::Reference;
+use trees::Trees;
+use window::{Sample, Window};
+
+/// Fewest markers in contact for an estimate.
+const LEAST_POINTS: usize = 4;
+/// Width by which a patch that sticks drags the gel around it, 0.64 of a layer of 3 mm, in mm, and in pitches where the
+/// pitch in mm is unknown.
+const SKIRT_MM: f64 = 1.92;
+const SKIRT_PITCH: f64 = 1.28;
+/// Time constant of the mean of the grip force, s.
+const GRIP_S: f64 = 0.1;
+/// Taken for the time between frames where the source has none.
+const FRAME_S: f64 = 1.0 / 30.0;
+/// A load over the grip force from which the object is being pulled, whatever grip and area do.
+const LOADED_FRACTION: f64 = 0.2;
+
+/// Step 5, with its memory of the contact.
+#[derive(Debug, Clone)]
+pub(super) struct Estimator {
+    pitch_px: f64,
+    skirt_px: f64,
+    mm_per_px: Option<f64>,
+    /// Shear stiffness, N per px of displacement and px2 of area.
+    stiffness_n_per_px3: Option<f64>,
+    inside: (Vec2, Vec2),
+    trees: &'static Trees,
+    reference: Reference,
+    window: Window,
+    points: Vec<Point>,
+    scratch: Vec<f64>,
+    motion: Option<RigidMotion>,
+    stiffest_px2: f64,
+    grip_n: Option<f64>,
+    time_s: f64,
+    last_ns: Option<u64>,
+    load: Load,
+    friction: Pool,
+    starts_in_contact: bool,
+    pub(super) estimates: Estimates,
+    pub(super) features: Option<Features>,
+    /// Load in the plane, and torque over the mean radius of the contact, in the same unit.
+    pub(super) load_px3: (Vec2, f64),
+}
+
+/// Friction pooled over the frames of a contact: the object and the gel stay the same.
+#[derive(Debug, Clone, Copy, Default)]
+struct Pool {
+    log_sum: f64,
+    weight: f64,
+}
+
+impl Estimator {
+    pub fn new(sensor: &Sensor, markers: &[Marker], starts_in_contact: bool) -> Self {
+        let (mut low, mut high) = (Vec2::new(f64::MAX, f64::MAX), Vec2::new(f64::MIN, f64::MIN));
+        for m in markers {
+            (low.x, low.y) = (low.x.min(m.rest.x), low.y.min(m.rest.y));
+            (high.x, high.y) = (high.x.max(m.rest.x), high.y.max(m.rest.y));
+        }
+        let p = Vec2::new(sensor.pitch_px, sensor.pitch_px);
+        let inside = (low + p * 0.6, high - p * 0.6);
+        let skirt_px = sensor.mm_per_px().map_or(SKIRT_PITCH * sensor.pitch_px, |mm| SKIRT_MM / mm);
+        Estimator {
+            pitch_px: sensor.pitch_px,
+            skirt_px,
+            mm_per_px: sensor.mm_per_px(),
+            stiffness_n_per_px3: sensor
+                .shear
+                .as_ref()
+                .map(|s| s.stiffness_n_per_pitch / (sensor.pitch_px * sensor.pitch_px * sensor.pitch_px)),
+            inside,
+            trees: trees::shipped(),
+            reference: Reference::new(markers.len()),
+            window: Window::new(),
+            points: Vec::with_capacity(markers.len()),
+            scratch: vec![0.0; markers.len()],
+            motion: None,
+            stiffest_px2: 0.0,
+            grip_n: None,
+            time_s: 0.0,
+            last_ns: None,
+            load: Load::new(markers, sensor.pitch_px, skirt_px, inside),
+            friction: Pool::default(),
+            starts_in_contact,
+            estimates: Estimates::default(),
+            features: None,
+            load_px3: (Vec2::ZERO, 0.0),
+        }
+    }
+
+    /// Whether displacement under load is counted: the finger has been squeezed.
+    pub fn has_reference(&self) -> bool {
+        self.reference.is_taken()
+    }
+
+    /// Whether the margin rests on grip force and stiffness, not on the picture alone.
+    pub fn knows_grip(&self) -> bool {
+        self.stiffness_n_per_px3.is_some() && self.grip_n.is_some_and(|n| n > 0.0)
+    }
+
+    /// Nothing touches, or the frame could not be judged.
+    pub fn clear(&mut self) {
+        self.reference.clear();
+        self.window.clear();
+        self.motion = None;
+        self.stiffest_px2 = 0.0;
+        (self.grip_n, self.time_s, self.last_ns) = (None, 0.0, None);
+        self.load.clear();
+        self.friction = Pool::default();
+        self.starts_in_contact = false;
+        (self.estimates, self.features) = (Estimates::default(), None);
+    }
+
+    /// Looks at a frame in contact.
+    pub fn see(&mut self, time_ns: Option<u64>, grip: Option<GripSample>, area_px2: f64, markers: &[Marker]) {
+        (self.estimates, self.features) = (Estimates::default(), None);
+        let seconds_s = self.pass_time(time_ns);
+        self.take_grip(grip, seconds_s);
+        self.load.sum(markers);
+        self.window.push(Sample {
+            at_s: self.time_s,
+            grip_n: grip.map(|g| g.force_n).filter(|n| n.is_finite()),
+            area_px2,
+            load_px3: 0.0,
+            rigid_px: self.window.newest().map_or(0.0, |s| s.rigid_px),
+        });
+        let stiffness_over_grip =
+            self.stiffness_n_per_px3.zip(self.grip_n.filter(|n| *n > 0.0)).map(|(k, grip_n)| k / grip_n);
+        if !self.reference.is_taken() {
+            if self.starts_in_contact {
+                self.reference.take_rest(self.grip_n, markers);
+            } else {
+                let loaded = stiffness_over_grip.is_some_and(|k| k * self.load.sum_px3.length() > LOADED_FRACTION);
+                self.reference.follow(seconds_s, &self.window, loaded, markers);
+                if self.reference.is_taken() {
+                    self.load.tare(self.grip_n, stiffness_over_grip);
+                }
+            }
+        }
+        if !self.reference.is_taken() {
+            return;
+        }
+        let growth = self.reference.growth(self.grip_n);
+        self.points.clear();
+        for m in markers.iter().filter(|m| m.in_contact && m.whole && m.matched) {
+            let displacement = self.reference.under_load(m, growth);
+            let joined = self.reference.joined(m);
+            self.points.push(Point { rest: m.rest, displacement, joined, ..Point::default() });
+        }
+        if self.points.len() < LEAST_POINTS {
+            return;
+        }
+        let Some(fitted) = field::fit(&self.points, self.motion.as_ref(), self.pitch_px) else { return };
+        let middle = self.points.iter().fold(Vec2::ZERO, |sum, q| sum + q.rest) / self.points.len() as f64;
+        let motion = RigidMotion { reference: middle, translation: fitted.displacement(middle), ..fitted };
+        for m in markers.iter().filter(|m| m.whole && m.matched) {
+            let under_load = self.reference.under_load(m, growth);
+            self.reference.keep(m, m.in_contact, || under_load - motion.displacement(m.rest));
+        }
+        for point in &mut self.points {
+            point.rigid = motion.displacement(point.rest);
+            point.radius = (point.rest - middle).length();
+        }
+        self.motion = Some(motion);
+        let force_px3 = self.load.force_px3(self.grip_n);
+        let reference = &self.reference;
+        let moment_px4 = self.load.moment_px4(markers, middle, |m| reference.under_load(m, growth));
+        let given = Given {
+            pitch_px: self.pitch_px,
+            area_px2,
+            skirt_px: self.skirt_px,
+            force_px3,
+            moment_px4,
+            stiffness_over_grip_per_px3: stiffness_over_grip,
+            inside: self.inside,
+            before: self.window.oldest().copied(),
+            stiffest_px2: self.stiffest_px2,
+        };
+        let learned = field::features(&mut self.points, &motion, &given, &mut self.scratch);
+        self.stiffest_px2 = self.stiffest_px2.max(learned.secant_px2.unwrap_or(0.0));
+        if let Some(sample) = self.window.newest_mut() {
+            (sample.load_px3, sample.rigid_px) = (learned.load_px3, learned.rigid_px);
+        }
+        self.features = Some(learned.features);
+        self.load_px3 = (force_px3, learned.arm_px.recip() * moment_px4);
+        self.estimate(&learned.features, force_px3, moment_px4, learned.load_px3);
+    }
+
+    /// Time since the last frame.
+    fn pass_time(&mut self, time_ns: Option<u64>) -> f64 {
+        let seconds_s = match (self.last_ns, time_ns) {
+            (Some(last), Some(now)) => (now.saturating_sub(last) as f64 * 1e-9).min(1.0),
+            _ => FRAME_S,
+        };
+        self.last_ns = time_ns;
+        self.time_s += seconds_s;
+        seconds_s
+    }
+
+    /// The mean of the last readings: a single one is noisy.
+    fn take_grip(&mut self, grip: Option<GripSample>, seconds_s: f64) {
+        let Some(force_n) = grip.map(|g| g.force_n).filter(|n| n.is_finite()) else {
+            self.grip_n = None;
+            return;
+        };
+        let share = 1.0 - libm::exp(-seconds_s / GRIP_S);
+        let before = self.grip_n.unwrap_or(force_n);
+        self.grip_n = Some(before + share * (force_n - before));
+    }
+
+    fn estimate(&mut self, features: &Features, force_px3: Vec2, moment_px4: f64, load_px3: f64) {
+        let said = if self.knows_grip() { self.trees.with_grip(features) } else { self.trees.alone(features) };
+        let used = Estimate { value: said.used.clamp(0.0, 1.2), sd: said.used_sd, age_frames: 0 };
+        let stick = Estimate { value: said.stick.clamp(0.0, 1.0), sd: said.stick_sd, age_frames: 0 };
+        if let (Some(k), Some(grip_n)) = (self.stiffness_n_per_px3, self.grip_n.filter(|n| *n > 0.0)) {
+            let per_grip = k * load_px3 / grip_n;
+            self.estimates.friction = self.friction.see(per_grip, &used);
+        }
+        if let Some((k, mm)) = self.stiffness_n_per_px3.zip(self.mm_per_px) {
+            let force_n = k * force_px3.length();
+            let torque_nmm = k * moment_px4 * mm;
+            self.estimates.shear_n = Some(Estimate { value: force_n, sd: LOAD_SD * force_n + 0.05, age_frames: 0 });
+            self.estimates.torque_nmm =
+                Some(Estimate { value: torque_nmm, sd: LOAD_SD * torque_nmm.abs() + 0.3, age_frames: 0 });
+        }
+        self.estimates.stick_ratio = Some(stick);
+        self.estimates.margin = Some(Estimate { value: 1.0 - used.value, sd: used.sd, age_frames: 0 });
+    }
+}
+
+/// Relative error of force and torque by the sum over all markers.
+const LOAD_SD: f64 = 0.08;
+
+impl Pool {
+    /// Takes what a frame says of the friction: load over grip over used fraction. A frame that uses more of it knows
+    /// it better. None while no frame has said anything.
+    fn see(&mut self, per_grip: f64, used: &Estimate) -> Option<Estimate> {
+        if per_grip > 1e-6 && used.value > 0.02 {
+            let relative_sd = used.sd / used.value;
+            let weight = 1.0 / (relative_sd * relative_sd);
+            // The last dozen of equally good frames count: what the first ones said is soon outweighed.
+            let kept = (self.weight * 0.92).min(12.0 * weight);
+            let log = libm::log(per_grip / used.value);
+            let mean = if self.weight > 0.0 { self.log_sum / self.weight } else { 0.0 };
+            self.log_sum = mean * kept + log * weight;
+            self.weight = kept + weight;
+        }
+        if self.weight <= 0.0 {
+            return None;
+        }
+        let value = libm::exp(self.log_sum / self.weight);
+        Some(Estimate { value, sd: value * (used.sd / used.value.max(0.05)).min(1.0), age_frames: 0 })
+    }
+}

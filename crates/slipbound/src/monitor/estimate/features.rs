@@ -1,0 +1,63 @@
+//! What the estimates rest on: dimensionless numbers of a contact's displacement field.
+
+/// How many there are.
+pub const FEATURES_COUNT: usize = 23;
+
+/// How many of them, the first ones, need neither grip force nor stiffness.
+pub const GEOMETRIC_COUNT: usize = 19;
+
+/// Their names, in their order. With d the displacement of a marker in contact under load, r that of the rigid motion of
+/// those that stick, s = |d - r|, p the pitch, P the grip force, k the shear stiffness (N/mm3), A the contact area:
+///
+/// | name | definition |
+/// |---|---|
+/// | `residual_over_rigid` | mean s / (mean abs(r) + 0.013 p) |
+/// | `rim_over_centre` | mean abs(d) of the outer third by radius / (of the inner third + 0.013 p) |
+/// | `over_fraction` | share of markers with s > 0.1 abs(r) + 0.03 p |
+/// | `secant` | load doing work on the rigid motion, over that of a wide patch that sticks: (F.t + T w) / (k (A + 1.92 mm perimeter) D^2), D the RMS of r |
+/// | `work_lost` | 1 - sum d.r / sum r^2 |
+/// | `tangent` | the same as `secant` for what was added in the last 0.18 s |
+/// | `softening` | 1 - secant stiffness / largest so far |
+/// | `q25` `q50` `q75` `q90` | quantiles of s / (abs(r) + 0.013 p) |
+/// | `noise` | 0.013 p / (D + 0.013 p) |
+/// | `cut` | share of markers in contact within a pitch of the border of the view |
+/// | `sticking` | mean weight 1 / (1 + (s / 0.1 p)^2)^2 |
+/// | `slope` | slope of s / (abs(r) + 0.013 p) over the radius |
+/// | `turning` | share of the rotation in the motion at mean radius |
+/// | `narrow` `wide` | standard deviations of the places of the markers along their main axes, in p |
+/// | `over_twentieth` | share of markers with s > 0.05 p |
+/// | `load` | abs(F, T / mean radius) / (0.6 P), F and T from all markers |
+/// | `mean_shear` | abs(mean d) k A / (0.6 P) |
+/// | `residual_shear` | RMS s k A / (0.6 P) |
+/// | `far_shear` | 90th percentile of abs(d) k A / (0.6 P) |
+pub const FEATURE_NAMES: [&str; FEATURES_COUNT] = [
+    "residual_over_rigid",
+    "rim_over_centre",
+    "over_fraction",
+    "secant",
+    "work_lost",
+    "tangent",
+    "softening",
+    "q25",
+    "q50",
+    "q75",
+    "q90",
+    "noise",
+    "cut",
+    "sticking",
+    "slope",
+    "turning",
+    "narrow",
+    "wide",
+    "over_twentieth",
+    "load",
+    "mean_shear",
+    "residual_shear",
+    "far_shear",
+];
+
+/// Friction coefficient by which load is made dimensionless; a scale, no guess.
+pub(super) const SCALE_MU: f64 = 0.6;
+
+/// Values of the features of a frame.
+pub type Features = [f64; FEATURES_COUNT];

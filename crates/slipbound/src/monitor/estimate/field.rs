@@ -1,0 +1,205 @@
+//! The displacement field of a contact: who is in it, the rigid motion of those that stick, and the features.
+
+use super::features::{Features, SCALE_MU};
+use super::window::Sample;
+use crate::plane::{RigidMotion, Vec2};
+
+/// A marker in contact.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Point {
+    /// Place at rest, px.
+    pub rest: Vec2,
+    /// Displacement under load, px.
+    pub displacement: Vec2,
+    /// What it had over the rigid motion when it joined, px.
+    pub joined: Vec2,
+    /// Displacement of the rigid motion there, px.
+    pub rigid: Vec2,
+    /// Distance from the middle of the contact, px.
+    pub radius: f64,
+}
+
+impl Point {
+    /// Slip over the rigid motion, px.
+    pub fn residual(&self) -> Vec2 {
+        self.displacement - self.rigid - self.joined
+    }
+}
+
+/// Scales in pitches, from wide to narrow, of the weights with which the rigid motion is fitted: from nothing, and going on
+/// from the last frame.
+const FIRST_PITCH: [f64; 9] = [1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1];
+const NEXT_PITCH: [f64; 7] = [0.3, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1];
+
+/// The rigid motion of those that stick, going on from the last frame's: the stick set is carried over, so that a rim
+/// that slips does not take the fit with it.
+pub(super) fn fit(points: &[Point], before: Option<&RigidMotion>, pitch_px: f64) -> Option<RigidMotion> {
+    let (mut motion, scales) = match before {
+        Some(before) => (*before, &NEXT_PITCH[..]),
+        None => (weighted(points, |_| 1.0)?, &FIRST_PITCH[..]),
+    };
+    for scale_pitch in scales {
+        let scale_squared = (scale_pitch * pitch_px) * (scale_pitch * pitch_px);
+        let last = motion;
+        motion = weighted(points, |p| {
+            let off = p.displacement - p.joined - last.displacement(p.rest);
+            let t = 1.0 + off.length_squared() / scale_squared;
+            1.0 / (t * t)
+        })?;
+    }
+    Some(motion)
+}
+
+fn weighted(points: &[Point], weight: impl Fn(&Point) -> f64) -> Option<RigidMotion> {
+    crate::monitor::motion::fit_weighted(points.iter().map(|p| (p.rest, p.rest + p.displacement - p.joined, weight(p))))
+}
+
+/// What the features need beside the points.
+pub(super) struct Given {
+    pub pitch_px: f64,
+    /// Area of the contact, px2.
+    pub area_px2: f64,
+    /// Width by which a patch that sticks drags the gel around it, px: 0.64 of the gel's thickness.
+    pub skirt_px: f64,
+    /// Load of all markers: their sum of displacements times the area of each, px3.
+    pub force_px3: Vec2,
+    /// Its moment about the middle of the contact, px4.
+    pub moment_px4: f64,
+    /// Stiffness k in N/px3 over the grip force in N; None where either is unknown.
+    pub stiffness_over_grip_per_px3: Option<f64>,
+    /// Border of the view: least and largest place at which a marker is well inside.
+    pub inside: (Vec2, Vec2),
+    /// A frame of some 0.18 s ago.
+    pub before: Option<Sample>,
+    /// Largest secant stiffness so far, px2.
+    pub stiffest_px2: f64,
+}
+
+/// What is learned besides.
+pub(super) struct Learned {
+    pub features: Features,
+    /// Load as one number: force and torque over mean radius, px3.
+    pub load_px3: f64,
+    /// RMS of the rigid displacement, px.
+    pub rigid_px: f64,
+    /// Mean distance of the markers in contact from its middle, px.
+    pub arm_px: f64,
+    /// Secant stiffness of this frame, px2; None while nothing has moved.
+    pub secant_px2: Option<f64>,
+}
+
+/// Displacements smaller than this, in pitches, are lost in noise: 0.02 mm at a pitch of 1.5 mm.
+const FLOOR_PITCH: f64 = 0.02 / 1.5;
+
+/// The features of a frame. `points` come with their rigid displacement and radius; they are sorted by radius here.
+/// `scratch` holds as many numbers.
+pub(super) fn features(points: &mut [Point], motion: &RigidMotion, given: &Given, scratch: &mut [f64]) -> Learned {
+    let (n, p) = (points.len() as f64, given.pitch_px);
+    let floor = FLOOR_PITCH * p;
+    points.sort_unstable_by(|a, b| a.radius.total_cmp(&b.radius));
+    let mean = |of: &dyn Fn(&Point) -> f64, points: &[Point]| points.iter().map(of).sum::<f64>() / points.len() as f64;
+    let share = |of: &dyn Fn(&Point) -> bool| points.iter().filter(|p| of(p)).count() as f64 / n;
+    let slip = |q: &Point| q.residual().length();
+    let relative = |q: &Point| slip(q) / (q.rigid.length() + floor);
+    let moved = |q: &Point| (q.displacement - q.joined).length();
+
+    let third = (points.len() / 3).max(1);
+    let (inner, outer) = (&points[..third], &points[points.len() - third..]);
+    let mean_rigid = mean(&|q| q.rigid.length(), points);
+    let rigid_squared = points.iter().map(|q| q.rigid.length_squared()).sum::<f64>();
+    let rigid_px = (rigid_squared / n).sqrt();
+    let arm_px = mean(&|q| q.radius, points).max(1e-6);
+    let largest_radius = points.last().map_or(1.0, |q| q.radius).max(1e-6);
+    let along: f64 = points.iter().map(|q| (q.displacement - q.joined).dot(q.rigid)).sum();
+
+    let load_px3 = libm::hypot(given.force_px3.length(), given.moment_px4 / arm_px);
+    // About the middle of the contact: the motion is stated there.
+    let work = given.force_px3.dot(motion.translation) + given.moment_px4 * motion.rotation_rad;
+    let patch_px2 = given.area_px2 + given.skirt_px * 2.0 * (std::f64::consts::PI * given.area_px2.max(1.0)).sqrt();
+    let moves = rigid_px > 0.02 * p;
+    let secant_px2 = moves.then(|| work / (rigid_px * rigid_px));
+    let stiffest_px2 = given.stiffest_px2.max(secant_px2.unwrap_or(0.0));
+    let (added_load, added_rigid) = given.before.map_or((0.0, 0.0), |s| (load_px3 - s.load_px3, rigid_px - s.rigid_px));
+    let added_rigid = if added_rigid.abs() < floor { floor.copysign(added_rigid) } else { added_rigid };
+
+    let (mut narrow, mut wide) = spread(points);
+    (narrow, wide) = (narrow / p, wide / p);
+    let slope = {
+        let (mean_x, mean_y) = (mean(&|q| q.radius, points) / largest_radius, mean(&relative, points));
+        let (mut xx, mut xy) = (0.0, 0.0);
+        for q in points.iter() {
+            let x = q.radius / largest_radius - mean_x;
+            (xx, xy) = (xx + x * x, xy + x * (relative(q) - mean_y));
+        }
+        xy / xx.max(1e-9)
+    };
+    let turn_px = motion.rotation_rad.abs() * arm_px;
+    let (low, high) = given.inside;
+    let cut = share(&|q| q.rest.x < low.x || q.rest.y < low.y || q.rest.x > high.x || q.rest.y > high.y);
+    let sticking = mean(
+        &|q| {
+            let t = 1.0 + q.residual().length_squared() / (0.01 * p * p);
+            1.0 / (t * t)
+        },
+        points,
+    );
+    let over_fraction = share(&|q| slip(q) > 0.1 * q.rigid.length() + 0.03 * p);
+    let over_twentieth = share(&|q| slip(q) > 0.05 * p);
+    let quantile = |scratch: &mut [f64], of: &dyn Fn(&Point) -> f64, at: [f64; 4]| -> [f64; 4] {
+        let scratch = &mut scratch[..points.len()];
+        scratch.iter_mut().zip(points.iter()).for_each(|(out, q)| *out = of(q));
+        scratch.sort_unstable_by(f64::total_cmp);
+        at.map(|at| scratch[(at * (n - 1.0)).round() as usize])
+    };
+    let [q25, q50, q75, q90] = quantile(scratch, &relative, [0.25, 0.5, 0.75, 0.9]);
+    let far_px = quantile(scratch, &moved, [0.9; 4])[0];
+
+    let mean_moved = points.iter().fold(Vec2::ZERO, |sum, q| sum + (q.displacement - q.joined)) / n;
+    let slip_rms = (points.iter().map(|q| q.residual().length_squared()).sum::<f64>() / n).sqrt();
+    let per_grip = given.stiffness_over_grip_per_px3.unwrap_or(0.0) / SCALE_MU;
+    let area = per_grip * given.area_px2;
+    Learned {
+        features: [
+            mean(&slip, points) / (mean_rigid + floor),
+            mean(&moved, outer) / (mean(&moved, inner) + floor),
+            over_fraction,
+            secant_px2.unwrap_or(0.0) / patch_px2,
+            1.0 - along / rigid_squared.max(1e-6),
+            added_load / (added_rigid * patch_px2),
+            secant_px2.map_or(0.0, |now| if stiffest_px2 > 0.0 { 1.0 - now / stiffest_px2 } else { 0.0 }),
+            q25,
+            q50,
+            q75,
+            q90,
+            floor / (rigid_px + floor),
+            cut,
+            sticking,
+            slope,
+            turn_px / (motion.translation.length() + turn_px + 0.5 * floor),
+            narrow,
+            wide,
+            over_twentieth,
+            per_grip * load_px3,
+            area * mean_moved.length(),
+            area * slip_rms,
+            area * far_px,
+        ],
+        load_px3,
+        rigid_px,
+        arm_px,
+        secant_px2,
+    }
+}
+
+/// Standard deviations of places along their main axes, the smaller first, px.
+fn spread(points: &[Point]) -> (f64, f64) {
+    let n = points.len() as f64;
+    let mean = points.iter().fold(Vec2::ZERO, |sum, q| sum + q.rest) / n;
+    let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
+    for q in points {
+        let d = q.rest - mean;
+        (xx, yy, xy) = (xx + d.x * d.x / n, yy + d.y * d.y / n, xy + d.x * d.y / n);
+    }
+    let (half, apart) = ((xx + yy) / 2.0, libm::hypot((xx - yy) / 2.0, xy));
+    ((half - apart).max(0.0).sqrt(), (half + apart).sqrt())
+}

@@ -1,0 +1,126 @@
+//! What the markers' displacement counts from: the finger squeezed, but not yet loaded along its surface.
+//!
+//! ```text
+//!   touched ----press----> settled (grip and area stand for 0.2 s): squeeze of every marker taken over
+//!                                     |
+//!                                     v       squeeze (P / P_taken)^0.85 when the grip changes later
+//!   displacement under load = now - rest - squeeze - what the marker had when it joined the contact
+//! ```
+
+use super::window::Window;
+use crate::monitor::report::Marker;
+use crate::plane::Vec2;
+
+/// Power of the grip force with which the squeeze of a marker grows: 0.8 to 0.9 for simulated spheres, cylinders and boxes
+/// between 5 and 60 N (a Hertz contact on a wide layer lies between 2/3 and 1).
+const SQUEEZE_GROWTH: f64 = 0.85;
+
+/// A grip or an area that changes by less than this share between the halves of the window stands still.
+const SETTLED_GRIP_FRACTION: f64 = 0.03;
+const SETTLED_AREA_FRACTION: f64 = 0.1;
+/// Besides, a grip may change by this much: readings of grippers are no better.
+const SETTLED_GRIP_N: f64 = 0.15;
+/// After this time in contact the reference is taken, settled or not.
+const LONGEST_S: f64 = 1.0;
+/// A marker that has been out of the contact for as many frames joins it anew.
+const AWAY_FRAMES: u8 = 10;
+
+/// What is remembered of a marker.
+#[derive(Debug, Clone, Copy, Default)]
+struct Base {
+    /// Displacement from rest by the squeeze alone, px.
+    squeeze: Vec2,
+    /// Displacement that it had over the rigid motion when it joined the contact, px.
+    joined: Vec2,
+    /// Frames since it was last in the contact; [`AWAY_FRAMES`] or more: it is no part of it.
+    away_frames: u8,
+}
+
+/// The reference of a contact.
+#[derive(Debug, Clone)]
+pub(super) struct Reference {
+    bases: Vec<Base>,
+    touched_s: f64,
+    taken: bool,
+    taken_grip_n: Option<f64>,
+}
+
+impl Reference {
+    pub fn new(markers_count: usize) -> Self {
+        Reference { bases: vec![Base::default(); markers_count], touched_s: 0.0, taken: false, taken_grip_n: None }
+    }
+
+    /// Nothing touches any more.
+    pub fn clear(&mut self) {
+        (self.touched_s, self.taken, self.taken_grip_n) = (0.0, false, None);
+    }
+
+    /// Whether there is a reference.
+    pub fn is_taken(&self) -> bool {
+        self.taken
+    }
+
+    /// Counts the time in contact; takes the reference once grip and area stand still, or loaded in the plane too early.
+    pub fn follow(&mut self, seconds_s: f64, window: &Window, loaded: bool, markers: &[Marker]) {
+        if self.taken {
+            return;
+        }
+        self.touched_s += seconds_s;
+        let grip = window.change(|s| s.grip_n);
+        let area = window.change(|s| Some(s.area_px2));
+        let stands = |change: Option<(f64, f64)>, share: f64, least: f64| {
+            change.is_some_and(|(by, mean)| by.abs() <= share * mean + least)
+        };
+        let grip_stands =
+            window.newest().is_none_or(|s| s.grip_n.is_none()) || stands(grip, SETTLED_GRIP_FRACTION, SETTLED_GRIP_N);
+        let settled = grip_stands && stands(area, SETTLED_AREA_FRACTION, 0.0);
+        if settled || loaded || self.touched_s >= LONGEST_S {
+            self.take(window.newest().and_then(|s| s.grip_n), markers, |m| m.now_from_rest());
+        }
+    }
+
+    /// Takes the markers at rest for unloaded: for a recording that starts in contact.
+    pub fn take_rest(&mut self, grip_n: Option<f64>, markers: &[Marker]) {
+        self.take(grip_n, markers, |_| Vec2::ZERO);
+    }
+
+    fn take(&mut self, grip_n: Option<f64>, markers: &[Marker], squeeze: impl Fn(&Marker) -> Vec2) {
+        for (base, marker) in self.bases.iter_mut().zip(markers) {
+            let away_frames = if marker.in_contact { 0 } else { AWAY_FRAMES };
+            *base = Base { squeeze: squeeze(marker), joined: Vec2::ZERO, away_frames };
+        }
+        (self.taken, self.taken_grip_n) = (true, grip_n.filter(|n| *n > 0.0));
+    }
+
+    /// By which share the squeeze has grown since it was taken.
+    pub fn growth(&self, grip_n: Option<f64>) -> f64 {
+        match (self.taken_grip_n, grip_n) {
+            (Some(taken_n), Some(now_n)) => libm::pow((now_n / taken_n).clamp(0.0, 20.0), SQUEEZE_GROWTH),
+            _ => 1.0,
+        }
+    }
+
+    /// Displacement of a marker under load, px.
+    pub fn under_load(&self, marker: &Marker, growth: f64) -> Vec2 {
+        marker.now_from_rest() - self.bases[marker.id as usize].squeeze * growth
+    }
+
+    /// What a marker had over the rigid motion when it joined, px.
+    pub fn joined(&self, marker: &Marker) -> Vec2 {
+        self.bases[marker.id as usize].joined
+    }
+
+    /// Keeps who is part of the contact; a marker that joins takes what it has over the rigid motion as its own. Its
+    /// slip counts from there.
+    pub fn keep(&mut self, marker: &Marker, in_contact: bool, residual: impl FnOnce() -> Vec2) {
+        let base = &mut self.bases[marker.id as usize];
+        if !in_contact {
+            base.away_frames = base.away_frames.saturating_add(1);
+            return;
+        }
+        if base.away_frames >= AWAY_FRAMES {
+            base.joined = residual();
+        }
+        base.away_frames = 0;
+    }
+}
