@@ -21,7 +21,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 
 /// What an ensemble is fitted with.
-pub const VALUES: Fitting = Fitting { trees_count: 140, shrinkage: 0.1, least_rows: 40.0, ridge: 2.0 };
+pub const VALUES: Fitting = Fitting { trees_count: 200, shrinkage: 0.1, least_rows: 40.0, ridge: 2.0 };
 
 /// What the errors are fitted with.
 pub const ERRORS: Fitting = Fitting { trees_count: 30, shrinkage: 0.15, least_rows: 150.0, ridge: 5.0 };

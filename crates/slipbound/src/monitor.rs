@@ -70,7 +70,6 @@ pub struct SlipMonitor {
     refusal: Option<Reason>,
     reference_seq: u64,
     rebase_from: Option<u64>,
-    reference_grip_n: Option<f64>,
     in_contact_count: u32,
     /// Rule `margin`: whether slip is said, and how many frames in a row had a small margin.
     alarmed: bool,
@@ -96,7 +95,6 @@ impl SlipMonitor {
             refusal: rest.refusal,
             reference_seq: rest.seq,
             rebase_from: None,
-            reference_grip_n: None,
             in_contact_count: 0,
             alarmed: false,
             small_margin_frames_count: 0,
@@ -136,7 +134,7 @@ impl SlipMonitor {
         probe.after(Step::Motion, self);
 
         let area_px2 = self.contact.area_px2 as f64;
-        self.slip.judge(self.motion.motion.as_ref(), grip, area_px2, &mut self.markers.all);
+        self.slip.judge(self.motion.motion.as_ref(), &mut self.markers.all);
         probe.after(Step::Slip, self);
 
         self.estimate(frame, grip, area_px2);
@@ -148,9 +146,6 @@ impl SlipMonitor {
             SlipState::Incipient if by_markers => self.rebase_from = Some(frame.seq),
             SlipState::NoContact => self.return_to_rest(),
             _ => {}
-        }
-        if by_markers {
-            self.follow_grip(frame.seq, grip);
         }
         report
     }
@@ -173,24 +168,16 @@ impl SlipMonitor {
             self.rebase_from = Some(frame.seq);
         }
         let Some(margin) = self.estimator.estimates.margin else { return };
-        let small = margin.value <= if self.alarmed { settings.clear_margin } else { settings.alarm_margin };
+        let small =
+            margin.value <= if self.alarmed { settings.clear_margin_fraction } else { settings.alarm_margin_fraction };
         self.small_margin_frames_count = if small { self.small_margin_frames_count + 1 } else { 0 };
         // The picture alone is a weaker witness: two frames must agree.
         let needed = if self.estimator.knows_grip() { 1 } else { 2 };
         self.alarmed = small && (self.alarmed || self.small_margin_frames_count >= needed);
+        // Deviation: D16 alarm from the estimated margin
         if self.alarmed {
             let (force, torque) = self.estimator.load_px3;
             self.slip.say_load(force, torque);
-        }
-    }
-
-    /// A squeeze spreads the gel; once it is more than a little, displacement counts from after it.
-    fn follow_grip(&mut self, seq: u64, grip: Option<GripSample>) {
-        let Some(GripSample { force_n }) = grip.filter(|g| g.force_n.is_finite()) else { return };
-        let before_n = *self.reference_grip_n.get_or_insert(force_n);
-        if (force_n - before_n).abs() > self.settings.slip.regrip_n {
-            self.reference_grip_n = Some(force_n);
-            self.rebase_from = Some(seq);
         }
     }
 

@@ -9,8 +9,7 @@ use slipbound::monitor::{
     SlipSettings, SlipState,
 };
 use slipbound::plane::{RigidMotion, Vec2};
-use slipbound::port::GripSample;
-use slipbound::sensor::{Shear, Skin};
+use slipbound::sensor::Skin;
 
 /// Steps 3 and 4 judge: the painted fields follow no physics of a contact.
 fn markers_decide() -> Settings {
@@ -22,23 +21,19 @@ struct Play {
     painter: Painter,
     monitor: SlipMonitor,
     seq: u64,
-    grip: Option<GripSample>,
 }
 
 impl Play {
     fn new(scale: usize, skin: Skin, settings: &Settings) -> Self {
         let (size, s) = (SizePx::new(320 * scale, 240 * scale), scale as f64);
-        let mut painter = Painter { edge_px: 0.8 * s, ..Painter::new(size, 20.0 * s, 7.0 * s, skin, 0.0, 3) };
-        // Of no effect while the grip is unknown.
-        painter.sensor.pitch_mm = Some(1.5);
-        painter.sensor.shear = Some(Shear { stiffness_n_per_pitch: 0.2, provenance: "assumed".into() });
+        let painter = Painter { edge_px: 0.8 * s, ..Painter::new(size, 20.0 * s, 7.0 * s, skin, 0.0, 3) };
         let mut builder = RestBuilder::new(&painter.sensor, settings, size).expect("valid");
         for i in 0..4 {
             builder.add(&frame(&painter.paint(&painter.rest, None, 900 + i), size, i)).expect("bright");
         }
         let rest = builder.build(RestKind::Unloaded).expect("markers");
         let monitor = SlipMonitor::new(&painter.sensor, settings, rest).expect("valid");
-        Play { painter, monitor, seq: 0, grip: None }
+        Play { painter, monitor, seq: 0 }
     }
 
     fn pitch_px(&self) -> f64 {
@@ -57,7 +52,7 @@ impl Play {
         let touch = self.touch();
         let rgb = self.painter.paint(&places, touched.then_some(&touch), self.seq);
         self.seq += 1;
-        self.monitor.step(&frame(&rgb, self.painter.sensor.image_px, self.seq), self.grip)
+        self.monitor.step(&frame(&rgb, self.painter.sensor.image_px, self.seq), None)
     }
 
     /// Touches until contact is taken up.
@@ -232,40 +227,4 @@ fn a_small_touch_is_unsure() {
     let last = (0..6).map(|i| play.monitor.step(&frame(&rgb, size, i), None)).last().expect("frames");
     assert_eq!(last.state, SlipState::Unsure, "{last:?}");
     assert!(last.contact.quality < 0.35 && last.reason.is_some());
-}
-
-/// A light grip slides altogether before its rim lags by the paper's 4.5 px; the alarm comes earlier where it is known.
-#[test]
-fn a_light_grip_is_judged_by_a_lower_threshold() {
-    let alarm = |force_n: Option<f64>| {
-        let mut play = Play::new(1, Skin::Smooth, &markers_decide());
-        play.grip = force_n.map(|force_n| GripSample { force_n });
-        drag(&mut play, Vec2::new(1.0, 0.0), 0.7).expect("an alarm").slip
-    };
-    let (unknown, light, firm) = (alarm(None), alarm(Some(5.0)), alarm(Some(60.0)));
-    assert_eq!(unknown.threshold_pitch, markers_decide().slip.threshold_pitch);
-    assert!(light.threshold_pitch < 0.7 * unknown.threshold_pitch, "{light:?}");
-    assert!(light.max_pitch < unknown.max_pitch, "{light:?} {unknown:?}");
-    assert_eq!(firm, unknown, "never higher than the paper's");
-}
-
-/// A squeeze spreads the gel by half a pitch at the rim: slip for the paper, none where the grip is known.
-#[test]
-fn a_squeeze_is_no_slip_where_the_grip_is_known() {
-    let alarms = |known: bool| {
-        let mut play = Play::new(1, Skin::Smooth, &markers_decide());
-        let (touch, pitch_px) = (play.touch(), play.pitch_px());
-        play.grip = known.then_some(GripSample { force_n: 60.0 });
-        play.press();
-        let squeezed = |i: u32| {
-            play.grip = known.then_some(GripSample { force_n: 60.0 + 2.0 * f64::from(i) });
-            let spread = 0.08 * f64::from(i) * pitch_px / touch.radii_px.x;
-            let report =
-                play.show(true, |p| Some(p + (p - touch.centre) * if touch.depth(p) < 1.2 { spread } else { 0.0 }));
-            report.state == SlipState::Incipient
-        };
-        (1..=8).map(squeezed).filter(|alarm| *alarm).count()
-    };
-    assert!(alarms(false) > 0, "the squeeze is strong enough to tell");
-    assert_eq!(alarms(true), 0);
 }

@@ -5,7 +5,9 @@ mod picture;
 
 use picture::{Painter, Touch, frame};
 use slipbound::image::SizePx;
-use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipKind, SlipMonitor, SlipReport, SlipState};
+use slipbound::monitor::{
+    RestBuilder, RestKind, Settings, SlipKind, SlipMonitor, SlipReport, SlipRule, SlipSettings, SlipState,
+};
 use slipbound::plane::{RigidMotion, Vec2};
 use slipbound::sensor::Skin;
 
@@ -22,7 +24,9 @@ fn touch() -> Touch {
 }
 
 fn monitor(painter: &Painter) -> SlipMonitor {
-    let settings = Settings::default();
+    // Markers decide: the painted fields follow no physics of a contact.
+    let slip = SlipSettings { rule: SlipRule::Markers, ..SlipSettings::default() };
+    let settings = Settings { slip, ..Settings::default() };
     let mut builder = RestBuilder::new(&painter.sensor, &settings, SIZE).expect("valid");
     for i in 0..10 {
         builder.add(&frame(&painter.paint(&painter.rest, None, 500 + i), SIZE, i)).expect("bright");

@@ -16,6 +16,9 @@ pub const TRAINING_SEED: u64 = 1_000_000;
 /// Frames of a trial that is no ramp count for less: many of them look alike.
 const QUIET_WEIGHT: f64 = 0.5;
 
+/// Of a thousand trials the last three hundred change the grip under load, at lighter grips too, as a controller does.
+const REGRIP_FROM: u64 = 700;
+
 /// A trial of the split: mostly pulls and turns up to gross slip, some below it, some without any load.
 pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     let mut random = Random::of(TRAINING_SEED, number);
@@ -36,6 +39,8 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     let (x_mm, y_mm) = (random.between(-1.5, 1.5), random.between(-1.0, 1.0));
     let camera = if random.fraction() < 0.2 { "gelsight_mini" } else { "gelslim" };
     let kind = random.fraction();
+    let regrips = number % 1000 >= REGRIP_FROM;
+    let force_n = if regrips { between_log(&mut random, 4.0, 40.0) } else { force_n };
     let with = |force_n: f64| {
         format!(
             "object={object}&force_n={force_n:.3}&mu={mu:.4}&at_x_mm={x_mm:.3}&at_y_mm={y_mm:.3}&turn_deg={turn_deg:.2}\
@@ -46,6 +51,15 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     let held = with(force_n);
     let ramp = format!("direction_deg={direction_deg:.1}&twist_fraction={twist:.3}&ramp_s={ramp_s:.3}");
     let text = match kind {
+        kind if regrips && kind < 0.7 => {
+            let most = (70.0 / force_n).min(4.0);
+            format!(
+                "regrip?{held}&{ramp}&peak_fraction=8&regrip_fraction={:.3}&regrips={}",
+                between_log(&mut random, 0.6, most),
+                1 + random.next_u64() % 6
+            )
+        }
+        _ if regrips => format!("ramp?{held}&{ramp}&hold_s=0.2"),
         kind if kind < 0.68 => format!("ramp?{held}&{ramp}&hold_s=0.2"),
         kind if kind < 0.76 => {
             format!("ramp?{held}&{ramp}&peak_fraction={:.3}&hold_s=0.5", random.between(0.1, 0.7))
@@ -88,22 +102,28 @@ pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
     }
     let mut monitor = SlipMonitor::new(&sensor, &settings, rest.build(RestKind::Unloaded)?)?;
     let mut seen: Vec<(Features, [f64; 2], f64, f64)> = Vec::new();
+    let mut gross_grip_n = None;
     while world.next(&mut frame)? == Next::Frame {
         let truth = world.truth();
         let grip_n = truth.grip_force_n;
         monitor.step(&frame.frame()?, Some(GripSample { force_n: grip_n }));
         let (Some(features), Some(stick)) = (monitor.features(), truth.stick_ratio) else { continue };
+        // What slides at a grip slides at twice the load at twice the grip.
+        let load_n = truth.load.map(|load| load / grip_n.max(1e-6));
+        if world.gross().is_none() || gross_grip_n.is_none() {
+            gross_grip_n = Some(grip_n);
+        }
         let force_n = truth.wrench.force_n.length();
         let unloaded = force_n / (trial.mu() * grip_n).max(1e-6);
-        seen.push((*features, [unloaded, stick], truth.load.unwrap_or(f64::NAN), truth.time_ns as f64 * 1e-9));
+        seen.push((*features, [unloaded, stick], load_n.unwrap_or(f64::NAN), truth.time_ns as f64 * 1e-9));
     }
     let gross = world.gross();
-    let is_ramp = trial.scene().name == "ramp";
+    let is_ramp = matches!(trial.scene().name, "ramp" | "regrip");
     let rows = seen.into_iter().filter_map(|(features, [unloaded, stick], load, time_s)| {
         let used = match gross {
             _ if load.is_nan() => unloaded,
             Some(gross) if time_s >= gross.time_s => 1.0,
-            Some(gross) => load / gross.load,
+            Some(gross) => load * gross_grip_n.unwrap_or(f64::NAN) / gross.load,
             // It never slid: what would have made it slide is not known.
             None => return None,
         };

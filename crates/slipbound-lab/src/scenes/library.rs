@@ -18,7 +18,7 @@ const PULL_DAMPING_N_S_PER_MM: f64 = 0.03;
 const PULL_DAMPING_N_MM_S_PER_RAD: f64 = 1.0;
 
 /// All scenes.
-pub const SCENES: [Scene; 11] = [
+pub const SCENES: [Scene; 12] = [
     Scene { name: "press", what: "pressed and held", defaults: &[("hold_s", "1")], profile: press },
     Scene {
         name: "press_release",
@@ -73,6 +73,20 @@ pub const SCENES: [Scene; 11] = [
             ("hold_s", "0.5"),
         ],
         profile: ramp,
+    },
+    Scene {
+        name: "regrip",
+        what: "pulled and turned by a load that grows evenly while the grip is changed in steps",
+        defaults: &[
+            ("direction_deg", "0"),
+            ("twist_fraction", "0"),
+            ("ramp_s", "1"),
+            ("peak_fraction", "3.6"),
+            ("hold_s", "0.2"),
+            ("regrip_fraction", "2"),
+            ("regrips", "3"),
+        ],
+        profile: regrip,
     },
     Scene {
         name: "fill",
@@ -222,6 +236,27 @@ fn vibration(set: &Parameters) -> Result<LoadProfile, SettingError> {
 fn inertia(set: &Parameters) -> Inertia {
     let object = set.object();
     Inertia { mass_kg: object.mass_kg, gyration_radius_mm: object.gyration_radius_mm, centre_of_mass_mm: Vec2::ZERO }
+}
+
+/// How long a step of the grip takes, in s.
+const REGRIP_S: f64 = 0.1;
+
+/// A ramp during which the grip changes: evenly spaced steps by the same share, until the load has reached the unit that holds
+/// at the last grip.
+fn regrip(set: &Parameters) -> Result<LoadProfile, SettingError> {
+    let mut profile = ramp(set)?;
+    let (mut legs, _) = begin(set);
+    let (last_fraction, steps) = (set.number("regrip_fraction"), set.number("regrips"));
+    let whole_s = set.number("ramp_s") * set.number("peak_fraction") + set.number("hold_s");
+    let span_s = 0.8 * set.number("ramp_s") * last_fraction.max(1.0);
+    let wait_s = (span_s / steps - REGRIP_S).max(0.02);
+    for step in 1..=steps as u32 {
+        let force_n = set.number("force_n") * last_fraction.powf(f64::from(step) / steps);
+        legs.extend([Leg::hold(wait_s), Leg::press(force_n, REGRIP_S)]);
+    }
+    legs.push(Leg::hold((whole_s - steps * (wait_s + REGRIP_S)).max(0.1)));
+    profile.path = Path::new(legs)?;
+    Ok(profile)
 }
 
 fn ramp(set: &Parameters) -> Result<LoadProfile, SettingError> {

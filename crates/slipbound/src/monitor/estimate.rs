@@ -176,7 +176,7 @@ impl Estimator {
         for m in markers.iter().filter(|m| m.in_contact && m.whole && m.matched) {
             let displacement = self.reference.under_load(m, growth);
             let joined = self.reference.joined(m);
-            self.points.push(Point { rest: m.rest, displacement, joined, ..Point::default() });
+            self.points.push(Point { id: m.id, rest: m.rest, displacement, joined, ..Point::default() });
         }
         if self.points.len() < LEAST_POINTS {
             return;
@@ -211,6 +211,11 @@ impl Estimator {
         self.stiffest_px2 = self.stiffest_px2.max(learned.secant_px2.unwrap_or(0.0));
         if let Some(sample) = self.window.newest_mut() {
             (sample.load_px3, sample.rigid_px) = (learned.load_px3, learned.rigid_px);
+        }
+        if self.reference.regripped(self.grip_n) {
+            for point in &self.points {
+                self.reference.count_anew(point.id, point.residual());
+            }
         }
         self.features = Some(learned.features);
         self.load_px3 = (force_px3, learned.arm_px.recip() * moment_px4);

@@ -47,13 +47,7 @@ impl Settings {
                 ..MarkerSettings::default()
             },
             motion: MotionSettings { fit: Fit::Similarity, ..MotionSettings::default() },
-            slip: SlipSettings {
-                rule: SlipRule::Markers,
-                field: RigidField::SmallAngle,
-                full_slip_fraction: 1000.0,
-                regrip_n: 1e6,
-                ..SlipSettings::default()
-            },
+            slip: SlipSettings { rule: SlipRule::Markers, field: RigidField::SmallAngle, ..SlipSettings::default() },
         }
     }
 

@@ -8,7 +8,6 @@
 use crate::image::Mask;
 use crate::monitor::report::{Marker, SlipKind, SlipSummary};
 use crate::plane::{RigidMotion, Vec2};
-use crate::port::GripSample;
 use crate::sensor::Sensor;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
@@ -40,9 +39,9 @@ pub struct SlipSettings {
     /// What raises the alarm.
     pub rule: SlipRule,
     /// Rule `margin`: incipient slip begins at this margin (1: no load, 0: the object slides) or below.
-    pub alarm_margin: f64,
+    pub alarm_margin_fraction: f64,
     /// Rule `margin`: it ends above this margin.
-    pub clear_margin: f64,
+    pub clear_margin_fraction: f64,
     /// How the rigid displacement is computed.
     pub field: RigidField,
     /// A marker slips when its slip field is longer than this many pitches. The paper's code: 4.5 px at 15.2 px.
@@ -51,47 +50,29 @@ pub struct SlipSettings {
     pub over_fraction: f64,
     /// Incipient slip is never fewer markers than this: one marker alone may be a broken one.
     pub over_min_count: u32,
-    /// Where the grip force P, the contact area A and the gel's shear stiffness k are known, the threshold is at most
-    /// this share of mu P / (k A), how far the gel shears before all of the contact slips (physics of a bonded layer).
-    /// A light grip can slide altogether before the rim lags by the paper's 4.5 px. 1000 turns it off.
-    pub full_slip_fraction: f64,
-    /// The least friction coefficient mu to reckon with there.
-    pub least_mu: f64,
-    /// Where the grip force is known: a change by more than this per finger, in N, takes the reference anew. A squeeze
-    /// spreads the gel, and that is no slip.
-    pub regrip_n: f64,
 }
-
-/// The threshold is never smaller than this, in pitches: a third of the paper's, five times the noise of a marker.
-const LEAST_THRESHOLD_PITCH: f64 = 0.1;
 
 impl Default for SlipSettings {
     fn default() -> Self {
         SlipSettings {
             rule: SlipRule::Margin,
-            alarm_margin: 0.5,
-            clear_margin: 0.55,
+            alarm_margin_fraction: 0.5,
+            clear_margin_fraction: 0.55,
             field: RigidField::Exact,
             threshold_pitch: 4.5 / 15.2,
             over_fraction: 7.0 / 400.0,
             over_min_count: 2,
-            full_slip_fraction: 0.3,
-            least_mu: 0.35,
-            regrip_n: 1.0,
         }
     }
 }
 
 impl SlipSettings {
     pub(super) fn check(&self) -> Result<(), SettingError> {
-        within("slip.alarm_margin", self.alarm_margin, 0.0, 1.0)?;
-        within("slip.clear_margin", self.clear_margin, self.alarm_margin, 1.0)?;
+        within("slip.alarm_margin_fraction", self.alarm_margin_fraction, 0.0, 1.0)?;
+        within("slip.clear_margin_fraction", self.clear_margin_fraction, self.alarm_margin_fraction, 1.0)?;
         within("slip.threshold_pitch", self.threshold_pitch, 0.001, 10.0)?;
         within("slip.over_fraction", self.over_fraction, 0.0, 1.0)?;
-        within("slip.over_min_count", f64::from(self.over_min_count), 1.0, 1000.0)?;
-        within("slip.full_slip_fraction", self.full_slip_fraction, 0.05, 1000.0)?;
-        within("slip.least_mu", self.least_mu, 0.05, 2.0)?;
-        within("slip.regrip_n", self.regrip_n, 0.1, 1e6)
+        within("slip.over_min_count", f64::from(self.over_min_count), 1.0, 1000.0)
     }
 
     /// The fewest markers over the threshold that mean slip, for a finger with `markers_count` markers.
@@ -108,7 +89,6 @@ pub(super) struct Slip {
     settings: SlipSettings,
     pitch_px: f64,
     mm_per_px: Option<f64>,
-    stiffness_mpa_per_mm: Option<f64>,
     over_needed_count: u32,
     pub(super) summary: SlipSummary,
     pub(super) slips: bool,
@@ -120,7 +100,6 @@ impl Slip {
             settings: settings.clone(),
             pitch_px: sensor.pitch_px,
             mm_per_px: sensor.mm_per_px(),
-            stiffness_mpa_per_mm: sensor.shear_stiffness_mpa_per_mm(),
             over_needed_count: settings.over_needed_count(markers_count),
             summary: SlipSummary::default(),
             slips: false,
@@ -138,30 +117,10 @@ impl Slip {
         self.slips = false;
     }
 
-    /// How far a marker may leave the rigid motion, in pitches.
-    fn threshold_pitch(&self, grip: Option<GripSample>, area_px2: f64) -> f64 {
-        let fixed_pitch = self.settings.threshold_pitch;
-        let (Some(grip), Some(mm), Some(stiffness)) = (grip, self.mm_per_px, self.stiffness_mpa_per_mm) else {
-            return fixed_pitch;
-        };
-        // Deviation: D13 threshold from the grip
-        let full_slip_mm = self.settings.least_mu * grip.force_n / (stiffness * area_px2 * mm * mm);
-        let pitch = self.settings.full_slip_fraction * full_slip_mm / (mm * self.pitch_px);
-        // A force that is no number or an empty area leave the fixed threshold.
-        if pitch.is_nan() { fixed_pitch } else { pitch.max(LEAST_THRESHOLD_PITCH).min(fixed_pitch) }
-    }
-
-    /// Fills in the slip of every marker in contact and judges it. `area_px2` is that of the contact.
-    pub(super) fn judge(
-        &mut self,
-        motion: Option<&RigidMotion>,
-        grip: Option<GripSample>,
-        area_px2: f64,
-        markers: &mut [Marker],
-    ) {
+    /// Fills in the slip of every marker in contact and judges it.
+    pub(super) fn judge(&mut self, motion: Option<&RigidMotion>, markers: &mut [Marker]) {
         self.clear();
         let Some(motion) = motion else { return };
-        self.summary.threshold_pitch = self.threshold_pitch(grip, area_px2);
         let threshold_px = self.summary.threshold_pitch * self.pitch_px;
         let (mut longest_px, mut over_sum, mut arm_squared, mut count) = (0.0f64, Vec2::ZERO, 0.0, 0u32);
         for m in markers.iter_mut().filter(|m| m.in_contact && m.whole && m.in_reference) {

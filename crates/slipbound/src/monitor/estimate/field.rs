@@ -7,6 +7,8 @@ use crate::plane::{RigidMotion, Vec2};
 /// A marker in contact.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Point {
+    /// Number of the marker.
+    pub id: u32,
     /// Place at rest, px.
     pub rest: Vec2,
     /// Displacement under load, px.

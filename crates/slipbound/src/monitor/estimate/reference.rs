@@ -4,7 +4,9 @@
 //!   touched ----press----> settled (grip and area stand for 0.2 s): squeeze of every marker taken over
 //!                                     |
 //!                                     v       squeeze (P / P_taken)^0.85 when the grip changes later
-//!   displacement under load = now - rest - squeeze - what the marker had when it joined the contact
+//!   displacement under load = now - rest - squeeze - what the marker had over the rigid motion when it joined the contact
+//!
+//!   gripped harder by a tenth: what has slipped sticks again where it is, and slip counts from there
 //! ```
 
 use super::window::Window;
@@ -22,6 +24,8 @@ const SETTLED_AREA_FRACTION: f64 = 0.1;
 const SETTLED_GRIP_N: f64 = 0.15;
 /// After this time in contact the reference is taken, settled or not.
 const LONGEST_S: f64 = 1.0;
+/// A grip that has grown by this share holds what slipped under the lighter one.
+const REGRIP_FRACTION: f64 = 0.1;
 /// A marker that has been out of the contact for as many frames joins it anew.
 const AWAY_FRAMES: u8 = 10;
 
@@ -43,16 +47,24 @@ pub(super) struct Reference {
     touched_s: f64,
     taken: bool,
     taken_grip_n: Option<f64>,
+    /// Grip at which slip began to count.
+    counts_from_n: Option<f64>,
 }
 
 impl Reference {
     pub fn new(markers_count: usize) -> Self {
-        Reference { bases: vec![Base::default(); markers_count], touched_s: 0.0, taken: false, taken_grip_n: None }
+        Reference {
+            bases: vec![Base::default(); markers_count],
+            touched_s: 0.0,
+            taken: false,
+            taken_grip_n: None,
+            counts_from_n: None,
+        }
     }
 
     /// Nothing touches any more.
     pub fn clear(&mut self) {
-        (self.touched_s, self.taken, self.taken_grip_n) = (0.0, false, None);
+        (self.touched_s, self.taken, self.taken_grip_n, self.counts_from_n) = (0.0, false, None, None);
     }
 
     /// Whether there is a reference.
@@ -90,6 +102,25 @@ impl Reference {
             *base = Base { squeeze: squeeze(marker), joined: Vec2::ZERO, away_frames };
         }
         (self.taken, self.taken_grip_n) = (true, grip_n.filter(|n| *n > 0.0));
+        self.counts_from_n = self.taken_grip_n;
+    }
+
+    /// Whether the grip has grown so much that slip counts anew.
+    pub fn regripped(&mut self, grip_n: Option<f64>) -> bool {
+        let (Some(from_n), Some(now_n)) = (self.counts_from_n, grip_n) else {
+            self.counts_from_n = self.counts_from_n.or(grip_n);
+            return false;
+        };
+        let grown = now_n > (1.0 + REGRIP_FRACTION) * from_n;
+        if grown || now_n < (1.0 - REGRIP_FRACTION) * from_n {
+            self.counts_from_n = Some(now_n);
+        }
+        grown
+    }
+
+    /// Slip of a marker counts from where it is now.
+    pub fn count_anew(&mut self, id: u32, residual: Vec2) {
+        self.bases[id as usize].joined += residual;
     }
 
     /// By which share the squeeze has grown since it was taken.

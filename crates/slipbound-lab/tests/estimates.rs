@@ -1,0 +1,98 @@
+//! Stick ratio, margin, load and friction against the truth of simulated trials.
+
+use slipbound::monitor::{Estimate, RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
+use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
+use slipbound::sensor::Sensor;
+use slipbound_lab::scenes::Trial;
+use slipbound_lab::world::{FrameTruth, World, complete};
+
+/// The reports of a trial after rest and the truth beside them.
+fn watch(trial: &str, knows_grip: bool, of: impl Fn(Sensor) -> Sensor) -> Vec<(SlipReport, FrameTruth)> {
+    let trial = Trial::parse(&format!("{trial}&grid=fast&rest_frames=12")).expect("a trial");
+    let mut world = World::new(&trial).expect("a sound trial");
+    let (sensor, settings) = (of(world.sensor()), Settings::default());
+    let mut frame = FrameBuffer::default();
+    world.next(&mut frame).expect("a frame");
+    let mut rest = RestBuilder::new(&sensor, &settings, frame.size).expect("valid");
+    for _ in 0..10 {
+        rest.add(&frame.frame().expect("whole")).expect("bright");
+        world.next(&mut frame).expect("a frame");
+    }
+    let mut monitor =
+        SlipMonitor::new(&sensor, &settings, rest.build(RestKind::Unloaded).expect("markers")).expect("valid");
+    let (mut reports, mut truths) = (Vec::new(), Vec::new());
+    while world.next(&mut frame).expect("a frame") == Next::Frame {
+        let truth = world.truth().clone();
+        let grip = knows_grip.then_some(GripSample { force_n: truth.grip_force_n });
+        reports.push(monitor.step(&frame.frame().expect("whole"), grip));
+        truths.push(truth);
+    }
+    complete(&mut truths, world.gross());
+    reports.into_iter().zip(truths).collect()
+}
+
+fn alarm(seen: &[(SlipReport, FrameTruth)]) -> Option<&(SlipReport, FrameTruth)> {
+    seen.iter().find(|(report, _)| matches!(report.state, SlipState::Incipient | SlipState::Gross))
+}
+
+const RAMP: &str = "ramp?object=tape_roll&force_n=20&mu=0.5&direction_deg=40&ramp_s=0.8&seed=5";
+
+#[test]
+fn a_load_raises_the_alarm_and_a_squeeze_does_not() {
+    let ramp = watch(RAMP, true, |sensor| sensor);
+    let (report, truth) = alarm(&ramp).expect("it slides in the end");
+    let used = truth.load_fraction.expect("it slides");
+    assert!((0.3..0.75).contains(&used), "an alarm at f = {used}: {report:?}");
+    for quiet in [
+        "quiet_grip_steps?object=bottle_cap&force_n=10&step_n=10&most_n=60&hold_s=0.3&seed=6",
+        "roll?object=blue_tube&force_n=20&distance_mm=4&direction_deg=90&seed=7",
+        "ramp?object=scissors&force_n=30&mu=0.6&peak_fraction=0.19&ramp_s=1&hold_s=0.3&seed=8",
+    ] {
+        let seen = watch(quiet, true, |sensor| sensor);
+        assert!(alarm(&seen).is_none(), "{quiet}: {:?}", alarm(&seen));
+        assert!(seen.iter().filter(|(report, _)| report.estimates.margin.is_some()).count() > 20, "{quiet}");
+    }
+}
+
+#[test]
+fn estimates_follow_the_truth_of_a_ramp() {
+    let seen = watch(RAMP, true, |sensor| sensor);
+    let loaded: Vec<_> =
+        seen.iter().filter(|(_, truth)| truth.load_fraction.is_some_and(|f| (0.2..0.95).contains(&f))).collect();
+    assert!(loaded.len() > 10, "{}", loaded.len());
+    let mean = |error: &dyn Fn(&SlipReport, &FrameTruth) -> f64| {
+        loaded.iter().map(|(report, truth)| error(report, truth)).sum::<f64>() / loaded.len() as f64
+    };
+    let value = |estimate: Option<Estimate>| estimate.expect("known under load").value;
+    let force = mean(&|report, truth| {
+        let truth_n = truth.wrench.force_n.length();
+        (value(report.estimates.shear_n) / truth_n - 1.0).abs()
+    });
+    assert!(force < 0.08, "shear force {force}");
+    let margin = mean(&|report, truth| (value(report.estimates.margin) - truth.margin.expect("slides")).abs());
+    assert!(margin < 0.15, "margin {margin}");
+    let stick =
+        mean(&|report, truth| (value(report.estimates.stick_ratio) - truth.stick_ratio.expect("touches")).abs());
+    assert!(stick < 0.2, "stick ratio {stick}");
+    let (last, _) = loaded.last().expect("some");
+    let friction = value(last.estimates.friction);
+    assert!((friction / 0.5 - 1.0).abs() < 0.35, "friction {friction}");
+    for (report, _) in &loaded {
+        let margin = report.estimates.margin.expect("known");
+        assert!(margin.sd > 0.0 && margin.sd < 0.5 && margin.age_frames == 0, "{margin:?}");
+    }
+}
+
+#[test]
+fn what_cannot_be_known_is_not_said() {
+    let last = |seen: Vec<(SlipReport, FrameTruth)>| {
+        let at = seen.iter().rposition(|(_, truth)| truth.load_fraction.is_some_and(|f| f < 0.8)).expect("loaded");
+        (seen[at].0.estimates, seen[0].0.estimates)
+    };
+    let (no_grip, before) = last(watch(RAMP, false, |sensor| sensor));
+    assert!(before.margin.is_none() && before.shear_n.is_none(), "nothing touches: {before:?}");
+    assert!(no_grip.friction.is_none() && no_grip.margin.is_some() && no_grip.shear_n.is_some(), "{no_grip:?}");
+    let (no_stiffness, _) = last(watch(RAMP, true, |sensor| Sensor { shear: None, ..sensor }));
+    assert!(no_stiffness.friction.is_none() && no_stiffness.shear_n.is_none(), "{no_stiffness:?}");
+    assert!(no_stiffness.torque_nmm.is_none() && no_stiffness.margin.is_some(), "{no_stiffness:?}");
+}
