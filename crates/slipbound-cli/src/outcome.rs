@@ -46,7 +46,7 @@ impl From<anyhow::Error> for Failure {
 /// A source that failed on the way.
 impl From<SourceError> for Failure {
     fn from(e: SourceError) -> Self {
-        Failure::Work(anyhow::Error::from_boxed(e))
+        Failure::Work(e.into())
     }
 }
 

@@ -28,6 +28,7 @@
 //! ```
 
 mod cameras;
+mod pads;
 mod ports;
 mod scene;
 mod shared;

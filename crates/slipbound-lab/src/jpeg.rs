@@ -2,7 +2,7 @@
 
 use jpeg_encoder::{ImageBuffer, JpegColorType, SamplingFactor};
 use slipbound::image::SizePx;
-use slipbound::port::{FrameBuffer, PixelFormat, SourceError};
+use slipbound::port::{FrameBuffer, PixelFormat, SourceError, SourceErrorKind};
 use zune_core::bytestream::ZCursor;
 use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
@@ -26,12 +26,15 @@ impl Codec {
         let SizePx { width, height } = self.size;
         let expected = 3 * self.size.area();
         if rgb.len() != expected {
-            return Err(format!("JPEG: expected {expected} bytes of RGB, got {}", rgb.len()).into());
+            let why = format!("JPEG: expected {expected} bytes of RGB, got {}", rgb.len());
+            return Err(SourceError::new(SourceErrorKind::Format, why));
         }
         into.clear();
         let mut encoder = jpeg_encoder::Encoder::new(into, self.quality);
         encoder.set_sampling_factor(SamplingFactor::F_2_1);
-        Ok(encoder.encode_image(Paired { rgb, width: u16::try_from(width)?, height: u16::try_from(height)? })?)
+        let side = |px: usize| u16::try_from(px).map_err(|e| SourceError::new(SourceErrorKind::Format, e));
+        let picture = Paired { rgb, width: side(width)?, height: side(height)? };
+        encoder.encode_image(picture).map_err(|e| SourceError::new(SourceErrorKind::Format, e))
     }
 
     /// `into.encoded` to `into.pixels`. Fails on what is no JPEG of this size.
@@ -39,7 +42,9 @@ impl Codec {
         let options = DecoderOptions::default().set_strict_mode(true).jpeg_set_out_colorspace(ColorSpace::RGB);
         let mut decoder = zune_jpeg::JpegDecoder::new_with_options(ZCursor::new(into.encoded.as_slice()), options);
         into.pixels.resize(3 * self.size.area(), 0);
-        decoder.decode_into(&mut into.pixels).map_err(|error| format!("JPEG: {error:?}"))?;
+        decoder
+            .decode_into(&mut into.pixels)
+            .map_err(|error| SourceError::new(SourceErrorKind::Format, format!("JPEG: {error:?}")))?;
         into.format = PixelFormat::Rgb;
         into.size = self.size;
         Ok(())

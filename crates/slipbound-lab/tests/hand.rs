@@ -79,7 +79,7 @@ fn a_blocked_cap_saturates_at_two_mu_p_r_and_then_slides_as_the_wrist_turns() {
         let slid_mm = after.slid_mm - before.slid_mm;
         assert!((slid_mm / way_mm - 1.0).abs() < 0.02, "{slid_mm} mm of {way_mm} mm");
         // Its skin has walked 10 mm, its round profile is still in the middle of the pad.
-        let finger = bench.world.finger();
+        let finger = bench.world.finger(0);
         let grid = finger.settings().grid;
         let touched = (0..grid.cells_count()).filter(|&cell| finger.contact()[cell]);
         let places: Vec<f64> = touched.map(|cell| grid.centre_mm(cell).y).collect();

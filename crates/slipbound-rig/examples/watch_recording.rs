@@ -4,10 +4,10 @@
 use slipbound::events::SlipEvents;
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::monitor::{Settings, SlipMonitor};
-use slipbound::port::{FrameBuffer, Next, SourceError};
+use slipbound::port::{FrameBuffer, Next};
 use slipbound_rig::{sensors, source};
 
-fn main() -> Result<(), SourceError> {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);
     let testdata = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata");
     let recording = args.next().unwrap_or(format!("{testdata}/twist.avi"));

@@ -6,11 +6,13 @@
 //!        monitors of all but one finger on threads ([`MonitorWorkers`])           '--> [`QueuedObserver`]: a thread
 //! ```
 
+mod frames_due;
 pub mod latency;
 mod queue;
 mod runner;
 mod workers;
 
+pub use frames_due::FramesDue;
 pub use queue::{Finished, QueuedObserver};
 pub use runner::run;
 pub use workers::MonitorWorkers;

@@ -7,7 +7,9 @@
 //!  "contact":{"area_px2":22786,"area_mm2":128.1,"quality":0.93},
 //!  "markers":{"detected":224,"matched":224,"lost":0,"inner":24},"reference_seq":0,"grip_n":null,
 //!  "motion":{"translation_px":[5.1,0.2],"rotation_rad":0.01,"icr_px":null},
-//!  "slip":{"markers_over":9,"markers_needed":2,"max_px":7.2,"max_mm":0.54,"kind":"translation","direction_rad":0.05}}
+//!  "slip":{"markers_over":9,"markers_needed":2,"max_px":7.2,"max_mm":0.54,"kind":"translation","direction_rad":0.05},
+//!  "stick_ratio":{"value":0.52,"sd":0.1,"age_frames":0},"margin":{"value":0.46,"sd":0.08,"age_frames":0},
+//!  "shear_n":null,"torque_nmm":null,"friction":null}
 //! ```
 //!
 //! A line is flushed as soon as it is written, so what was judged is kept when a later frame fails. Numbers of a
@@ -168,7 +170,8 @@ mod tests {
     use super::*;
     use serde_json::Value;
     use slipbound::monitor::{
-        ContactReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind, SlipState, SlipSummary,
+        ContactReport, Estimate, Estimates, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind, SlipState,
+        SlipSummary,
     };
     use slipbound::plane::Vec2;
 
@@ -202,6 +205,10 @@ mod tests {
                 max_mm: None,
                 kind: Some(SlipKind::Both),
                 direction_rad: Some(-1.5),
+            },
+            estimates: Estimates {
+                margin: Some(Estimate { value: 0.43217, sd: 0.08, age_frames: 0 }),
+                ..Estimates::default()
             },
         }
     }

@@ -1,8 +1,8 @@
 //! Videos that the program `ffmpeg` decodes. Without it on this machine there is nothing to test here.
 
 use slipbound::image::SizePx;
-use slipbound::port::{Clock, FrameBuffer, Next};
-use slipbound_rig::source::{self, Error};
+use slipbound::port::{Clock, FrameBuffer, Next, SourceErrorKind};
+use slipbound_rig::source;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -79,8 +79,8 @@ fn what_is_no_video_is_refused_in_ffmpegs_words() {
     fs::write(&path, "no video at all, but a good many words of text").expect("writes");
     let mut source = source::open(path.to_str().expect("UTF-8")).expect("ffmpeg starts");
     let error = source.next(&mut FrameBuffer::default()).expect_err("refused");
-    let error = error.downcast::<Error>().expect("ours");
-    assert!(matches!(*error, Error::Ffmpeg { .. }));
+    assert_eq!(error.kind, SourceErrorKind::Format);
+    assert!(error.file.as_ref().is_some_and(|file| file.ends_with("notes.mp4")), "{:?}", error.file);
     let text = error.to_string();
     assert!(text.contains("notes.mp4") && text.contains("Invalid data"), "{text}");
 }

@@ -1,14 +1,19 @@
 //! An observer that blocks does not stop the loop: what it is not shown is counted.
 
-use slipbound::control::{ControlLoop, CycleObserver, CycleView};
-use slipbound::finger_pipeline::FingerPipeline;
+#[path = "run/screw.rs"]
+#[allow(dead_code)] // one made-up cycle is enough
+mod screw;
+
+use slipbound::control::{ControlLoop, Cycle, CycleObserver, CycleOutcome, CycleView, Fault, FaultKind};
+use slipbound::finger_pipeline::{FingerPipeline, FingerView, RestFinder};
 use slipbound::hand::{Mounting, Side};
-use slipbound::monitor::Settings;
+use slipbound::monitor::{Settings, SlipMonitor};
+use slipbound::plant::PlantTruth;
 use slipbound::port::{DriverEvent, FrameBuffer, FrameSource, Next, SourceError};
 use slipbound::task::{TaskKind, TaskSettings};
 use slipbound_rig::realtime::QueuedObserver;
-use slipbound_rig::{gripper, sensors, wrist};
-use std::sync::mpsc::{Receiver, sync_channel};
+use slipbound_rig::{gripper, sensors, source, wrist};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
 const DEPTH_COUNT: usize = 4;
@@ -93,4 +98,83 @@ fn an_observer_that_keeps_up_is_shown_everything() {
     let shown = finished.observer.expect("at once");
     assert_eq!((shown.seqs.len() as u64, finished.lost_count), (CYCLES_COUNT, 0));
     assert!(shown.encoded.iter().all(Vec::is_empty), "encoded bytes are copied only where they are kept");
+}
+
+/// Shows what it was shown to the thread of the test, one cycle at a time.
+struct Mirror(SyncSender<Shown>);
+
+#[derive(Debug, PartialEq)]
+struct Shown {
+    pixels: Vec<u8>,
+    has_monitor: bool,
+    events_count: usize,
+    fault: Option<FaultKind>,
+    truth: Option<PlantTruth>,
+}
+
+impl CycleObserver for Mirror {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        let finger = &view.fingers[0];
+        let _ = self.0.send(Shown {
+            pixels: finger.frame.pixels.clone(),
+            has_monitor: finger.monitor.is_some(),
+            events_count: view.driver_events.len(),
+            fault: view.fault.map(|fault| fault.kind),
+            truth: view.truth.copied(),
+        });
+    }
+}
+
+/// A monitor of the test recording.
+fn monitor() -> SlipMonitor {
+    let testdata = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata");
+    let sensor = sensors::load(&format!("{testdata}/painted.toml")).expect("a sensor");
+    let mut source = source::open(&format!("{testdata}/twist.avi")).expect("a recording");
+    let mut finder = RestFinder::new(&sensor, &Settings::default(), sensor.image_px).expect("valid");
+    let mut frame = FrameBuffer::default();
+    while !finder.is_full() && source.next(&mut frame).expect("reads") == Next::Frame {
+        finder.see(&frame).expect("a frame");
+    }
+    SlipMonitor::new(&sensor, &Settings::default(), finder.find().expect("rest").rest).expect("valid")
+}
+
+/// Snapshots are recycled: nothing of an earlier cycle may be shown again, and what is dear is copied at a slip alone.
+#[test]
+fn a_recycled_snapshot_shows_this_cycle_and_pixels_and_monitor_when_a_slip_begins() {
+    let (monitor, cycle) = (monitor(), screw::cycles()[150]);
+    let fault = Fault { kind: FaultKind::GripperStopped, text: "stopped".into() };
+    let truth = PlantTruth { slid_mm: Some(0.5), ..cycle.truth.expect("simulated") };
+    let (send, shown) = sync_channel(1);
+    let mut queue = QueuedObserver::new(Mirror(send), 2, true);
+    for (n, slips_count) in [3, 4, 4, 4, 5, 5].into_iter().enumerate() {
+        let frame = FrameBuffer { pixels: vec![n as u8; 4], ..FrameBuffer::default() };
+        let outcome = CycleOutcome::Commanded(Cycle { slips_count, ..cycle });
+        let is_odd = n % 2 == 1;
+        let finger = FingerView {
+            name: "left",
+            next: &Next::Frame,
+            frame: &frame,
+            report: None,
+            monitor: Some(&monitor),
+            rest_kind: None,
+        };
+        queue.after_cycle(&CycleView {
+            now_ns: n as u64,
+            outcome: Some(&outcome),
+            fingers: &[finger],
+            fault: is_odd.then_some(&fault),
+            refused_lowering: None,
+            driver_events: if is_odd { &[DriverEvent::Linked] } else { &[] },
+            truth: is_odd.then_some(&truth),
+        });
+        let shown = shown.recv_timeout(Duration::from_secs(60)).expect("shown, for snapshots come back");
+        let slip_begins = [0, 1, 4].contains(&n);
+        assert_eq!(shown.pixels == frame.pixels, slip_begins, "cycle {n}: {:?}", shown.pixels);
+        assert_eq!(shown.has_monitor, slip_begins, "cycle {n}");
+        assert_eq!(shown.events_count, usize::from(is_odd), "cycle {n}");
+        assert_eq!(shown.fault, is_odd.then_some(FaultKind::GripperStopped), "cycle {n}");
+        assert_eq!(shown.truth, is_odd.then_some(truth), "cycle {n}");
+        std::thread::sleep(Duration::from_millis(5)); // the snapshot is on its way back
+    }
+    assert_eq!(queue.finish(Duration::from_secs(60)).lost_count, 0);
 }

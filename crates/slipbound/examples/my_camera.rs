@@ -25,7 +25,7 @@ impl FrameSource for MyCamera {
     }
 }
 
-fn main() -> Result<(), SourceError> {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
     // The facts of the finger; `slipbound calibrate` makes them from a photo, `slipbound_rig::sensors` reads them.
     let sensor = Sensor {
         name: "mine".into(),

@@ -362,10 +362,13 @@ impl Allowed {
         slides || pivots
     }
 
-    /// The report as a controller should see it: slip in an allowed direction is none.
+    /// The report as a controller should see it: slip in an allowed direction is none, and a margin that an allowed motion
+    /// uses up is no reason to hold harder.
     pub fn filter(&self, report: &HandReport) -> HandReport {
         match report.slip {
-            Some(slip) if !self.forbids(&slip) => HandReport { state: SlipState::Stick, slip: None, ..*report },
+            Some(slip) if !self.forbids(&slip) => {
+                HandReport { state: SlipState::Stick, slip: None, margin: None, ..*report }
+            }
             _ => *report,
         }
     }

@@ -2,16 +2,15 @@
 //! and the simulator implement them.
 
 mod gripper;
+mod source_error;
 mod wrist;
 
 pub use gripper::{DriverEvent, GripCommand, GripSample, Gripper, GripperError, GripperErrorKind, GripperState, Jaws};
+pub use source_error::{SourceError, SourceErrorKind};
 pub use wrist::{LONGEST_TIME_TO_LIVE_NS, Wrist, WristCommand, WristError, WristErrorKind, WristMotion, WristState};
 
 use crate::image::{Frame, Gray, ImageError, Pixels, Rgb, SizePx};
 use serde::{Deserialize, Serialize};
-
-/// Any failure of a source; its text names the file or device, what was expected and what was got.
-pub type SourceError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Whose clock the time of a frame is from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -37,10 +37,6 @@ fn hand(state: SlipState) -> HandReport {
     }
 }
 
-fn sheared(around: f64) -> HandReport {
-    HandReport { shear_mm: Some(HandVector { around, ..HandVector::default() }), ..hand(SlipState::Stick) }
-}
-
 fn gripper(force_n: f64) -> GripperState {
     GripperState {
         time_ns: 0,

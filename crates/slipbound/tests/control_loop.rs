@@ -11,7 +11,7 @@ use slipbound::monitor::{RestKind, Settings, SlipRule, SlipSettings};
 use slipbound::plane::Vec2;
 use slipbound::port::{
     Clock, DriverEvent, FrameBuffer, FrameSource, GripCommand, Gripper, GripperError, GripperErrorKind, GripperState,
-    Jaws, Next, PixelFormat, SourceError, Wrist, WristCommand, WristError, WristMotion, WristState,
+    Jaws, Next, PixelFormat, SourceError, SourceErrorKind, Wrist, WristCommand, WristError, WristMotion, WristState,
 };
 use slipbound::sensor::Skin;
 use slipbound::task::{Phase, TaskKind, TaskSettings};
@@ -49,7 +49,7 @@ impl FrameSource for Camera {
             Scene::Open => (0.0, None),
             Scene::Held(lag_px) => (lag_px, Some(touch)),
             Scene::Torn => return Ok(Next::Torn { reason: "cut off".into() }),
-            Scene::Unplugged => return Err("my camera: unplugged".into()),
+            Scene::Unplugged => return Err(SourceError::new(SourceErrorKind::Disconnected, "my camera: unplugged")),
         };
         // The object moves along x; what it touches goes with it, but the rim lags.
         let lags = |p: Vec2| touch.is_some_and(|touch| touch.depth(p) > 0.72);

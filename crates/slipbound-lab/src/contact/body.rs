@@ -19,6 +19,15 @@ pub struct Pose {
     pub turn_rad: f64,
 }
 
+impl Pose {
+    /// The same pose in axes that are turned by `turn_rad`.
+    pub(crate) fn seen_turned(self, turn_rad: f64) -> Pose {
+        let (s, c) = turn_rad.sin_cos();
+        let Vec2 { x, y } = self.position_mm;
+        Pose { position_mm: Vec2::new(c * x + s * y, c * y - s * x), turn_rad: self.turn_rad - turn_rad }
+    }
+}
+
 /// Force and torque in the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -177,27 +177,36 @@ impl Finger {
     /// finite, and then changes nothing.
     pub fn step(&mut self, command: &Command) -> Result<&Truth, SettingError> {
         command.check()?;
+        let before = self.begin_step();
+        let count = self.increments_count(command);
+        let from = self.begun(command);
+        for n in 1..=count {
+            let now = from.part(command, n, count);
+            self.advance(&now, Increment { of_count: count, first: n == 1, last: n == count });
+        }
+        self.end_step(command, &before);
+        Ok(&self.truth)
+    }
+
+    /// Counts anew what is counted by steps; the truth before it.
+    pub(super) fn begin_step(&mut self) -> Truth {
         let before = self.truth;
         self.truth.dissipated_n_mm = 0.0;
         self.truth.normal_iterations_count = 0;
         self.truth.tangential_iterations_count = 0;
         self.truth.converged = true;
-        let count = self.increments_count(command);
-        let from = self.begun(command);
-        for n in 1..=count {
-            let share = f64::from(n) / f64::from(count);
-            let now = if n == count { *command } else { from.towards(command, share) };
-            self.advance(&now, Increment { of_count: count, first: n == 1, last: n == count });
-        }
+        before
+    }
+
+    pub(super) fn end_step(&mut self, command: &Command, before: &Truth) {
         self.truth.time_s += self.settings.substep_s;
-        self.truth.events = Events::between(&before, &self.truth);
+        self.truth.events = Events::between(before, &self.truth);
         self.asked = Some(*command);
-        Ok(&self.truth)
     }
 
     /// Into how many increments a step is divided. The gap follows the slip with a lag of one, which takes 8 % per mm off
     /// the force of a sphere that slides; while nothing touches there is nothing to follow.
-    fn increments_count(&self, command: &Command) -> u32 {
+    pub(super) fn increments_count(&self, command: &Command) -> u32 {
         if self.cells.is_empty() {
             return 1;
         }
@@ -215,7 +224,7 @@ impl Finger {
     }
 
     /// The command from which this step leads to the next: where the object is, and what was asked before.
-    fn begun(&self, command: &Command) -> Command {
+    pub(super) fn begun(&self, command: &Command) -> Command {
         let asked = self.asked.unwrap_or(*command);
         let guided = matches!(self.settings.body.drive, Drive::Guided | Drive::Railed(_));
         Command { pose: if guided { self.truth.pose } else { asked.pose }, ..asked }

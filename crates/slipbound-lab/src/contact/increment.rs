@@ -1,12 +1,12 @@
 //! One increment of a step of a finger: gap, pressure, friction bounds, tractions, displacement, slip.
 
-use super::body::{Drive, Motion, complex, plane};
+use super::body::{Drive, Motion, Resistance, complex, plane};
 use super::finger::{Finger, GelApart, Increment};
 use super::grid::Region;
 use super::normal::Grip;
 use super::settings::Command;
 use super::strain::largest_gradient;
-use super::tangential::{Held, Question};
+use super::tangential::{Held, OneSurface, Question};
 use super::transform::Area;
 use super::truth::LINEAR_STRAIN;
 use rustfft::num_complex::Complex64;
@@ -38,14 +38,26 @@ impl Place {
 impl Finger {
     /// Goes on by a part of a step.
     pub(super) fn advance(&mut self, command: &Command, increment: Increment) {
+        self.touch(command, increment);
+        let (motion, held) = self.hold(command, increment);
+        self.follow(command, motion, held, increment);
+    }
+
+    /// Gap, pressure and friction bounds, where the last increment left the object.
+    pub(super) fn touch(&mut self, command: &Command, increment: Increment) {
         self.find_gap(command);
         self.foresee_pressure();
         self.press(command.grip);
         self.bound_friction(command, increment);
-        let (motion, held) = self.hold(command, increment);
+    }
+
+    /// Displacement, slip and numbers once tractions and motion are known. Returns the work of friction on the motion, and
+    /// the most that it could do, per cell area.
+    pub(super) fn follow(&mut self, command: &Command, motion: Motion, held: Held, increment: Increment) -> (f64, f64) {
         self.displace(increment.last);
-        self.slide(motion);
+        let used = self.slide(motion);
         self.account(command, motion, held, increment);
+        used
     }
 
     /// Gap of every cell at zero depth without pressure: the object's height over each piece of gel where that
@@ -175,20 +187,26 @@ impl Finger {
         }
     }
 
-    /// Tractions, and the motion of the object.
-    fn hold(&mut self, command: &Command, increment: Increment) -> (Motion, Held) {
+    /// How the object would move without tractions, and how it gives way to them. `on_profile` is the sum of what pressure
+    /// does by the profile, over the fingers that are computed.
+    pub(super) fn free_motion(
+        &self,
+        command: &Command,
+        increment: Increment,
+        on_profile: Complex64,
+    ) -> (Motion, Option<Resistance>) {
         let settings = &self.settings;
         let (pose, area) = (self.truth.pose, settings.grid.cell_area_mm2());
         let step_s = match settings.body.drive {
             Drive::Railed(_) => settings.substep_s,
             _ => settings.substep_s / f64::from(increment.of_count),
         };
-        let (free, resistance) =
-            settings.body.step((pose, command.pose), command.wrench, self.velocity, step_s, area, self.on_profile);
-        let Some(window) = self.window else {
-            return (free, Held { iterations: 0, converged: true, load: Motion::ZERO });
-        };
-        let origin = complex(pose.position_mm);
+        settings.body.step((pose, command.pose), command.wrench, self.velocity, step_s, area, on_profile)
+    }
+
+    /// First guess of the tractions: they go on as they went. Where every cell is held when the object moves by `free`.
+    pub(super) fn aim(&mut self, free: Motion) {
+        let origin = complex(self.truth.pose.position_mm);
         let crept = match &self.apart {
             Some(GelApart { creep: Some(creep), crept, .. }) => Some((creep.keep, crept)),
             _ => None,
@@ -208,9 +226,15 @@ impl Finger {
                 self.target[i] -= crept.shift[i] * keep;
             }
         }
+    }
+
+    /// Tractions, and the motion of the object.
+    fn hold(&mut self, command: &Command, increment: Increment) -> (Motion, Held) {
+        let (free, resistance) = self.free_motion(command, increment, self.on_profile);
+        let Some(window) = self.window else { return (free, Held::nothing()) };
+        self.aim(free);
+        let settings = &self.settings;
         let question = Question {
-            window,
-            stride: settings.grid.width_cells,
             cells: &self.cells,
             push: &self.push,
             bound: &self.bound,
@@ -221,7 +245,9 @@ impl Finger {
             stiffness_mpa_per_mm: settings.gel.shear_modulus_mpa() / settings.grid.cell_mm,
             stop: settings.tangential_stop,
         };
-        let held = self.tangential.solve(self.interface.for_window(window), &question, &mut self.traction);
+        let (response, stride) = (self.interface.for_window(window), settings.grid.width_cells);
+        let mut surface = OneSurface { response, window, stride };
+        let held = self.tangential.solve(&mut surface, &question, &mut self.traction);
         let back = resistance.map_or(Motion::ZERO, |r| r.retreat(held.load));
         (Motion { shift: free.shift - back.shift, turn: free.turn - back.turn }, held)
     }
@@ -281,8 +307,9 @@ impl Finger {
         }
     }
 
-    /// Who slid in this step, and how far.
-    fn slide(&mut self, motion: Motion) {
+    /// Who slid in this step, and how far. Returns the work of friction on the motion and the most that it could do, both
+    /// per cell area.
+    fn slide(&mut self, motion: Motion) -> (f64, f64) {
         let (mut heat, mut done, mut most, mut reach) = (0.0, 0.0, 0.0, 0.0f64);
         let mut load = Motion::ZERO;
         for &i in &self.cells {
@@ -319,6 +346,7 @@ impl Finger {
         self.truth.friction_used_fraction = (most > 0.0).then(|| done / most);
         self.truth.friction = load.wrench(area);
         self.truth.on_profile_n = plane(self.on_profile * area);
+        (done, most)
     }
 
     /// The numbers of an increment.

@@ -150,6 +150,11 @@ impl Command {
         }
     }
 
+    /// The command of increment `n` of `count` on the way to another.
+    pub(super) fn part(&self, to: &Command, n: u32, count: u32) -> Command {
+        if n == count { *to } else { self.towards(to, f64::from(n) / f64::from(count)) }
+    }
+
     /// Refuses negative forces and numbers that are not finite.
     pub fn check(&self) -> Result<(), SettingError> {
         self.grip.check()?;

@@ -45,12 +45,37 @@ pub(crate) struct Held {
     pub load: Motion,
 }
 
-/// The data of one step. Slices are per cell of the grid.
-pub(crate) struct Question<'a> {
+impl Held {
+    /// Without contact.
+    pub fn nothing() -> Self {
+        Held { iterations: 0, converged: true, load: Motion::ZERO }
+    }
+}
+
+/// What tractions do to the surface in its plane.
+pub(crate) trait Surface {
+    /// u_x + i u_y of every contact cell from the tractions on all of them.
+    fn shift_of_traction(&mut self, traction: &[Complex64], shift: &mut [Complex64]);
+}
+
+/// The surface of one gel.
+pub(crate) struct OneSurface<'a> {
+    /// Of gel and object together, for a window of that size.
+    pub response: &'a mut Response,
     /// Window around the contact.
     pub window: Region,
     /// Width of the grid in cells.
     pub stride: usize,
+}
+
+impl Surface for OneSurface<'_> {
+    fn shift_of_traction(&mut self, traction: &[Complex64], shift: &mut [Complex64]) {
+        self.response.shift_of_traction(self.window, self.stride, traction, shift);
+    }
+}
+
+/// The data of one step. Slices are per cell of the grid.
+pub(crate) struct Question<'a> {
     /// The contact cells, in order.
     pub cells: &'a [u32],
     /// In-plane traction of the pressure on each cell in MPa: friction is what differs from it.
@@ -94,7 +119,7 @@ impl Tangential {
     }
 
     /// Solves; `traction` comes in as the first guess, zero outside the contact, and goes out as the solution.
-    pub fn solve(&mut self, response: &mut Response, question: &Question<'_>, traction: &mut [Complex64]) -> Held {
+    pub fn solve(&mut self, surface: &mut impl Surface, question: &Question<'_>, traction: &mut [Complex64]) -> Held {
         let Question { cells, push, bound, stop, stiffness_mpa_per_mm: safe, .. } = *question;
         let most = cells.iter().map(|&i| bound[i as usize]).fold(0.0, f64::max);
         // Friction is a difference from the push; what rounding leaves of it where it is far smaller is no error.
@@ -104,7 +129,7 @@ impl Tangential {
             let i = i as usize;
             traction[i] = within(push[i], bound[i], traction[i]);
         }
-        let (back, _) = self.yielding(response, question, traction, true);
+        let (back, _) = self.yielding(surface, question, traction, true);
         for &i in cells {
             let i = i as usize;
             self.gradient[i] = self.answer[i] + back.at(question.lever[i]) - question.target[i];
@@ -128,7 +153,7 @@ impl Tangential {
             if let Some(resistance) = question.resistance {
                 descent = self.aim_with_body(question, resistance, traction, length);
             }
-            let (back, lost) = self.yielding(response, question, traction, false);
+            let (back, lost) = self.yielding(surface, question, traction, false);
             let (mut curve, mut squares, mut answers) = (0.0, 0.0, 0.0);
             for &i in cells {
                 let i = i as usize;
@@ -278,13 +303,13 @@ impl Tangential {
     /// the work of that.
     fn yielding(
         &mut self,
-        response: &mut Response,
+        surface: &mut impl Surface,
         question: &Question<'_>,
         traction: &[Complex64],
         start: bool,
     ) -> (Motion, f64) {
         let field = if start { traction } else { &self.direction };
-        response.shift_of_traction(question.window, question.stride, field, &mut self.answer);
+        surface.shift_of_traction(field, &mut self.answer);
         if !question.interface.is_empty() {
             for &i in question.cells {
                 let i = i as usize;

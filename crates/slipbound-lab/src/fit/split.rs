@@ -1,12 +1,13 @@
 //! The training split: random trials with seeds that no table of results uses.
 
 use super::row::Row;
+use crate::eval::EvalError;
 use crate::objects::OBJECTS;
 use crate::random::Random;
 use crate::scenes::Trial;
 use crate::world::World;
 use slipbound::monitor::{Features, RestBuilder, RestKind, Settings, SlipMonitor};
-use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next, SourceError};
+use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
 use slipbound::setting::SettingError;
 
 /// The seed of the split; tables of results use seeds below it.
@@ -74,7 +75,7 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
 }
 
 /// The rows of a trial; none for one whose object does not fit on the pad.
-pub fn rows_of(number: u64) -> Result<Vec<Row>, SourceError> {
+pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
     let Ok(trial) = training_trial(number) else { return Ok(Vec::new()) };
     let Ok(mut world) = World::new(&trial) else { return Ok(Vec::new()) };
     let (sensor, settings) = (world.sensor(), Settings::default());

@@ -8,7 +8,7 @@ use crate::layer::Gel;
 use crate::random::Random;
 use crate::render::{Renderer, Surface};
 use slipbound::plane::Vec2;
-use slipbound::port::{Clock, FrameBuffer, SourceError};
+use slipbound::port::{Clock, FrameBuffer, SourceError, SourceErrorKind};
 use slipbound::sensor::Sensor;
 
 /// The camera of one finger, with its own markers, threads and defects, and its last frame.
@@ -29,15 +29,15 @@ struct FingerCamera {
 #[derive(Debug)]
 pub(super) struct Cameras {
     fingers: Vec<FingerCamera>,
-    /// Of the gel against shear.
-    gel: Gel,
+    /// Of the left and of the right finger.
+    gels: [Gel; 2],
     /// The frame that the pictures show; None before the first.
     drawn: Option<u64>,
 }
 
 impl Cameras {
     pub fn new(scene: &HandScene, world: &HandWorld) -> Self {
-        let settings = world.finger().settings();
+        let settings = world.finger(0).settings();
         let cells_count = settings.grid.cells_count();
         let quality = scene.number("jpeg_quality").map_or(85, |quality| quality as u8);
         let fingers = (0..scene.fingers_count()).map(|finger| {
@@ -56,14 +56,16 @@ impl Cameras {
                 renderer,
             }
         });
-        Cameras { fingers: fingers.collect(), gel: settings.gel, drawn: None }
+        let gels = [0, 1].map(|finger| world.finger(finger).settings().gel);
+        Cameras { fingers: fingers.collect(), gels, drawn: None }
     }
 
     /// The facts of a finger; those of the last one beyond it.
     pub fn sensor(&self, finger: usize) -> Sensor {
-        let camera = &self.fingers[finger.min(self.fingers.len() - 1)];
+        let finger = finger.min(self.fingers.len() - 1);
+        let camera = &self.fingers[finger];
         let sensor = camera.renderer.sensor();
-        let shear = sensor.pitch_mm.map(|pitch_mm| self.gel.shear_of_marker(pitch_mm));
+        let shear = sensor.pitch_mm.map(|pitch_mm| self.gels[finger.min(1)].shear_of_marker(pitch_mm));
         Sensor { shear, ..sensor }
     }
 
@@ -97,12 +99,12 @@ impl Cameras {
 
     /// The picture of a finger drawn last, into a recycled buffer.
     pub fn deliver(&self, finger: usize, into: &mut FrameBuffer) -> Result<(), SourceError> {
-        let camera = self
-            .fingers
-            .get(finger)
-            .ok_or_else(|| format!("camera: expected finger 0 to {}, got {finger}", self.fingers.len() - 1))?;
+        let camera = self.fingers.get(finger).ok_or_else(|| {
+            let why = format!("camera: expected finger 0 to {}, got {finger}", self.fingers.len() - 1);
+            SourceError::new(SourceErrorKind::Settings, why)
+        })?;
         if let Some(failed) = &camera.failed {
-            return Err(failed.clone().into());
+            return Err(SourceError::new(SourceErrorKind::Format, failed.clone()));
         }
         // Field by field, so that the buffer keeps its memory.
         into.encoded.clone_from(&camera.frame.encoded);

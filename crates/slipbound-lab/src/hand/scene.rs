@@ -51,6 +51,34 @@ const fn drawn(key: Key) -> HandKey {
     HandKey { key, or_word: Some(SEED), tasks: LIFT }
 }
 
+/// The word of a property of the right pad that is that of the left one.
+const SAME: &str = "same";
+
+const fn same(key: Key) -> HandKey {
+    HandKey { key, or_word: Some(SAME), tasks: &[] }
+}
+
+/// How the right pad differs from the left one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct RightPad {
+    /// Friction coefficient.
+    pub mu: f64,
+    /// Modulus of its gel over that of the left one.
+    pub stiffness_fraction: f64,
+    /// How it is turned about the closing direction, in rad, in its own frame, positive from x to y.
+    pub turn_rad: f64,
+}
+
+impl RightPad {
+    /// The settings of the right finger, from those of the left one.
+    pub fn of(&self, mut settings: FingerSettings) -> FingerSettings {
+        settings.friction = Friction::constant(self.mu);
+        settings.gel.modulus_mpa *= self.stiffness_fraction;
+        settings.gel.membrane_n_per_mm *= self.stiffness_fraction;
+        settings
+    }
+}
+
 const PLACE: &[&str] = &["place"];
 const LIFT: &[&str] = &["lift"];
 const CAPS: &[&str] = &["screw", "unscrew"];
@@ -73,6 +101,9 @@ pub const HAND_KEYS: &[HandKey] = &[
     key("surroundings", Kind::Word(&SURROUNDINGS), "camera", "around the gels; camera: as the camera has them"),
     key("jpeg_quality", Kind::Count(30, 100), "85", "of the frames"),
     key("fault", Kind::Faults, "none", "faults of the cameras, as drop=0.02,torn=0.01"),
+    same(number("mu_right", 0.05, 2.0, SAME, "friction coefficient of the right pad; same: mu")),
+    same(number("stiffness_right_fraction", 0.1, 10.0, SAME, "modulus of the right gel over that of the left one")),
+    same(number("turn_right_deg", -15.0, 15.0, SAME, "how the right pad is turned about the closing direction")),
     of(&[], number("start_mm", 0.0, 40.0, "4", "opening at the start, beyond the object")),
     of(&[], number("longest_s", 0.1, 3600.0, "60", "after which the cameras end")),
     of(CAPS, number("thread_mm_per_turn", 0.0, 10.0, "3", "how far the cap comes down in a turn")),
@@ -193,9 +224,26 @@ impl HandScene {
         self.seed
     }
 
-    /// The friction coefficient: the one set, or the object's.
+    /// The friction coefficient: the one set, or the object's. Where the pads differ, that of the left one.
     pub fn mu(&self) -> f64 {
         self.number("mu").unwrap_or_else(|| self.object().mu)
+    }
+
+    /// The right pad; None where it is as the left one.
+    pub(super) fn right_pad(&self) -> Option<RightPad> {
+        let keys = ["mu_right", "stiffness_right_fraction", "turn_right_deg"];
+        let [mu, stiffness_fraction, turn_deg] = keys.map(|key| self.number(key));
+        mu.or(stiffness_fraction).or(turn_deg)?;
+        Some(RightPad {
+            mu: mu.unwrap_or_else(|| self.mu()),
+            stiffness_fraction: stiffness_fraction.unwrap_or(1.0),
+            turn_rad: turn_deg.unwrap_or(0.0).to_radians(),
+        })
+    }
+
+    /// Friction coefficient of both pads in the mean.
+    pub fn mean_mu(&self) -> f64 {
+        self.right_pad().map_or(self.mu(), |right| 0.5 * (self.mu() + right.mu))
     }
 
     /// How many of the two fingers have a camera: 1 is the left one only.
@@ -348,10 +396,10 @@ impl HandScene {
                 (self.set_number("seal_deg")?.to_radians(), self.set_number("stop_deg")?.to_radians());
             Thread::Screw { run_n_mm, seal_rad, stop_rad }
         } else {
-            let closed_n_mm = 2.0 * self.mu() * CLOSED_AT_N * radius_mm;
+            let closed_n_mm = 2.0 * self.mean_mu() * CLOSED_AT_N * radius_mm;
             Thread::Unscrew { run_n_mm, break_n_mm: self.number("break_n_mm").unwrap_or(BREAK_FRACTION * closed_n_mm) }
         };
-        Ok(Cap::new(radius_mm, self.mu(), thread, self.set_number("thread_mm_per_turn")?))
+        Ok(Cap::new(radius_mm, self.mean_mu(), thread, self.set_number("thread_mm_per_turn")?))
     }
 }
 
@@ -370,10 +418,12 @@ fn cut_to(form: Form, room_mm: f64, tilt_rad: f64) -> Form {
     }
 }
 
-/// As [`HandScene::parse`] reads it, with all parameters.
+/// As [`HandScene::parse`] reads it, with all parameters; the right pad where it differs.
 impl fmt::Display for HandScene {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}?seed={}", self.task, self.seed)?;
-        self.values.iter().try_for_each(|(key, value)| write!(f, "&{key}={value}"))
+        let differs = |value: &Value| !matches!(value, Value::Word(word) if word == SAME);
+        let values = self.values.iter().filter(|(_, value)| differs(value));
+        values.into_iter().try_for_each(|(key, value)| write!(f, "&{key}={value}"))
     }
 }

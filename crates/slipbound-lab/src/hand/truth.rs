@@ -1,6 +1,6 @@
 //! The ground truth of the hand and of the object it holds.
 
-use crate::contact::{Pose, Wrench};
+use crate::contact::{Pose, Truth, Wrench};
 use crate::plants::{BottleTruth, CapTruth, GroundTruth, ObjectTruth};
 use serde::Serialize;
 use slipbound::plant::PlantTruth;
@@ -23,7 +23,8 @@ pub struct HandTruth {
     pub wrench: [Wrench; 2],
     /// Where the object's reference point is, in the frame of the left finger.
     pub pose: Pose,
-    /// Area under pressure on one finger, in mm2.
+    /// Area under pressure on one finger, in mm2; the mean where the pads differ. So are the force and what follows from it;
+    /// ratios are then of both pads together, and an object slides as a whole when it slides over both.
     pub contact_area_mm2: f64,
     /// phi: area that did not slide in the last step over area in contact; None without contact.
     pub stick_ratio: Option<f64>,
@@ -55,12 +56,36 @@ pub struct HandTruth {
     pub at_border: bool,
     /// Whether both solvers met their tolerance in every step so far.
     pub converged: bool,
+    /// Of the left and the right pad by themselves; None where they are alike.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pads: Option<[PadTruth; 2]>,
     /// Of a cap.
     pub cap: Option<CapTruth>,
     /// Of a bottle.
     pub bottle: Option<BottleTruth>,
     /// Of a tool and the ground.
     pub ground: Option<GroundTruth>,
+}
+
+/// What is true of one of two pads that differ.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct PadTruth {
+    /// phi, as in [`HandTruth::stick_ratio`].
+    pub stick_ratio: Option<f64>,
+    /// As in [`HandTruth::friction_used_fraction`].
+    pub friction_used_fraction: Option<f64>,
+    /// Area under pressure, in mm2.
+    pub contact_area_mm2: f64,
+}
+
+impl PadTruth {
+    pub(super) fn of(contact: &Truth) -> Self {
+        PadTruth {
+            stick_ratio: contact.stick_ratio,
+            friction_used_fraction: contact.friction_used_fraction,
+            contact_area_mm2: contact.contact_area_mm2,
+        }
+    }
 }
 
 impl HandTruth {

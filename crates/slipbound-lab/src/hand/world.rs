@@ -1,9 +1,10 @@
 //! The contact of both fingers with what they hold, stepped in time by the gripper and the wrist.
 
+use super::pads::Pads;
 use super::scene::HandScene;
-use super::truth::HandTruth;
-use crate::contact::{Body, Command, Displacement, Finger, Grip, LINEAR_STRAIN, Pose, Wrench};
-use crate::plants::{ContactInput, FINGERS_COUNT, HandState, HeldObject, Symmetry};
+use super::truth::{HandTruth, PadTruth};
+use crate::contact::{Command, Displacement, Drive, Finger, Grip, LINEAR_STRAIN, Pose, Wrench};
+use crate::plants::{ContactInput, HandState, HeldObject, Symmetry};
 use crate::world::{FRAME_RATE_HZ, SUBSTEPS_COUNT, Sliding};
 use slipbound::plane::Vec2;
 use slipbound::plant::Plant;
@@ -22,10 +23,11 @@ const STILL_SLIDES_FRACTION: f64 = 0.95;
 
 /// What is between the jaws, without jaws and wrist: a [`Plant`].
 ///
-/// The two fingers are identical and so are their loads, up to the sign of y; one contact is computed.
+/// Unless the scene says otherwise the two fingers are identical and so are their loads, up to the sign of y; one contact
+/// is computed then.
 #[derive(Debug)]
 pub struct HandWorld {
-    finger: Finger,
+    pads: Pads,
     held: Box<dyn HeldObject>,
     width_mm: f64,
     steps_count: u64,
@@ -39,19 +41,18 @@ pub struct HandWorld {
 impl HandWorld {
     /// The object untouched between the fingers. Refuses what the contact cannot be.
     pub fn new(scene: &HandScene) -> Result<Self, SettingError> {
-        let (settings, surface) = scene.contact()?;
         let held = scene.held()?;
-        let mut finger = Finger::new(settings, surface)?;
+        let mut pads = Pads::new(scene, held.symmetry())?;
         let off = Command {
             grip: Grip::ForceN(0.0),
             pose: held.start_pose(),
             roll_mm: Vec2::ZERO,
             wrench: Wrench::default(),
         };
-        finger.step(&off)?;
-        finger.step(&off)?; // a second time, for the first left it with a velocity
+        pads.step(Drive::Guided, &off)?;
+        pads.step(Drive::Guided, &off)?; // a second time, for the first left it with a velocity
         let mut world = HandWorld {
-            finger,
+            pads,
             width_mm: scene.width_mm(),
             steps_count: 0,
             now: HandState::default(),
@@ -69,12 +70,13 @@ impl HandWorld {
         &self.truth
     }
 
-    /// The computed contact, that of the left finger.
-    pub fn finger(&self) -> &Finger {
-        &self.finger
+    /// The computed contact of a finger, 0 left, 1 right. That of the right one is in the axes of the left one, before
+    /// [`HandWorld::symmetry`]; where the pads are alike it is that of the left one.
+    pub fn finger(&self, finger: usize) -> &Finger {
+        self.pads.finger(finger)
     }
 
-    /// What the right finger feels.
+    /// What the right finger feels where the pads are alike.
     pub fn symmetry(&self) -> Symmetry {
         self.held.symmetry()
     }
@@ -106,13 +108,14 @@ impl HandWorld {
 
     /// The gel of a finger as its camera sees it, cell by cell, in its own frame: 0 left, 1 right.
     pub(super) fn show(&self, finger: usize, displacement: &mut [Displacement], pressure_mpa: &mut [f64]) {
-        let width = self.finger.settings().grid.width_cells;
+        let gel = self.pads.finger(finger);
+        let width = gel.settings().grid.width_cells;
         let mirrored = finger == 1 && self.symmetry() == Symmetry::Mirrored;
         for cell in 0..displacement.len() {
             let (row, column) = (cell / width, cell % width);
             let from = if mirrored { (displacement.len() / width - 1 - row) * width + column } else { cell };
-            displacement[cell] = self.finger.displacement(from);
-            pressure_mpa[cell] = self.finger.pressure_mpa()[from];
+            displacement[cell] = gel.displacement(from);
+            pressure_mpa[cell] = gel.pressure_mpa()[from];
             if mirrored {
                 displacement[cell].shift_mm.y = -displacement[cell].shift_mm.y;
             }
@@ -120,23 +123,19 @@ impl HandWorld {
     }
 
     fn step(&mut self, hand: HandState) -> Result<(), SettingError> {
-        let step_s = self.finger.settings().substep_s;
+        let step_s = self.pads.settings().substep_s;
         let gone = self.held.is_gone();
         let hand = if gone { HandState { force_n: 0.0, ..hand } } else { hand };
-        let before = self.finger.truth().pose;
-        let input = if gone {
-            ContactInput::guided(before)
-        } else {
-            self.held.contact_input(self.finger.truth(), hand, step_s)
-        };
-        self.finger.set_body(Body { drive: input.drive, fingers_count: FINGERS_COUNT })?;
-        let ContactInput { pose, roll_mm, wrench, .. } = input;
-        self.finger.step(&Command { grip: Grip::ForceN(hand.force_n), pose, roll_mm, wrench })?;
+        let before = self.pads.truth().pose;
+        let input =
+            if gone { ContactInput::guided(before) } else { self.held.contact_input(self.pads.truth(), hand, step_s) };
+        let ContactInput { drive, pose, roll_mm, wrench } = input;
+        self.pads.step(drive, &Command { grip: Grip::ForceN(hand.force_n), pose, roll_mm, wrench })?;
         self.steps_count += 1;
         self.now = hand;
         self.update_truth(before);
         if !gone {
-            self.held.after_step(self.finger.truth(), hand, step_s, self.truth.slid_mm);
+            self.held.after_step(self.pads.truth(), hand, step_s, self.truth.slid_mm);
         }
         self.truth.set_object(self.held.truth());
         Ok(())
@@ -144,8 +143,12 @@ impl HandWorld {
 
     /// Updates the truth after a step.
     fn update_truth(&mut self, before: Pose) {
-        let contact = *self.finger.truth();
-        let sliding = Sliding::since(&self.finger, before);
+        let contact = *self.pads.truth();
+        let each = self.pads.sliding(before);
+        let sliding = match &self.pads {
+            Pads::Alike(_) => each[0],
+            Pads::Apart(_) => Sliding::of_both(each, self.pads.turn_rad()),
+        };
         let truth = &mut self.truth;
         truth.time_ns = time_ns(self.steps_count);
         truth.angle_rad = self.now.angle_rad;
@@ -157,22 +160,29 @@ impl HandWorld {
         truth.friction_used_fraction = contact.friction_used_fraction;
         truth.peak_pressure_mpa = contact.peak_pressure_mpa;
         truth.largest_strain_fraction = contact.largest_strain_fraction;
-        let soft = self.finger.settings().soft_object;
+        let soft = self.pads.settings().soft_object;
         let object_strain = soft.map_or(0.0, |object| contact.peak_pressure_mpa / object.modulus_mpa);
         truth.beyond_linear = contact.beyond_linear || object_strain > LINEAR_STRAIN;
         truth.at_border = contact.at_border;
         truth.converged &= contact.converged;
 
-        let force_n = contact.wrench.force_n;
-        let middle_mm = sliding.map_or(contact.pose.position_mm, |s| s.middle_mm);
-        let to_object_mm = contact.pose.position_mm - middle_mm;
-        let torque_n_mm = contact.wrench.torque_n_mm + to_object_mm.cross(force_n);
-        let left = Wrench { force_n, torque_n_mm };
-        let right = match self.held.symmetry() {
-            Symmetry::Same => left,
-            Symmetry::Mirrored => Wrench { force_n: Vec2::new(force_n.x, -force_n.y), torque_n_mm: -torque_n_mm },
+        let to_object_mm = contact.pose.position_mm - sliding.map_or(contact.pose.position_mm, |s| s.middle_mm);
+        let mirrored = self.held.symmetry() == Symmetry::Mirrored;
+        truth.wrench = [0, 1].map(|finger| {
+            let own = self.pads.finger(finger).truth();
+            let force_n = own.wrench.force_n;
+            let middle_mm = each[finger].map_or(own.pose.position_mm, |s| s.middle_mm);
+            let torque_n_mm = own.wrench.torque_n_mm + (own.pose.position_mm - middle_mm).cross(force_n);
+            if finger == 1 && mirrored {
+                Wrench { force_n: Vec2::new(force_n.x, -force_n.y), torque_n_mm: -torque_n_mm }
+            } else {
+                Wrench { force_n, torque_n_mm }
+            }
+        });
+        truth.pads = match &self.pads {
+            Pads::Alike(_) => None,
+            Pads::Apart(_) => Some([0, 1].map(|finger| PadTruth::of(self.pads.finger(finger).truth()))),
         };
-        truth.wrench = [left, right];
         // Of friction alone, against what friction can hold: pressure holds its own part of the load.
         truth.required_n = sliding.map_or(0.0, |s| {
             let by_force_n = contact.friction.force_n;

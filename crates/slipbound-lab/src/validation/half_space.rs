@@ -2,7 +2,9 @@
 
 use super::exact::SphereOnHalfSpace;
 use super::row::Row;
-use crate::contact::{Grid, Grip, Normal, Planner, Question, Response, Stop, Tangential, half_space_response};
+use crate::contact::{
+    Grid, Grip, Normal, OneSurface, Planner, Question, Response, Stop, Tangential, half_space_response,
+};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::PI;
 
@@ -68,8 +70,6 @@ impl Bench {
         // The theories know no push of pressure in the plane, and neither does this case: traction is friction.
         let push = vec![Complex64::new(0.0, 0.0); count];
         let question = Question {
-            window: self.grid.whole(),
-            stride: SIDE_CELLS,
             cells: &cells,
             push: &push,
             bound: &bound,
@@ -80,7 +80,9 @@ impl Bench {
             stiffness_mpa_per_mm: self.sphere.shear_modulus_mpa() / self.grid.cell_mm,
             stop: Stop { tolerance_fraction: 1e-7, most_iterations_count: 3000 },
         };
-        let held = Tangential::new(count).solve(&mut self.response, &question, &mut traction);
+        let window = self.grid.whole();
+        let mut surface = OneSurface { response: &mut self.response, window, stride: SIDE_CELLS };
+        let held = Tangential::new(count).solve(&mut surface, &question, &mut traction);
         assert!(held.converged, "{held:?}");
         let stuck = cells.iter().filter(|&&i| {
             let i = i as usize;

@@ -88,6 +88,23 @@ impl Sliding {
     }
 }
 
+impl Sliding {
+    /// Over two fingers, the second turned against the first: the friction and the way of one finger in the mean, the
+    /// middle of both, in the axes of the first. None without contact.
+    pub fn of_both(each: [Option<Self>; 2], turn_rad: f64) -> Option<Self> {
+        let [Some(a), Some(b)] = each else { return each[0].or(each[1]) };
+        let (s, c) = turn_rad.sin_cos();
+        let middle_mm = Vec2::new(c * b.middle_mm.x - s * b.middle_mm.y, s * b.middle_mm.x + c * b.middle_mm.y);
+        let share = a.most_n / (a.most_n + b.most_n);
+        Some(Sliding {
+            most_n: 0.5 * (a.most_n + b.most_n),
+            way_mm: share * a.way_mm + (1.0 - share) * b.way_mm,
+            middle_mm: a.middle_mm * share + middle_mm * (1.0 - share),
+            arm_mm: share * a.arm_mm + (1.0 - share) * b.arm_mm,
+        })
+    }
+}
+
 /// The cells that carry friction, and how much each can.
 fn loaded(finger: &Finger) -> impl Iterator<Item = (usize, f64)> + '_ {
     finger.bound_mpa().iter().copied().enumerate().filter(|(_, bound_mpa)| *bound_mpa > 0.0)

@@ -2,10 +2,11 @@
 //! and while a disk, a terminal or a camera blocks.
 //!
 //! ```text
-//!   frames kept in memory --FrameLoop--> ControlLoop (a lift whose force changes in every cycle) --> gripper
-//!                                            '--> Stopwatch, and observers that block behind their queues
+//!   tick --> FrameLoop, a thread a camera: decodes --Newest--> ControlLoop (a lift whose force changes) --> gripper
+//!                                                                  '--> Stopwatch, and observers that block
 //! ```
 
+use super::frames_due::FramesDue;
 use super::queue::QueuedObserver;
 use super::runner;
 use super::workers::MonitorWorkers;
@@ -17,13 +18,14 @@ use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::grip::Guard;
 use slipbound::hand::Mounting;
 use slipbound::monitor::Settings;
-use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Next, SourceError};
+use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Next, SourceError, SourceErrorKind};
 use slipbound::sensor::Sensor;
 use slipbound::setting::SettingError;
 use slipbound::task::{Observation, Phase, Task, TaskKind, TaskSettings, TaskStep};
 use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
@@ -38,6 +40,9 @@ const BLOCKED: Duration = Duration::from_secs(5);
 
 /// Cycles that may wait for a disk or a terminal.
 const QUEUE_DEPTH_COUNT: usize = 128;
+
+/// For how long a frame waits for that of the other finger, ns.
+const LONGEST_WAIT_NS: u64 = 5_000_000;
 
 /// Two forces closer than this are the same, N.
 const SAME_N: f64 = 1e-3;
@@ -132,17 +137,20 @@ impl Latency {
 impl LatencyTrial {
     /// Runs the loop over the frames in real time; the gripper is left holding.
     pub fn run(&self, hand: &HandFrames, gripper: &mut dyn Gripper) -> Result<Latency, LatencyError> {
-        let mut control = self.control(hand)?;
+        let (mut control, cameras) = self.control(hand)?;
+        let Cameras { ticks, mut due } = cameras;
         let (due_ns, stop) = (Cell::new(now_ns()), AtomicBool::new(false));
         let period_ns = 1_000_000_000 / u64::from(self.rate_hz.max(1));
         let mut next_ns = now_ns();
         let mut is_due = || {
-            let is_due = now_ns() >= next_ns;
-            if is_due {
+            if now_ns() >= next_ns {
                 due_ns.set(now_ns());
                 next_ns = (next_ns + period_ns).max(now_ns());
+                for tick in &ticks {
+                    let _ = tick.try_send(()); // a camera that has not taken the last one is blocked: it drops this frame
+                }
             }
-            is_due
+            due.is_due(now_ns())
         };
         let queues_count = match self.blocks {
             Blocks::Nothing | Blocks::Camera => 0,
@@ -173,15 +181,18 @@ impl LatencyTrial {
     }
 
     /// A control loop over the frames, which holds without an end.
-    fn control(&self, hand: &HandFrames) -> Result<ControlLoop, SettingError> {
+    fn control(&self, hand: &HandFrames) -> Result<(ControlLoop, Cameras), SettingError> {
         let mut settings = TaskSettings::default();
         (settings.lift.lift_mm, settings.lift.hold_ns) = (0.0, WITHOUT_END_NS);
         let stiffness = hand.fingers.first().and_then(|finger| finger.sensor.shear_stiffness_mpa_per_mm());
         let inner = settings.task(TaskKind::Lift, stiffness)?;
         let last = hand.fingers.len().saturating_sub(1);
+        let (mut ticks, mut arrivals) = (Vec::new(), Vec::new());
         let fingers = hand.fingers.iter().enumerate().map(|(i, finger)| {
+            let (tick, exposes) = sync_channel(1);
             let blocks_from = (self.blocks == Blocks::Camera && i == last).then_some(hand.held_from + 1);
             let frames = FrameLoop {
+                exposes,
                 frames: finger.frames.clone(),
                 next: 0,
                 repeat_from: hand.held_from,
@@ -189,19 +200,28 @@ impl LatencyTrial {
                 blocks_from,
                 given_count: 0,
             };
-            let source: Box<dyn FrameSource + Send> = match blocks_from {
-                Some(_) => Box::new(Newest::every_frame(Box::new(frames), 2)),
-                None => Box::new(frames),
-            };
-            FingerPipeline::new(&finger.name, finger.mounting, finger.sensor.clone(), Settings::default(), source)
+            let source = Newest::new(Box::new(frames));
+            ticks.push(tick);
+            arrivals.push(source.arrivals());
+            let (sensor, settings) = (finger.sensor.clone(), Settings::default());
+            FingerPipeline::new(&finger.name, finger.mounting, sensor, settings, Box::new(source))
         });
+        let fingers = fingers.collect();
         let task = Box::new(NudgedTask { inner, is_up: false });
-        Ok(ControlLoop::new(fingers.collect(), task)?.with_runner(Box::new(MonitorWorkers::new())))
+        let control = ControlLoop::new(fingers, task)?.with_runner(Box::new(MonitorWorkers::new()));
+        Ok((control, Cameras { ticks, due: FramesDue::new(arrivals, LONGEST_WAIT_NS) }))
     }
 }
 
-/// The frames of a finger over and over, as JPEG or as pixels.
+/// What makes the cameras expose, and what says that their frames are there.
+struct Cameras {
+    ticks: Vec<SyncSender<()>>,
+    due: FramesDue,
+}
+
+/// The frames of a finger over and over, as JPEG or as pixels, one at every tick.
 struct FrameLoop {
+    exposes: Receiver<()>,
     frames: Arc<Vec<FrameBuffer>>,
     next: usize,
     /// From here it starts again; what goes before is the open hand.
@@ -214,6 +234,9 @@ struct FrameLoop {
 
 impl FrameSource for FrameLoop {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        if self.exposes.recv().is_err() {
+            return Ok(Next::End); // the trial is over
+        }
         if self.blocks_from.is_some_and(|from| self.given_count >= from) {
             thread::sleep(BLOCKED);
         }
@@ -221,12 +244,12 @@ impl FrameSource for FrameLoop {
         let Some(frame) = self.frames.get(self.next) else { return Ok(Next::End) };
         if self.is_jpeg {
             into.encoded.clone_from(&frame.encoded);
-            decode_image(into)?;
+            decode_image(into).map_err(|why| SourceError::new(SourceErrorKind::Format, why))?;
         } else {
             (into.format, into.size) = (frame.format, frame.size);
             into.pixels.clone_from(&frame.pixels);
         }
-        into.seq += 1;
+        into.seq = self.given_count as u64; // buffers are recycled in any order
         self.next = if self.next + 1 < self.frames.len() { self.next + 1 } else { self.repeat_from };
         Ok(Next::Frame)
     }
@@ -313,8 +336,10 @@ mod tests {
     fn frames_are_repeated_from_where_something_is_held() {
         let frame = |grey: u8| FrameBuffer { pixels: vec![grey], ..FrameBuffer::default() };
         let frames = Arc::new((0..4).map(frame).collect());
-        let mut source =
-            FrameLoop { frames, next: 0, repeat_from: 2, is_jpeg: false, blocks_from: None, given_count: 0 };
+        let (tick, exposes) = sync_channel(7);
+        let (repeat_from, is_jpeg, blocks_from) = (2, false, None);
+        let mut source = FrameLoop { exposes, frames, next: 0, repeat_from, is_jpeg, blocks_from, given_count: 0 };
+        (0..7).for_each(|_| tick.send(()).expect("there is room"));
         let mut buffer = FrameBuffer::default();
         let given: Vec<u8> = (0..7)
             .map(|_| {

@@ -67,5 +67,5 @@ fn cycles(
 fn poll_io(gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) {
     gripper.poll_io();
     wrist.poll_io();
-    thread::sleep(PAUSE);
+    thread::park_timeout(PAUSE); // shorter when a frame comes: a source on a thread of its own unparks this one
 }

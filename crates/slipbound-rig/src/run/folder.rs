@@ -114,7 +114,7 @@ impl RunFolder {
             ending,
         }
         .to_string();
-        fs::write(&path, html).map_err(|source| Error::Write { path: path.clone(), source })?;
+        write_whole(&path, html.as_bytes())?;
         Ok(path)
     }
 
@@ -125,6 +125,14 @@ impl RunFolder {
         self.timed_events.push(event);
         self.events.push(&line)
     }
+}
+
+/// Writes a file, or leaves none.
+pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    fs::write(path, bytes).map_err(|source| {
+        let _ = fs::remove_file(path); // where this fails too, the first failure is told
+        Error::Write { path: path.to_owned(), source }
+    })
 }
 
 fn write_toml(path: PathBuf, text: Result<String, toml::ser::Error>) -> Result<(), Error> {

@@ -6,13 +6,14 @@
 //! ```
 
 use super::error::Error;
-use super::folder::Lines;
+use super::folder::{Lines, write_whole};
 use crate::source::decode_image;
 use serde::{Deserialize, Serialize};
 use slipbound::control::{CycleOutcome, CycleView};
 use slipbound::finger_pipeline::FingerView;
-use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use std::collections::VecDeque;
+use std::fmt::Display;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -84,7 +85,7 @@ impl FrameRecorder {
                 }
                 let folder = self.folder.join(finger.name);
                 fs::create_dir_all(&folder).map_err(|source| Error::Write { path: folder, source })?;
-                fs::write(&path, encoded).map_err(|source| Error::Write { path, source })?;
+                write_whole(&path, encoded)?;
                 Received::Frame { seq, time_ns, file }
             }
             Next::Torn { .. } => Received::Torn { seq, time_ns },
@@ -136,8 +137,11 @@ impl FrameSource for RecordedSource {
             }
             Some(Received::Frame { seq, time_ns, file }) => {
                 let path = self.folder.join(&file);
-                into.encoded = fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-                decode_image(into).map_err(|e| format!("{}: {e}", path.display()))?;
+                let failed = |kind, why: &dyn Display| {
+                    SourceError::new(kind, format!("{}: {why}", path.display())).of_file(path.display())
+                };
+                into.encoded = fs::read(&path).map_err(|e| failed(SourceErrorKind::Unreadable, &e))?;
+                decode_image(into).map_err(|e| failed(SourceErrorKind::Format, &e))?;
                 (into.seq, into.time_ns) = (seq, time_ns);
                 Next::Frame
             }

@@ -38,7 +38,7 @@ impl RunNotes {
             if starts_in_contact && !self.in_contact.iter().any(|told| told == finger.name) {
                 self.in_contact.push(finger.name.to_owned());
                 lines.push(format!(
-                    "{}: starts in contact: displacement counts from the first calm frames, not from the unloaded gel",
+                    "{}: starts in contact: displacement counts from the first stationary frames, not from the unloaded gel",
                     finger.name
                 ));
             }

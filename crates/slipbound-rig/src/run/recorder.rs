@@ -17,6 +17,8 @@ pub struct RunRecorder {
     folder: RunFolder,
     overlays: Vec<Overlay>,
     frames: Option<FrameRecorder>,
+    /// Whether something could not be written: no later frame is kept then, for a replay goes cycle by cycle, up to the gap.
+    has_gap: bool,
     notes: RunNotes,
     failed_count: u64,
     first_failure: Option<Error>,
@@ -31,6 +33,7 @@ impl RunRecorder {
             folder: run,
             overlays: info.fingers.iter().map(|finger| Overlay::new(&finger.sensor)).collect(),
             frames,
+            has_gap: false,
             notes: RunNotes::default(),
             failed_count: 0,
             first_failure: None,
@@ -55,6 +58,7 @@ impl RunRecorder {
 
     fn count(&mut self, written: Result<(), Error>) {
         if let Err(error) = written {
+            self.has_gap = true;
             self.failed_count += 1;
             self.first_failure.get_or_insert(error);
         }
@@ -84,16 +88,20 @@ impl RunRecorder {
 
 impl CycleObserver for RunRecorder {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
-        if let Some(frames) = &mut self.frames {
-            let kept = frames.keep(view);
-            self.count(kept);
-        }
         for line in self.notes.see(view) {
             self.note(view.now_ns, &line);
         }
         if let Some(cycle) = view.cycle() {
             let written = self.write(view, &cycle);
             self.count(written);
+        }
+        match &mut self.frames {
+            Some(_) if self.has_gap => self.failed_count += 1,
+            Some(frames) => {
+                let kept = frames.keep(view);
+                self.count(kept);
+            }
+            None => {}
         }
     }
 }

@@ -43,6 +43,9 @@ pub enum ReplayError {
         /// The first cycle without frames.
         cycle: usize,
     },
+    /// There is nothing to compare.
+    #[error("reports.jsonl: expected cycles in which something was commanded, got none")]
+    NoCycle,
     /// A command differs.
     #[error("cycle {cycle}{difference}")]
     Differs {
@@ -149,6 +152,9 @@ impl Replay {
     /// Runs the loop over what was recorded; fails at the first command or report that differs.
     pub fn run(mut self, observer: &mut dyn CycleObserver) -> Result<Replayed, ReplayError> {
         let mut next = 0;
+        if self.cycles.is_empty() {
+            return Err(ReplayError::NoCycle);
+        }
         while let Some(cycle) = self.cycles.get(next) {
             let known = Some(cycle).filter(|_| !self.waiting.pop_front().unwrap_or_default());
             let (gripper, wrist) = (&mut Past(known), &mut Past(known));

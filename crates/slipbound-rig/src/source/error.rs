@@ -1,5 +1,6 @@
 //! What can go wrong with a source, one variant a cause.
 
+use slipbound::port::{SourceError, SourceErrorKind};
 use std::io;
 use std::path::PathBuf;
 
@@ -79,4 +80,52 @@ pub enum Error {
         /// The end of what it wrote to its standard error.
         stderr: String,
     },
+}
+
+impl Error {
+    fn kind(&self) -> SourceErrorKind {
+        match self {
+            Error::Missing { .. } | Error::Pattern { .. } | Error::NoImages { .. } => SourceErrorKind::Settings,
+            Error::Read { .. } => SourceErrorKind::Unreadable,
+            Error::Avi { .. } | Error::Ffmpeg { .. } => SourceErrorKind::Format,
+            Error::FfmpegMissing { .. } | Error::FfmpegStart { .. } => SourceErrorKind::Unsupported,
+        }
+    }
+
+    fn file(&self) -> String {
+        match self {
+            Error::Pattern { pattern, .. } => pattern.clone(),
+            Error::Missing { path }
+            | Error::NoImages { path, .. }
+            | Error::Read { path, .. }
+            | Error::Avi { path, .. }
+            | Error::FfmpegMissing { path, .. }
+            | Error::FfmpegStart { path, .. }
+            | Error::Ffmpeg { path, .. } => path.display().to_string(),
+        }
+    }
+}
+
+impl From<Error> for SourceError {
+    fn from(error: Error) -> Self {
+        let (kind, file) = (error.kind(), error.file());
+        SourceError::new(kind, error).of_file(file)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_keeps_its_text_and_says_its_kind_and_file() {
+        let path = std::path::Path::new("there/left.avi");
+        let read = Error::Read { path: path.into(), source: io::Error::other("the stick was pulled out") };
+        let text = read.to_string();
+        let error = SourceError::from(read);
+        assert_eq!((error.kind, error.file.as_deref()), (SourceErrorKind::Unreadable, Some("there/left.avi")));
+        assert_eq!(error.to_string(), text);
+        let ended = Error::Ffmpeg { path: path.into(), got: "none".into(), stderr: "nothing".into() };
+        assert_eq!(SourceError::from(ended).kind, SourceErrorKind::Format);
+    }
 }

@@ -9,7 +9,7 @@
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread;
+use std::thread::{self, Thread};
 
 /// What the thread has read and the loop has not yet taken.
 #[derive(Default)]
@@ -19,6 +19,18 @@ struct Slot {
     end: Option<Result<(), SourceError>>,
     replaced_count: u64,
     is_abandoned: bool,
+    /// The thread that asked last and found nothing: it is woken when something comes.
+    asks: Option<Thread>,
+}
+
+impl Slot {
+    fn is_empty(&self) -> bool {
+        self.waiting.is_empty() && self.end.is_none()
+    }
+
+    fn wake(&mut self) {
+        self.asks.take().iter().for_each(Thread::unpark);
+    }
 }
 
 struct Shared {
@@ -45,10 +57,14 @@ pub struct Newest {
 pub struct Arrivals(Arc<Shared>);
 
 impl Arrivals {
-    /// Whether a frame, or the end of the source, waits to be taken.
+    /// Whether a frame, or the end of the source, waits to be taken. While nothing does, the calling thread is unparked
+    /// ([`thread::park_timeout`]) when something comes.
     pub fn is_waiting(&self) -> bool {
-        let slot = self.0.lock();
-        !slot.waiting.is_empty() || slot.end.is_some()
+        let mut slot = self.0.lock();
+        if slot.is_empty() {
+            slot.asks.get_or_insert_with(thread::current);
+        }
+        !slot.is_empty()
     }
 }
 
@@ -95,11 +111,11 @@ fn read(mut source: Box<dyn FrameSource + Send>, shared: &Shared, room_count: Op
             Ok(Next::Silent) => continue,
             Ok(Next::End) => {
                 slot.end = Some(Ok(()));
-                return;
+                return slot.wake();
             }
             Err(error) => {
                 slot.end = Some(Err(error));
-                return;
+                return slot.wake();
             }
             Ok(next) => {
                 match room_count {
@@ -117,6 +133,7 @@ fn read(mut source: Box<dyn FrameSource + Send>, shared: &Shared, room_count: Op
                 }
                 let empty = slot.free.pop().unwrap_or_default();
                 slot.waiting.push_back((std::mem::replace(&mut frame, empty), next));
+                slot.wake();
             }
         }
     }
@@ -157,6 +174,7 @@ impl Drop for Newest {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slipbound::port::SourceErrorKind;
     use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
     use std::time::{Duration, Instant};
 
@@ -196,7 +214,7 @@ mod tests {
         until(|| newest.replaced_count() == 2);
         assert_eq!(newest.next(&mut frame).expect("goes on"), Next::Frame);
         assert_eq!(frame.seq, 3);
-        give.send(Err("unplugged".into())).expect("read");
+        give.send(Err(SourceError::new(SourceErrorKind::Disconnected, "unplugged"))).expect("read");
         until(|| newest.arrivals().is_waiting());
         assert_eq!(newest.next(&mut frame).expect_err("unplugged").to_string(), "unplugged");
     }

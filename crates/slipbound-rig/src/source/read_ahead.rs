@@ -93,6 +93,7 @@ pub fn most_common_size<'a>(frames: impl IntoIterator<Item = &'a FrameBuffer>) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slipbound::port::SourceErrorKind;
 
     /// Whole and torn frames 40 ms apart, then a failure.
     struct Script {
@@ -107,7 +108,9 @@ mod tests {
                 (self.given_count, Some(self.given_count * 40_000_000), Clock::Device);
             self.given_count += 1;
             match into.seq {
-                seq if seq == self.fails_at => Err("the camera is gone".into()),
+                seq if seq == self.fails_at => {
+                    Err(SourceError::new(SourceErrorKind::Disconnected, "the camera is gone"))
+                }
                 seq if self.torn.contains(&seq) => Ok(Next::Torn { reason: "cut".into() }),
                 _ => Ok(Next::Frame),
             }

@@ -25,6 +25,8 @@ struct Scribe {
     told: Rc<RefCell<Vec<String>>>,
     is_lost: bool,
     is_wrist_lost: bool,
+    /// What its driver has to say.
+    events: Vec<DriverEvent>,
 }
 
 impl Gripper for Scribe {
@@ -40,6 +42,10 @@ impl Gripper for Scribe {
         }
         let (force_n, target_n, opening_mm) = (Some(20.0), Some(20.0), None);
         Ok(GripperState { time_ns: 0, force_n, target_n, opening_mm, jaws: Jaws::Holding })
+    }
+
+    fn next_event(&mut self) -> Option<DriverEvent> {
+        self.events.pop()
     }
 }
 
@@ -145,4 +151,72 @@ fn a_lost_wrist_is_trouble_but_the_loop_goes_on() {
         "it stands"
     );
     assert_eq!(control.wrist.map(|wrist| wrist.moving), Some(false));
+}
+
+#[test]
+fn a_loop_that_gives_up_leaves_with_the_force_for_blind_hands() {
+    let (scribe, mut control) = (Scribe::default(), control(Some(35.0)));
+    control.last_step = Some(holds(Phase::Working));
+    let mut lost = Scribe { is_lost: true, ..scribe.clone() };
+    assert!(control.cycle(S, &mut lost, &mut scribe.clone(), &mut ()).is_ok());
+    assert!(scribe.told.borrow().iter().all(|told| told == "Pause"), "it waits: {:?}", scribe.told.borrow());
+    assert!(control.cycle(12 * S, &mut lost, &mut scribe.clone(), &mut ()).is_err());
+    assert_eq!(scribe.told.borrow().last().map(String::as_str), Some("grip 35"));
+}
+
+#[test]
+fn the_wrist_is_told_before_the_gripper_and_stands_while_there_is_a_fault() {
+    let turn = WristCommand::new(WristMotion::Turn { rate_rad_per_s: 0.3, most_rad: 1.0 });
+    let step = TaskStep { wrist: turn, ..holds(Phase::Working) };
+    let (scribe, mut control) = (Scribe::default(), control(None));
+    assert_eq!(control.command(&step, &mut scribe.clone(), &mut scribe.clone()), None);
+    let told = scribe.told.take();
+    assert!(told[0].starts_with("Turn") && told[1] == "grip 20" && told.len() == 2, "{told:?}");
+    control.raise_fault(S, Fault::stopped(), &mut scribe.clone()).expect("it waits");
+    assert_eq!(scribe.told.take(), ["Pause"]);
+    assert_eq!(control.command(&step, &mut scribe.clone(), &mut scribe.clone()), None);
+    assert_eq!(scribe.told.take(), ["Pause", "grip 20"]);
+    // Half a second without a fault, and it moves again.
+    control.faults.clear(S + S / 2);
+    assert_eq!(control.command(&step, &mut scribe.clone(), &mut scribe.clone()), None);
+    assert!(scribe.told.take()[0].starts_with("Turn"));
+}
+
+#[test]
+fn a_refused_lower_force_is_no_fault_and_every_other_refusal_is_one() {
+    let mut control = control(None);
+    assert!(control.tolerate(GripperError::new(GripperErrorKind::Lowering, "20 N to 15 N")).is_ok());
+    assert!(control.tolerate(GripperError::new(GripperErrorKind::Lowering, "20 N to 14 N")).is_ok());
+    assert_eq!(control.refused_lowering.as_deref(), Some("20 N to 15 N"), "the first is kept");
+    for kind in [GripperErrorKind::Refused, GripperErrorKind::Link, GripperErrorKind::Value] {
+        assert!(control.tolerate(GripperError::new(kind, "no")).is_err(), "{kind:?}");
+    }
+}
+
+#[test]
+fn stopped_jaws_are_a_fault_and_unknown_ones_unless_the_task_is_over() {
+    let mut control = control(None);
+    let jaws = |jaws| GripperState { jaws, ..Scribe::default().poll_state() };
+    assert!(control.usable(jaws(Jaws::Holding)).is_ok());
+    assert_eq!(control.usable(jaws(Jaws::Stopped)), Err(Fault::stopped()));
+    assert_eq!(control.usable(jaws(Jaws::Unknown)), Err(Fault::jaws_unknown()));
+    control.last_step = Some(holds(Phase::Ended(crate::task::Ending::Held)));
+    assert!(control.usable(jaws(Jaws::Unknown)).is_ok(), "a gripper that is let go may be switched off");
+}
+
+#[test]
+fn the_measured_grip_is_known_to_the_monitors_and_events_of_the_driver_are_shown_once() {
+    struct Counts(Vec<usize>);
+    impl CycleObserver for Counts {
+        fn after_cycle(&mut self, view: &CycleView<'_>) {
+            self.0.push(view.driver_events.len());
+        }
+    }
+    let mut counts = Counts(Vec::new());
+    let (mut scribe, mut control) = (Scribe { events: vec![DriverEvent::Linked], ..Scribe::default() }, control(None));
+    for now_ns in [S, 2 * S] {
+        control.cycle(now_ns, &mut scribe, &mut Scribe::default(), &mut counts).expect("goes on");
+    }
+    assert_eq!(counts.0, [1, 0]);
+    assert_eq!(control.grip.map(|grip| grip.force_n), Some(20.0));
 }

@@ -7,7 +7,7 @@ use crate::sensor::Sensor;
 use crate::setting::SettingError;
 use std::ops::Range;
 
-/// Looks at the first [`window_count`](crate::monitor::RestSettings::window_count) whole frames, chooses the calm run
+/// Looks at the first [`window_count`](crate::monitor::RestSettings::window_count) whole frames, chooses the stationary run
 /// among them (untouched if there is one) and averages it. Keeps a copy of every frame of the window.
 #[derive(Debug, Clone)]
 pub struct RestFinder {
@@ -58,7 +58,7 @@ impl RestFinder {
         self.frames.len() >= self.window_count
     }
 
-    /// The rest frame, from what was seen so far. Fails when no frame was calm and bright, or too few markers show.
+    /// The rest frame, from what was seen so far. Fails when no frame was stationary and bright, or too few markers show.
     pub fn find(mut self) -> Result<FoundRest, RestError> {
         let choice = self.builder.choose(&self.looks)?;
         let run = &self.frames[choice.frames];

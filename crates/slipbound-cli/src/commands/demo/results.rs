@@ -17,7 +17,7 @@ pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<R
     let right = scene.task_name().parse().ok().map(|task| run.succeeded(task));
     let ending = run.ending.map_or("not before the end of the scene".into(), |ending| format!("{ending:?}"));
     rows.push(row("ended", ending, "", right));
-    if let Some(fraction) = run.torque_fraction(scene.mu()) {
+    if let Some(fraction) = run.torque_fraction(scene.mean_mu()) {
         let value = format!("{:.0} N mm, {:.0} %", run.torque_n_mm, 100.0 * fraction);
         match scene.task_name() {
             "screw" => rows.push(row("largest torque on the cap", value, "90 % of 2 mu 60 N R", Some(fraction >= 0.9))),

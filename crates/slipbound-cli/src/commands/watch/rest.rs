@@ -17,7 +17,7 @@ use std::ops::Range;
 use std::path::Path;
 
 /// In the report and on standard error when the finger is never seen untouched.
-const IN_CONTACT: &str = "starts in contact: displacement counts from the first calm frames, the contact region of a \
+const IN_CONTACT: &str = "starts in contact: displacement counts from the first stationary frames, the contact region of a \
                           smooth gel is taken from the imprint itself";
 
 /// The finger at rest, and what it was made from.

@@ -40,8 +40,6 @@ fn pull(mass_kg: f64, stop: Stop) -> Pulled {
         body.step((Pose::default(), Pose::default()), wrench, Motion::ZERO, 1.0 / 120.0, area, ZERO);
     let push = vec![ZERO; count];
     let question = Question {
-        window: PATCH,
-        stride,
         cells: &cells,
         push: &push,
         bound: &bound,
@@ -54,7 +52,8 @@ fn pull(mass_kg: f64, stop: Stop) -> Pulled {
     };
     let mut traction = vec![ZERO; count];
     let mut solver = Tangential::new(count);
-    let held = solver.solve(&mut response, &question, &mut traction);
+    let held =
+        solver.solve(&mut OneSurface { response: &mut response, window: PATCH, stride }, &question, &mut traction);
     // Anew from the tractions alone: A q + B W B^T q - w.
     let mut shift = vec![ZERO; count];
     response.shift_of_traction(PATCH, stride, &traction, &mut shift);
