@@ -6,6 +6,7 @@ use crate::commands::emulate::Emulate;
 use crate::commands::eval::Eval;
 use crate::commands::gripper::Gripper;
 use crate::commands::latency::Latency;
+use crate::commands::paper::Paper;
 use crate::commands::replay::Replay;
 use crate::commands::run::{Hold, Run};
 use crate::commands::simulate::Simulate;
@@ -45,6 +46,9 @@ pub enum Command {
     /// Judge many simulated trials with ours and with rival detectors, and write records, tables and a page
     #[command(after_help = EXIT_CODES)]
     Eval(Eval),
+    /// Make every figure and table of the paper from our own frames, on one page
+    #[command(after_help = EXIT_CODES)]
+    Paper(Paper),
     /// Make the sensor file of an unknown finger from a picture of it at rest
     #[command(after_help = EXIT_CODES)]
     Calibrate(Calibrate),

@@ -6,6 +6,7 @@ pub mod emulate;
 pub mod eval;
 pub mod gripper;
 pub mod latency;
+pub mod paper;
 mod recording;
 pub mod replay;
 pub mod run;
@@ -25,6 +26,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Replay(replay) => replay.run(),
         Command::Trials(trials) => trials.run(),
         Command::Eval(eval) => eval.run(),
+        Command::Paper(paper) => paper.run(),
         Command::Watch(watch) => watch.run(),
         Command::Calibrate(calibrate) => calibrate.run(),
         Command::Sensors => sensors::run(),

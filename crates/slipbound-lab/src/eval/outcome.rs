@@ -25,6 +25,9 @@ const GROSS_FROM_FRACTION: f64 = 0.8;
 /// For how many frames the grip must have been steady for a frame to be scored: 0.2 s.
 const STEADY_FRAMES: usize = FRAME_RATE_HZ as usize / 5;
 
+/// Key of the highest score of the frames that count at f < 0.2: what an alarm must not be raised for.
+pub const SCORE_BELOW: &str = "score_below_f_0.2";
+
 /// The stream of a trial of an evaluation. Streams of the tuning split are drawn from their seeds directly, these
 /// through one draw more: no seed given here repeats a trial that something was fitted to.
 pub fn stream(seed: u64, number: u64) -> Random {
@@ -70,6 +73,11 @@ impl Outcome {
     pub fn of(record: &TrialRecord) -> Option<Outcome> {
         let word = record.word_of("outcome")?;
         Outcome::ALL.into_iter().find(|outcome| outcome.word() == word)
+    }
+
+    /// Whether an alarm came before gross slip, for a reason or not.
+    pub fn is_before_gross(self) -> bool {
+        matches!(self, Outcome::InTime | Outcome::False)
     }
 
     /// Whether the detector was right.
@@ -121,7 +129,9 @@ pub fn record(asked: &Asked, entry: &Entry, watched: &Watched, seen: &[Seen]) ->
         (true, Some(_)) => Outcome::InTime,
     };
     let before_gross = |n: &usize| !asked.slips || !is_past_gross(*n);
-    let score = (0..facts.len()).filter(counts).filter(before_gross).map(|n| seen[n].score).fold(0.0, f64::max);
+    let highest = |frames: &mut dyn Iterator<Item = usize>| frames.map(|n| seen[n].score).fold(0.0, f64::max);
+    let score = highest(&mut (0..facts.len()).filter(counts).filter(before_gross));
+    let score_below = highest(&mut (0..facts.len()).filter(counts).filter(|&n| f[n] < FALSE_BELOW_FRACTION));
     let loaded = || (0..facts.len()).filter(|&n| facts[n].frame >= watched.load_from_frame);
     let decided = |n: &usize| matches!(seen[*n].state, SlipState::Stick | SlipState::Incipient | SlipState::Gross);
     let lead_ms = first.and_then(|n| Some(1e3 * (watched.gross?.time_s - facts[n].time_s)));
@@ -143,6 +153,7 @@ pub fn record(asked: &Asked, entry: &Entry, watched: &Watched, seen: &[Seen]) ->
     .with("lead_ms", lead_ms)
     .with("gross_frame", gross_frame)
     .with("alarm_while_gripping", gripping)
+    .with(SCORE_BELOW, score_below)
     .with("loaded_frames", loaded().count())
     .with("decided_frames", loaded().filter(decided).count());
     let record = with_gross(record, watched, seen, &f);

@@ -1,8 +1,8 @@
 //! Tables over ramps: alarms, lead, exactness, direction, gross.
 
-use super::outcome::{FALSE_BELOW_FRACTION, Outcome};
+use super::outcome::{FALSE_BELOW_FRACTION, Outcome, SCORE_BELOW};
 use super::record::TrialRecord;
-use super::statistics::{Estimated, mean, median, quantile, share, share_of};
+use super::statistics::{Estimated, auc, mean, median, quantile, share, share_of};
 use super::table::{Cell, Table};
 use crate::rivals::DETECTORS;
 
@@ -28,18 +28,21 @@ fn sliding<'a>(records: &'a [TrialRecord], detector: &str) -> Vec<&'a TrialRecor
 
 /// Alarm before gross slip: whether it was false or in time.
 fn before_gross(records: &[&TrialRecord]) -> Estimated {
-    share_of(records.iter().map(|r| matches!(Outcome::of(r), Some(Outcome::InTime | Outcome::False))))
+    share_of(records.iter().map(|r| Outcome::of(r).is_some_and(Outcome::is_before_gross)))
 }
 
 fn is_false(records: &[&TrialRecord]) -> Estimated {
     share_of(records.iter().map(|r| Outcome::of(r) == Some(Outcome::False)))
 }
 
-/// f at the alarms that came before gross slip.
+/// Those with an alarm before gross slip.
+fn alarmed<'a>(records: &[&'a TrialRecord]) -> Vec<&'a TrialRecord> {
+    records.iter().copied().filter(|r| Outcome::of(r).is_some_and(Outcome::is_before_gross)).collect()
+}
+
+/// f at the alarms before gross slip, false ones among them.
 fn fractions(records: &[&TrialRecord]) -> Vec<f64> {
-    let in_time: Vec<&TrialRecord> =
-        records.iter().copied().filter(|r| Outcome::of(r) == Some(Outcome::InTime)).collect();
-    numbers(&in_time, "f_at_alarm")
+    numbers(&alarmed(records), "f_at_alarm")
 }
 
 /// The tables of all ramps, their titles begun with `prefix`.
@@ -48,8 +51,9 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
     let mut alarms = Table::new(
         &title("Alarms"),
         &format!(
-            "Before gross slip: the first alarm came before it. False: at f < {FALSE_BELOW_FRACTION}, while gripping included for ours. f of the alarms \
-             in between; lead of the same on ramps of 1 s, from the exposure of the frame, no latency taken off. Coverage: share of the loaded frames that \
+            "Before gross slip: the first alarm came before it. False: at f < {FALSE_BELOW_FRACTION}, while gripping included for ours. f of all \
+             alarms before gross slip, false ones among them; lead of the same on ramps of 1 s, from the exposure of the frame, no latency taken off. AUC: the highest \
+             score before gross slip against the highest at f < {FALSE_BELOW_FRACTION}. Coverage: share of the loaded frames that \
              were decided."
         ),
         &[
@@ -62,13 +66,14 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
             "lead ms, median",
             "5th pct",
             "coverage %",
+            "AUC",
         ],
     );
     let mut exact = Table::new(
         &title("Exactness"),
         "Mean over ramps of the mean absolute error of stick ratio and margin, on frames with f >= 0.1 and the grip steady for 0.2 s; shear and torque: \
-         root mean square error over the loaded frames over the value at gross slip; friction: median relative error once f > 0.3. In brackets \
-         below each the number of ramps it is known for.",
+         root mean square error over the loaded frames over the value at gross slip; friction: median relative error once f > 0.3. Last: in how many \
+         ramps each of the five is known.",
         &[
             "detector",
             "ramps",
@@ -96,11 +101,8 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
             continue;
         }
         let (count, f) = (Cell::Count(all.len() as u64), fractions(&all));
-        let one_s: Vec<&TrialRecord> = all
-            .iter()
-            .copied()
-            .filter(|r| r.number_of("ramp_s") == Some(1.0) && Outcome::of(r) == Some(Outcome::InTime))
-            .collect();
+        let mut one_s = alarmed(&all);
+        one_s.retain(|r| r.number_of("ramp_s") == Some(1.0));
         let leads = numbers(&one_s, "lead_ms");
         let sum = |key: &str| numbers(&all, key).iter().sum::<f64>() as u64;
         alarms.rows.push(vec![
@@ -113,6 +115,7 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
             Cell::Number(median(&leads), 0),
             Cell::Number(quantile(&leads, 0.05), 0),
             Cell::Share(share(sum("decided_frames"), sum("loaded_frames"))),
+            Cell::Number(auc(&all.iter().map(|r| r.score).collect::<Vec<f64>>(), &numbers(&all, SCORE_BELOW)), 3),
         ]);
         if !entry.is_ours() {
             continue;

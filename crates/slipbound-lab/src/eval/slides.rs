@@ -156,13 +156,13 @@ impl Protocol for Slides {
             ),
             &[
                 "detector",
+                "speed mm/s",
                 "slides",
                 "said %",
                 "delay frames, median",
                 "within 2 frames %",
                 "kept %",
                 "false %",
-                "speed mm/s",
                 "delay frames, 95th pct",
                 "soon enough %",
             ],
@@ -184,7 +184,7 @@ impl Protocol for Slides {
                 };
                 let soon = some.iter().filter(is_soon).count() as u64;
                 let mut row = gross_row(entry.name, &some);
-                row.push(Cell::plain(speed_mm_per_s, some.len() as u64, 1));
+                row.insert(1, Cell::plain(speed_mm_per_s, some.len() as u64, 1));
                 row.push(Cell::Number(quantile(&delays, 0.95), 1));
                 row.push(Cell::Share(share(soon, some.len() as u64)));
                 table.rows.push(row);

@@ -156,13 +156,8 @@ impl Desk {
 /// The finger as the method is told it: with its shear stiffness, right or wrong by a factor.
 fn told_sensor(world: &World, scale: f64) -> Sensor {
     let sensor = world.sensor();
-    let gel = world.finger().settings().gel;
-    let stiffness_mpa_per_mm = scale * gel.shear_modulus_mpa() / gel.thickness_mm;
-    let shear = sensor.pitch_mm.map(|pitch_mm| Shear {
-        stiffness_n_per_pitch: stiffness_mpa_per_mm * pitch_mm * pitch_mm * pitch_mm,
-        provenance: "simulator: shear modulus over thickness of the gel".into(),
-    });
-    Sensor { shear, ..sensor }
+    let told = |shear: Shear| Shear { stiffness_n_per_pitch: scale * shear.stiffness_n_per_pitch, ..shear };
+    Sensor { shear: sensor.shear.map(told), ..sensor }
 }
 
 /// Runs a trial under the eyes of some detectors. `onlooker`: the detector whose monitor it looks at, and what looks.

@@ -8,7 +8,7 @@ use slipbound::monitor::{SlipMonitor, SlipReport};
 /// Displacement that counts as none, in pitches: the ratio of two small numbers says nothing.
 const NONE_PITCH: f64 = 0.05;
 
-/// Ratio above which it alarms. Ours; set on training trials, see docs/eval.md.
+/// Ratio above which it alarms. Ours, see docs/eval.md.
 const THRESHOLD_RATIO: f64 = 1.4;
 
 /// Score: mean displacement of the third of the markers in contact nearest to its middle over that of the outermost

@@ -4,7 +4,7 @@ use super::Detector;
 use super::reference::{LEAST_COUNT, Reference};
 use slipbound::monitor::{SlipMonitor, SlipReport};
 
-/// Mean displacement, in pitches, above which it alarms. Ours; set on training trials, see docs/eval.md.
+/// Mean displacement, in pitches, above which it alarms. Ours, see docs/eval.md.
 const THRESHOLD_PITCH: f64 = 0.15;
 
 /// Score: length of the displacement of the markers in contact since the reference, mean over them, in pitches.

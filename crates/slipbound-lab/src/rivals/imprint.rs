@@ -25,8 +25,8 @@ const LEAST_ALIKE: f64 = 0.5;
 /// Fewest patches that are judged.
 const LEAST_PATCHES: usize = 4;
 
-/// Mean motion against the markers, in pitches, above which it alarms. Ours; set on training trials, see docs/eval.md.
-const THRESHOLD_PITCH: f64 = 0.12;
+/// Mean motion against the markers, in pitches, above which it alarms. Ours, see docs/eval.md.
+const THRESHOLD_PITCH: f64 = 0.02;
 
 /// A patch of the reference.
 #[derive(Debug, Clone)]
