@@ -14,7 +14,6 @@ const ALIKE: (f64, f64) = (0.05, 3.5);
 const NEIGHBOURS_PITCH: f64 = 2.3;
 const OPEN_SECTOR_RAD: f64 = 2.6;
 
-
 /// The sum over all markers of their displacement from rest, rectified px.
 pub fn displacement_sum_px(markers: &[Marker]) -> Vec2 {
     markers.iter().fold(Vec2::ZERO, |sum, m| sum + (m.now - m.rest))
