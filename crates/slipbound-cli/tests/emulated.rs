@@ -2,8 +2,9 @@
 //! sockets; what goes wrong with the gripper; what `run` and `hold` refuse.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 fn slipbound(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("runs")
@@ -125,14 +126,48 @@ fn other_grippers_do_the_tasks_too() {
 }
 
 #[test]
-fn over_sockets_and_in_real_time_a_cap_is_opened_too() {
+fn over_sockets_and_in_real_time_a_cap_is_opened_too_and_that_replays() {
     let scratch = tempfile::tempdir().expect("a folder");
-    let output = demo(
-        &scratch.path().join("run"),
-        &["--task", "unscrew", "--set", "mu=0.9", "--emulated", "wsg50", "--sockets"],
-    );
+    let run = scratch.path().join("run");
+    let args = ["--task", "unscrew", "--set", "mu=0.9", "--emulated", "wsg50", "--sockets", "--record"];
+    let output = demo(&run, &args);
     assert!(output.status.success(), "{}", told(&output));
     assert_eq!(row(&told(&output), "ended"), "Opened");
+    check_replay(&run);
+}
+
+fn check_replay(run: &Path) {
+    let again = slipbound(&["replay", run.to_str().expect("UTF-8")]);
+    assert!(again.status.success(), "{}", told(&again));
+    assert!(told(&again).contains("every report and command the same"), "{}", told(&again));
+}
+
+/// `hold` against an emulator in a process of its own: what it leaves replays without either.
+#[test]
+fn a_hold_on_emulated_hardware_replays_from_its_folder_alone() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (seen, held) = (scratch.path().join("seen"), scratch.path().join("held"));
+    let made = demo(&seen, &["--task", "lift", "--set", "longest_s=4", "--record"]);
+    assert!(seen.join("left").exists(), "{}", told(&made));
+    let mut emulator = Command::new(env!("CARGO_BIN_EXE_slipbound"))
+        .args(["emulate", "wsg50", "--width", "66", "--weight", "8", "--mu", "0.6"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("starts");
+    let mut line = String::new();
+    BufReader::new(emulator.stdout.as_mut().expect("piped")).read_line(&mut line).expect("its address");
+    let gripper = format!("{}?part_width_mm=66&lowering=allow", line.trim());
+    let output = Command::new(env!("CARGO_BIN_EXE_slipbound"))
+        .arg("hold")
+        .arg(seen.join("left"))
+        .args(["--sensor", "gelslim", "--gripper", &gripper, "--for-s", "1", "--record", "-o"])
+        .arg(&held)
+        .output()
+        .expect("runs");
+    emulator.kill().and_then(|()| emulator.wait()).expect("ends");
+    assert!(output.status.success(), "{}", told(&output));
+    fs::remove_dir_all(&seen).expect("removed");
+    check_replay(&held);
 }
 
 #[test]

@@ -3,15 +3,16 @@
 mod picture;
 
 use picture::{Painter, Touch};
-use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome, CycleView};
+use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome, CycleView, FaultKind};
 use slipbound::finger_pipeline::FingerPipeline;
-use slipbound::hand::{Mounting, Side};
+use slipbound::hand::{Health, Mounting, Side};
 use slipbound::image::SizePx;
 use slipbound::monitor::{RestKind, Settings, SlipRule, SlipSettings};
 use slipbound::plane::Vec2;
 use slipbound::port::{
     Clock, DriverEvent, FrameBuffer, FrameSource, GripCommand, Gripper, GripperError, GripperErrorKind, GripperState,
-    Jaws, Next, PixelFormat, SourceError, SourceErrorKind, Wrist, WristCommand, WristError, WristMotion, WristState,
+    Jaws, Next, PixelFormat, SourceError, SourceErrorKind, Wrist, WristCommand, WristError, WristErrorKind,
+    WristMotion, WristState,
 };
 use slipbound::sensor::Skin;
 use slipbound::task::{Phase, TaskKind, TaskSettings};
@@ -29,6 +30,7 @@ enum Scene {
     /// Held; the rim of the contact lags behind the object by so many px.
     Held(f64),
     Torn,
+    Silent,
     Unplugged,
 }
 
@@ -48,6 +50,7 @@ impl FrameSource for Camera {
         let (lag_px, touch) = match scene {
             Scene::Open => (0.0, None),
             Scene::Held(lag_px) => (lag_px, Some(touch)),
+            Scene::Silent => return Ok(Next::Silent),
             Scene::Torn => return Ok(Next::Torn { reason: "cut off".into() }),
             Scene::Unplugged => return Err(SourceError::new(SourceErrorKind::Disconnected, "my camera: unplugged")),
         };
@@ -68,6 +71,8 @@ struct MyGripper {
     command: Option<GripCommand>,
     is_lost: bool,
     refuses_lowering: bool,
+    /// What it presses with at the most, N; None for whatever it is told.
+    most_n: Option<f64>,
     commands: Vec<GripCommand>,
     events: Vec<DriverEvent>,
 }
@@ -89,7 +94,8 @@ impl Gripper for MyGripper {
         }
         let force_n = self.command.and_then(|c| c.force_n());
         let jaws = if force_n.is_some() { Jaws::Holding } else { Jaws::Open };
-        Ok(GripperState { time_ns: 0, force_n, target_n: force_n, opening_mm: None, jaws })
+        let pressed_n = force_n.map(|n| n.min(self.most_n.unwrap_or(n)));
+        Ok(GripperState { time_ns: 0, force_n: pressed_n, target_n: force_n, opening_mm: None, jaws })
     }
 
     fn next_event(&mut self) -> Option<DriverEvent> {
@@ -97,8 +103,9 @@ impl Gripper for MyGripper {
     }
 }
 
+/// What it was told, and whether it is lost.
 #[derive(Default)]
-struct MyWrist(Vec<WristMotion>);
+struct MyWrist(Vec<WristMotion>, bool);
 
 impl Wrist for MyWrist {
     fn command(&mut self, command: WristCommand) -> Result<(), WristError> {
@@ -107,6 +114,9 @@ impl Wrist for MyWrist {
     }
 
     fn poll(&mut self) -> Result<WristState, WristError> {
+        if self.1 {
+            return Err(WristError::new(WristErrorKind::Link, "cable out"));
+        }
         Ok(WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false })
     }
 }
@@ -226,7 +236,8 @@ fn an_unplugged_camera_ends_the_loop_with_the_wrist_paused_and_the_force_kept() 
     let mut control = control(scenes(&parts), &hold());
     let (mut gripper, mut wrist, mut diary) = (MyGripper::default(), MyWrist::default(), Diary::default());
     let error = run(&mut control, &mut gripper, &mut wrist, &mut diary).expect("unplugged");
-    assert!(matches!(&error, ControlError::Source { finger, .. } if finger == "left"));
+    let ControlError::Source { finger, source } = &error else { panic!("{error}") };
+    assert_eq!((finger.as_str(), source.kind), ("left", SourceErrorKind::Disconnected));
     assert_eq!(error.to_string(), "left: my camera: unplugged");
     assert_eq!((diary.words.last(), wrist.0.last()), (Some(&"left"), Some(&WristMotion::Pause)));
     assert_eq!(gripper.command, Some(GripCommand::Hold { force_n: 10.0 }));
@@ -251,4 +262,43 @@ fn a_gripper_that_refuses_a_lower_force_is_no_fault() {
     assert!(run(&mut control, &mut gripper, &mut wrist, &mut diary).is_none());
     assert_eq!(gripper.command, Some(GripCommand::Hold { force_n: 20.0 }));
     assert!(control.fault().is_none() && !diary.slips.is_empty());
+}
+
+#[test]
+fn a_silent_camera_makes_its_finger_blind_until_it_speaks_again() {
+    let parts = [(20, Scene::Open), (3, Scene::Held(0.0)), (2, Scene::Silent), (2, Scene::Held(0.0))];
+    let mut control = control(scenes(&parts), &hold());
+    let (mut gripper, mut wrist) = (MyGripper::default(), MyWrist::default());
+    for cycle in 0..27 {
+        let outcome = control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut ()).expect("goes on");
+        let expected = if (23..25).contains(&cycle) { Health::Blind } else { Health::Live };
+        assert!(outcome.commanded().is_none_or(|c| c.hand.health[0] == expected), "cycle {cycle}: {outcome:?}");
+        assert!(cycle < 20 || outcome.commanded().is_some());
+    }
+}
+
+#[test]
+fn with_the_wrist_lost_the_grip_is_commanded_on_and_the_fault_is_cleared_after_half_a_second() {
+    let mut control = control(scenes(&[(20, Scene::Open), (30, Scene::Held(0.0))]), &hold());
+    let (mut gripper, mut wrist) = (MyGripper::default(), MyWrist::default());
+    for cycle in 0..50 {
+        wrist.1 = (25..28).contains(&cycle);
+        let outcome = control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut ()).expect("goes on");
+        assert!(cycle < 20 || outcome.commanded().is_some(), "cycle {cycle}");
+        // The last fault is that of cycle 27; half a second is just over 15 cycles.
+        let expected = (25..43).contains(&cycle).then_some(FaultKind::Wrist(WristErrorKind::Link));
+        assert_eq!(control.fault().map(|fault| fault.kind), expected, "cycle {cycle}");
+    }
+}
+
+#[test]
+fn a_force_that_stays_short_is_a_fault_after_a_second_and_a_half() {
+    let mut control = control(scenes(&[(20, Scene::Open), (60, Scene::Held(0.0))]), &hold());
+    let mut gripper = MyGripper { most_n: Some(5.0), ..MyGripper::default() };
+    let mut wrist = MyWrist::default();
+    for cycle in 0..80 {
+        control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut ()).expect("goes on");
+        let is_fault = control.fault().is_some_and(|fault| fault.kind == FaultKind::ForceShortfall);
+        assert_eq!(is_fault, cycle >= 20 + 1 + 45, "cycle {cycle}: 10 N asked for from 20 on, seen from 21 on");
+    }
 }

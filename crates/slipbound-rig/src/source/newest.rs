@@ -62,7 +62,7 @@ impl Arrivals {
     pub fn is_waiting(&self) -> bool {
         let mut slot = self.0.lock();
         if slot.is_empty() {
-            slot.asks.get_or_insert_with(thread::current);
+            slot.asks = Some(thread::current());
         }
         !slot.is_empty()
     }

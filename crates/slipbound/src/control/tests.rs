@@ -87,6 +87,8 @@ fn who_leaves_pauses_the_wrist_first_and_only_ever_presses_harder() {
         (Some(35.0), holds(Phase::Working), vec!["Pause", "grip 35"]),
         (Some(12.0), holds(Phase::Working), vec!["Pause"]),
         (Some(35.0), releases(), vec!["Pause"]),
+        (Some(35.0), holds(Phase::Releasing), vec!["Pause"]),
+        (Some(35.0), holds(Phase::Ended(crate::task::Ending::Held)), vec!["Pause"]),
     ] {
         let (scribe, mut control) = (Scribe::default(), control(blind_force_n));
         control.last_step = Some(last);

@@ -1,0 +1,77 @@
+//! A disk that takes no more in the middle of a run: the loop goes on to the same end, and what was lost is told.
+//! The limit on the size of a file stands for the disk: writes beyond it fail in the middle, as on a full one.
+#![cfg(target_os = "linux")]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// What a file may take, in blocks of 512 bytes: every frame, but not every cycle's line, and not the page.
+const LIMIT_BLOCKS: &str = "160";
+
+fn slipbound(limit_blocks: &str, args: &[&str]) -> Output {
+    // Without the trap the limit would end the process instead of failing the write.
+    let script = "trap '' XFSZ; ulimit -f \"$0\"; exec \"$@\"";
+    let program = env!("CARGO_BIN_EXE_slipbound");
+    Command::new("sh").args(["-c", script, limit_blocks, program]).args(args).output().expect("runs")
+}
+
+fn told(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+fn row(told: &str, name: &str) -> String {
+    let line = told.lines().find_map(|line| line.trim().strip_prefix(name));
+    line.unwrap_or_else(|| panic!("no row {name}: {told}")).trim().to_owned()
+}
+
+/// Exit code 3, a count and a reason, and only whole lines.
+fn check_lost(folder: &Path, output: &Output) {
+    assert_eq!(output.status.code(), Some(3), "{}", told(output));
+    assert!(told(output).contains("times something could not be written, the first: "), "{}", told(output));
+    for name in ["reports.jsonl", "frames.jsonl", "events.jsonl"] {
+        let text = fs::read_to_string(folder.join(name)).expect("lines");
+        for line in text.lines() {
+            assert!(serde_json::from_str::<serde_json::Value>(line).is_ok(), "{name}: {line}");
+        }
+    }
+}
+
+#[test]
+fn a_full_disk_changes_nothing_in_the_loop_and_is_told_at_the_end() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| scratch.path().join(name).to_str().expect("UTF-8").to_owned();
+    let (whole, cut, held) = (path("whole"), path("cut"), path("held"));
+    let unscrew = ["demo", "--fingers", "1", "--task", "unscrew", "--emulated", "wsg50", "--record", "-o"];
+    let without = slipbound("unlimited", &[&unscrew[..], &[&whole]].concat());
+    assert!(without.status.success(), "{}", told(&without));
+    let with = slipbound(LIMIT_BLOCKS, &[&unscrew[..], &[&cut]].concat());
+    check_lost(Path::new(&cut), &with);
+    assert!(told(&with).contains("report.html: cannot write"), "{}", told(&with));
+    assert!(!Path::new(&cut).join("report.html").exists(), "half a page is none");
+    for name in ["ended", "largest grip", "slid in the fingers", "alarms"] {
+        assert_eq!(row(&told(&without), name), row(&told(&with), name), "{name}");
+    }
+    // What is there replays, up to where it breaks off.
+    let again = slipbound("unlimited", &["replay", &cut]);
+    let ends = "frames.jsonl: ends before cycle";
+    assert!(again.status.success() || told(&again).contains(ends), "{}", told(&again));
+
+    // In real time, behind the queue.
+    let frames = format!("{whole}/left");
+    let hold = ["hold", &frames, "--sensor", "gelslim", "--gripper", "dry", "--rate-hz", "60", "--record", "-o", &held];
+    let held_on = slipbound(LIMIT_BLOCKS, &hold);
+    check_lost(Path::new(&held), &held_on);
+    assert!(row(&told(&held_on), "ended").contains("Held"), "{}", told(&held_on));
+}
+
+#[test]
+fn a_run_without_a_single_cycle_is_not_called_the_same() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let run = scratch.path().join("run").to_str().expect("UTF-8").to_owned();
+    let short = ["--fingers", "1", "--task", "lift", "--set", "longest_s=0.3", "--record", "-o", &run];
+    slipbound("unlimited", &[&["demo"], &short[..]].concat());
+    let again = slipbound("unlimited", &["replay", &run]);
+    assert_eq!(again.status.code(), Some(1), "{}", told(&again));
+    assert!(told(&again).contains("expected cycles in which something was commanded, got none"), "{}", told(&again));
+}
