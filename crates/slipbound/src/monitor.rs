@@ -2,6 +2,7 @@
 
 mod cell_map;
 mod contact;
+mod evidence;
 mod imprint;
 mod markers;
 mod motion;
@@ -12,6 +13,7 @@ mod settings;
 mod slip;
 
 pub use contact::ContactSettings;
+pub use evidence::{EvidenceReport, EvidenceScale, EvidenceSettings};
 pub use imprint::{Illumination, ImprintSettings};
 pub use markers::{Finder, MarkerSettings};
 pub use motion::{Fit, MotionSettings, fit_most, fit_rigid, fit_similarity};
@@ -63,6 +65,7 @@ pub struct SlipMonitor {
     markers: markers::Markers,
     motion: motion::Motion,
     slip: slip::Slip,
+    evidence: evidence::Evidence,
     rest_seq: u64,
     refusal: Option<Reason>,
     reference_seq: u64,
@@ -84,6 +87,7 @@ impl SlipMonitor {
             markers: markers::Markers::new(&sensor, &settings.markers, &rest),
             motion: motion::Motion::new(&sensor, &settings.motion),
             slip: slip::Slip::new(&sensor, &settings.slip, rest.markers.len()),
+            evidence: evidence::Evidence::new(&sensor, &settings.evidence, &imprint, &rest),
             rest_seq: rest.seq,
             refusal: rest.refusal,
             reference_seq: rest.seq,
@@ -127,6 +131,7 @@ impl SlipMonitor {
 
         let area_px2 = self.contact.area_px2 as f64;
         self.slip.judge(self.motion.motion.as_ref(), grip, area_px2, &mut self.markers.all);
+        self.evidence.take(frame.seq, &self.imprint, area_px2, &self.markers.all);
         probe.after(Step::Slip, self);
 
         let report = self.report(frame, grip);
@@ -254,6 +259,7 @@ impl SlipMonitor {
             }),
             shear: self.shear(),
             slip: self.slip.summary,
+            evidence: self.evidence.report,
         }
     }
 
@@ -282,6 +288,7 @@ impl SlipMonitor {
             motion: None,
             shear: None,
             slip: SlipSummary { max_mm: none, ..SlipSummary::default() },
+            evidence: None,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! What one frame says: plain data, `Copy`, nothing in it from our own clock.
 
 use crate::image::SizePx;
+use crate::monitor::evidence::EvidenceReport;
 use crate::plane::Vec2;
 use crate::sensor::Flip;
 use serde::{Deserialize, Serialize, Serializer};
@@ -197,6 +198,8 @@ pub struct SlipReport {
     pub shear: Option<ShearReport>,
     /// Step 4.
     pub slip: SlipSummary,
+    /// Evidence of sliding that does not rest on the slip field; None without contact, and where it is not used.
+    pub evidence: Option<EvidenceReport>,
 }
 
 /// One marker as it is known after a frame.

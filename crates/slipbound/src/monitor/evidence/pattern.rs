@@ -1,0 +1,140 @@
+//! The imprint in gel coordinates: what stays the same while the object sticks, however the gel is sheared.
+//!
+//! ```text
+//!   picture --undo the gel's motion--> gel coordinates --markers masked, minus a blur--> pattern
+//!                                                                 correlated with the reference: imprint change
+//! ```
+
+use super::gel::GelMotion;
+use super::picture::Picture;
+use crate::image::Mask;
+use crate::monitor::imprint::Imprint;
+use crate::plane::Vec2;
+use crate::sensor::{Sensor, Skin};
+
+/// Spread of the blur that is taken off, in pitches. Shading of the whole contact and of the light is wider, the
+/// edges and creases of an object are finer.
+const BLUR_PITCH: f64 = 0.4;
+
+/// The same on a fabric skin, where the pattern is the patch of pressed weave as a whole.
+const BLUR_PITCH_FABRIC: f64 = 1.2;
+
+/// Markers hide the pattern within this many of their diameters of their centre: their own rim, and half a cell.
+const MASK_DIAMETERS: f64 = 1.0;
+
+/// A shade, and 1 where it is seen, 0 where not.
+pub(super) type Seen = [f32; 3];
+
+/// The pattern of the last frame; owns its scratch.
+#[derive(Debug, Clone)]
+pub(super) struct Pattern {
+    picture: Picture,
+    /// Gel cells that no marker covers.
+    free: Vec<bool>,
+    /// Camera's view: what is outside is not seen.
+    view: Option<Mask>,
+    kernel: Vec<f32>,
+    rows_blurred: Vec<Seen>,
+    blurred: Vec<Seen>,
+    /// Band-passed, in gel coordinates.
+    pub(super) now: Vec<Seen>,
+}
+
+impl Pattern {
+    pub(super) fn new(sensor: &Sensor, rest_px: &[Vec2], view: Option<&Mask>) -> Self {
+        let picture = Picture::new(sensor);
+        let count = picture.shades.len();
+        let mask_px = MASK_DIAMETERS * sensor.marker_diameter_px;
+        let free = (0..count)
+            .map(|cell| {
+                let centre = picture.centre_px(cell);
+                rest_px.iter().all(|&marker| (marker - centre).length() > mask_px)
+            })
+            .collect();
+        let blur_pitch = if sensor.skin == Skin::Fabric { BLUR_PITCH_FABRIC } else { BLUR_PITCH };
+        let spread_cells = (blur_pitch * sensor.pitch_px / picture.cell_px as f64).max(1.0);
+        let reach = (2.5 * spread_cells).ceil() as usize;
+        let kernel = (0..=reach).map(|d| libm::exp(-0.5 * (d as f64 / spread_cells).powi(2)) as f32).collect();
+        Pattern {
+            free,
+            view: view.cloned(),
+            kernel,
+            rows_blurred: vec![[0.0; 3]; count],
+            blurred: vec![[0.0; 3]; count],
+            now: vec![[0.0; 3]; count],
+            picture,
+        }
+    }
+
+    /// Cells in a row.
+    pub(super) fn columns(&self) -> usize {
+        self.picture.columns
+    }
+
+    /// Side of a cell in px.
+    pub(super) fn cell_px(&self) -> usize {
+        self.picture.cell_px
+    }
+
+    /// Takes the pattern of the frame taken last.
+    pub(super) fn take(&mut self, imprint: &Imprint, gel: &GelMotion) {
+        self.picture.take(imprint);
+        for (cell, out) in self.now.iter_mut().enumerate() {
+            let at = self.picture.centre_px(cell);
+            let there = at + gel.at(at);
+            *out = match self.picture.at(there) {
+                Some([a, b]) if self.free[cell] && in_view(self.view.as_ref(), there) => [a, b, 1.0],
+                _ => [0.0; 3],
+            };
+        }
+        self.blur();
+        for (out, blurred) in self.now.iter_mut().zip(&self.blurred) {
+            if out[2] > 0.0 {
+                let per_weight = 1.0 / blurred[2].max(1e-6);
+                *out = [out[0] - blurred[0] * per_weight, out[1] - blurred[1] * per_weight, 1.0];
+            }
+        }
+    }
+
+    /// Gaussian of the seen shades and of their weight, rows first.
+    fn blur(&mut self) {
+        let (columns, reach) = (self.picture.columns, self.kernel.len() - 1);
+        let add = |to: &mut [Seen], from: &[Seen], tap: f32| {
+            for (t, f) in to.iter_mut().zip(from) {
+                t.iter_mut().zip(f).for_each(|(t, f)| *t += tap * f);
+            }
+        };
+        for (row, out) in self.now.chunks_exact(columns).zip(self.rows_blurred.chunks_exact_mut(columns)) {
+            out.fill([0.0; 3]);
+            add(out, row, self.kernel[0]);
+            for away in 1..=reach.min(columns - 1) {
+                add(&mut out[away..], &row[..columns - away], self.kernel[away]);
+                add(&mut out[..columns - away], &row[away..], self.kernel[away]);
+            }
+        }
+        let rows = self.picture.rows;
+        for (y, out) in self.blurred.chunks_exact_mut(columns).enumerate() {
+            out.fill([0.0; 3]);
+            for near in y.saturating_sub(reach)..=(y + reach).min(rows - 1) {
+                add(out, &self.rows_blurred[near * columns..][..columns], self.kernel[near.abs_diff(y)]);
+            }
+        }
+    }
+
+    /// 1 - correlation of the pattern with another one, over the cells that both see; None when one of them is flat.
+    pub(super) fn change(&self, other: &[Seen]) -> Option<f64> {
+        let (mut both, mut here, mut there) = (0.0f64, 0.0f64, 0.0f64);
+        for (a, b) in self.now.iter().zip(other).filter(|(a, b)| a[2] * b[2] > 0.0) {
+            both += f64::from(a[0] * b[0] + a[1] * b[1]);
+            here += f64::from(a[0] * a[0] + a[1] * a[1]);
+            there += f64::from(b[0] * b[0] + b[1] * b[1]);
+        }
+        let scale = (here * there).sqrt();
+        (scale > 0.0).then(|| 1.0 - both / scale)
+    }
+}
+
+fn in_view(view: Option<&Mask>, at: Vec2) -> bool {
+    view.is_none_or(|view| view.get(at.x.round() as isize, at.y.round() as isize))
+}
+
