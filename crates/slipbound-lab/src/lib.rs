@@ -46,6 +46,7 @@
 //! takes commands; [`score`] rates what a run did.
 
 pub mod contact;
+pub mod eval;
 pub mod faults;
 pub mod hand;
 pub mod jpeg;
@@ -57,6 +58,7 @@ pub mod protocol;
 pub mod random;
 pub mod record;
 pub mod render;
+pub mod rivals;
 pub mod scenes;
 pub mod score;
 pub mod trials;

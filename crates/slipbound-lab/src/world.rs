@@ -13,11 +13,13 @@
 
 mod gross;
 mod load;
+mod physics;
 mod truth;
 
 pub use crate::contact::GROSS_FRICTION_FRACTION;
 pub use gross::Gross;
 pub(crate) use gross::Sliding;
+pub use physics::Physics;
 pub use truth::{FrameTruth, SlipTruth, TRUTH_FORMAT_VERSION, TimedEvent, TruthHeader, complete, runs, unpacked};
 
 use crate::contact::{Command, Displacement, Drive, Event, Finger, FingerSettings, Friction, Grid, Grip, Pose, Wrench};
@@ -67,13 +69,19 @@ pub struct World {
 impl World {
     /// The world of a trial, before its first frame. Refuses what the scene, the object or the contact cannot be.
     pub fn new(trial: &Trial) -> Result<Self, SettingError> {
-        let profile = trial.load_profile()?;
+        Self::with(trial, trial.load_profile()?, &Physics::default())
+    }
+
+    /// The same with another course of things than the scene's, and with other physics than the object's and the
+    /// standard gel's.
+    pub fn with(trial: &Trial, profile: LoadProfile, physics: &Physics) -> Result<Self, SettingError> {
         let object = trial.object();
         let grid = if trial.word("grid") == "fast" { Grid::fast() } else { Grid::standard() };
         let settings = FingerSettings {
             grid,
-            soft_object: object.softness,
-            friction: Friction::constant(trial.mu()),
+            gel: physics.gel,
+            soft_object: physics.softness.or(object.softness),
+            friction: physics.friction.unwrap_or(Friction::constant(trial.mu())),
             substep_s: 1.0 / (FRAME_RATE_HZ * SUBSTEPS_COUNT) as f64,
             ..FingerSettings::standard()
         };
@@ -180,6 +188,15 @@ impl World {
     /// as it is now.
     pub fn photograph_rest(&mut self, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
         self.photograph_with(Random::of(self.trial.seed, u64::MAX).next_u64(), jpeg)
+    }
+
+    /// Another picture of the finger as it is now, with noise of its own drawn from `seed`, into `into`; its number and
+    /// time are the caller's.
+    pub fn photograph_again(&mut self, seed: u64, into: &mut FrameBuffer) -> Result<(), SourceError> {
+        self.photograph_with(Random::of(self.trial.seed, seed).next_u64(), &mut into.encoded)?;
+        into.clock = Clock::Device;
+        into.label.clear();
+        self.codec.decode(into)
     }
 
     fn photograph_with(&mut self, seed: u64, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {

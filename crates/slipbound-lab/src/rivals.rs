@@ -1,0 +1,156 @@
+//! Slip detectors of the literature beside ours, all on the markers and the contact that our monitor finds.
+//!
+//! ```text
+//!   frame --> SlipMonitor --markers, contact, imprint--> Detector --> score, alarm
+//! ```
+//!
+//! A score is continuous and causal: it knows nothing of later frames, and the larger it is the more it speaks for slip.
+//! Thresholds of rivals are the published ones where there are any, else set on trials that no table counts; the
+//! file of a rival says which.
+
+mod centre_rim;
+mod displacement;
+mod entropy;
+mod imprint;
+mod ours;
+mod paper;
+mod reference;
+
+pub use centre_rim::CentreRim;
+pub use displacement::Displacement;
+pub use entropy::Entropy;
+pub use imprint::Imprint;
+pub use ours::{Ours, said};
+pub use paper::{Paper, PaperAsWritten};
+
+use slipbound::monitor::{Settings, SlipMonitor, SlipReport};
+use slipbound::setting::SettingError;
+
+/// Whatever says from the monitor's findings whether slip is near.
+pub trait Detector: Send {
+    /// Judges a frame that the monitor has just seen: the score, a finite number.
+    fn see(&mut self, monitor: &SlipMonitor, report: &SlipReport) -> f64;
+
+    /// The score above which it raises the alarm.
+    fn threshold(&self) -> f64;
+
+    /// Counts from the frame it has seen last, as when the paper takes its reference once the object is held.
+    fn restart(&mut self);
+
+    /// Whether a frame with this score raises the alarm.
+    fn alarms(&self, score: f64, report: &SlipReport) -> bool {
+        let _ = report;
+        score > self.threshold()
+    }
+}
+
+/// What the monitor behind a detector is given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Inputs {
+    /// Frames, and the grip force as the gripper reads it.
+    FramesAndForce,
+    /// Frames alone.
+    Frames,
+    /// Frames alone, with the settings of the paper: its own markers and contact.
+    PaperFrames,
+}
+
+impl Inputs {
+    /// The settings of the monitor.
+    pub fn settings(self) -> Settings {
+        match self {
+            Inputs::PaperFrames => Settings::paper(),
+            Inputs::FramesAndForce | Inputs::Frames => Settings::default(),
+        }
+    }
+
+    /// Whether the monitor is told the grip force.
+    pub fn has_force(self) -> bool {
+        self == Inputs::FramesAndForce
+    }
+}
+
+/// A detector by name.
+#[derive(Debug, Clone, Copy)]
+pub struct Entry {
+    /// Its name in records and tables.
+    pub name: &'static str,
+    /// What it is, in a line.
+    pub what: &'static str,
+    /// What its monitor is given.
+    pub inputs: Inputs,
+    make: fn() -> Box<dyn Detector>,
+}
+
+impl Entry {
+    /// One that has seen nothing yet.
+    pub fn make(&self) -> Box<dyn Detector> {
+        (self.make)()
+    }
+
+    /// Whether it is ours.
+    pub fn is_ours(&self) -> bool {
+        self.name.starts_with("ours")
+    }
+}
+
+/// All detectors, ours first.
+pub const DETECTORS: [Entry; 8] = [
+    Entry {
+        name: "ours",
+        what: "the shipped verdict, told the grip force",
+        inputs: Inputs::FramesAndForce,
+        make: || Box::new(Ours),
+    },
+    Entry {
+        name: "ours_frames",
+        what: "the shipped verdict, from frames alone",
+        inputs: Inputs::Frames,
+        make: || Box::new(Ours),
+    },
+    Entry {
+        name: "paper_as_written",
+        what: "the paper with its own markers and contact (Dong et al. 2019)",
+        inputs: Inputs::PaperFrames,
+        make: || Box::new(PaperAsWritten),
+    },
+    Entry {
+        name: "paper",
+        what: "the paper's rule on our markers and contact",
+        inputs: Inputs::Frames,
+        make: || Box::<Paper>::default(),
+    },
+    Entry {
+        name: "entropy",
+        what: "entropy of the displacement field (after Yuan et al. 2015)",
+        inputs: Inputs::Frames,
+        make: || Box::<Entropy>::default(),
+    },
+    Entry {
+        name: "centre_rim",
+        what: "displacement of the centre over that of the rim (after Dong et al. 2017)",
+        inputs: Inputs::Frames,
+        make: || Box::<CentreRim>::default(),
+    },
+    Entry {
+        name: "imprint",
+        what: "motion of the imprint against the markers (after Dong et al. 2017)",
+        inputs: Inputs::Frames,
+        make: || Box::<Imprint>::default(),
+    },
+    Entry {
+        name: "displacement",
+        what: "mean displacement of the markers in contact",
+        inputs: Inputs::Frames,
+        make: || Box::<Displacement>::default(),
+    },
+];
+
+/// The detector of a name; the error lists the names.
+pub fn named(name: &str) -> Result<&'static Entry, SettingError> {
+    DETECTORS.iter().find(|entry| entry.name == name).ok_or_else(|| SettingError {
+        key: "detector".into(),
+        got: name.into(),
+        expected: format!("one of {}", DETECTORS.map(|entry| entry.name).join(", ")),
+    })
+}

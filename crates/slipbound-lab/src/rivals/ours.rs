@@ -1,0 +1,63 @@
+//! The shipped verdict.
+
+use super::Detector;
+use slipbound::monitor::{SlipKind, SlipMonitor, SlipReport, SlipState};
+
+/// Reads the monitor's own report.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Ours;
+
+impl Detector for Ours {
+    fn see(&mut self, _: &SlipMonitor, report: &SlipReport) -> f64 {
+        score(report)
+    }
+
+    fn threshold(&self) -> f64 {
+        1.0
+    }
+
+    /// The monitor keeps its reference itself.
+    fn restart(&mut self) {}
+
+    fn alarms(&self, _: f64, report: &SlipReport) -> bool {
+        matches!(report.state, SlipState::Incipient | SlipState::Gross)
+    }
+}
+
+/// The evidence behind the verdict as one number: the longest slip over the threshold of a marker.
+fn score(report: &SlipReport) -> f64 {
+    let judged = matches!(report.state, SlipState::Stick | SlipState::Incipient | SlipState::Gross | SlipState::Unsure);
+    let ratio = report.slip.max_pitch / report.slip.threshold_pitch;
+    if judged && ratio.is_finite() { ratio } else { 0.0 }
+}
+
+/// What a report says beside its state. None where it does not.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Said {
+    /// Share of the contact that sticks.
+    pub stick_ratio: Option<f64>,
+    /// Slip margin, 1 - f.
+    pub margin: Option<f64>,
+    /// Tangential force, N.
+    pub shear_n: Option<f64>,
+    /// Torque about the contact's middle, N mm, positive from x to y.
+    pub torque_n_mm: Option<f64>,
+    /// Friction coefficient.
+    pub friction: Option<f64>,
+    /// Kind of slip.
+    pub kind: Option<SlipKind>,
+    /// Direction in which the object slides, rad.
+    pub direction_rad: Option<f64>,
+    /// Rotation of the object, rad, positive from x to y.
+    pub rotation_rad: Option<f64>,
+}
+
+/// Reads a report: the one place where its estimates enter the scores.
+pub fn said(report: &SlipReport) -> Said {
+    Said {
+        kind: report.slip.kind,
+        direction_rad: report.slip.direction_rad,
+        rotation_rad: report.shear.map(|shear| shear.rotation_rad),
+        ..Said::default()
+    }
+}
