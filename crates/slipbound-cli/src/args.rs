@@ -3,6 +3,7 @@
 use crate::commands::calibrate::Calibrate;
 use crate::commands::demo::Demo;
 use crate::commands::emulate::Emulate;
+use crate::commands::eval::Eval;
 use crate::commands::gripper::Gripper;
 use crate::commands::latency::Latency;
 use crate::commands::replay::Replay;
@@ -41,6 +42,9 @@ pub enum Command {
     Replay(Replay),
     /// Run tasks in simulation over friction, seeds and controllers, and print the table
     Trials(Trials),
+    /// Judge many simulated trials with ours and with rival detectors, and write records, tables and a page
+    #[command(after_help = EXIT_CODES)]
+    Eval(Eval),
     /// Make the sensor file of an unknown finger from a picture of it at rest
     #[command(after_help = EXIT_CODES)]
     Calibrate(Calibrate),

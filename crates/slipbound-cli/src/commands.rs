@@ -3,6 +3,7 @@
 pub mod calibrate;
 pub mod demo;
 pub mod emulate;
+pub mod eval;
 pub mod gripper;
 pub mod latency;
 mod recording;
@@ -23,6 +24,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Demo(demo) => demo.run(),
         Command::Replay(replay) => replay.run(),
         Command::Trials(trials) => trials.run(),
+        Command::Eval(eval) => eval.run(),
         Command::Watch(watch) => watch.run(),
         Command::Calibrate(calibrate) => calibrate.run(),
         Command::Sensors => sensors::run(),

@@ -45,6 +45,17 @@ impl Terminal {
         Terminal { bar, to_stderr }
     }
 
+    /// Lines, and a bar for this many of something.
+    pub fn with_bar_of(count: u64, what: &str) -> Self {
+        if !io::stderr().is_terminal() {
+            return Terminal::plain();
+        }
+        let bar = ProgressBar::with_draw_target(Some(count), ProgressDrawTarget::stderr_with_hz(10));
+        let looks = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left");
+        bar.set_style(ProgressStyle::with_template(&looks).unwrap_or_else(|_| ProgressStyle::default_bar()));
+        Terminal { bar, to_stderr: false }
+    }
+
     /// Lines, and below them a status if standard error is a terminal.
     pub fn with_status() -> Self {
         if !io::stderr().is_terminal() {

@@ -6,11 +6,50 @@
 //! ```
 //!
 //! A table follows from the records alone, so a sweep that was cut, or spread over machines, ends in the same table.
+//! Definitions of every score: docs/eval.md.
 
+mod facts;
+pub mod folder;
+pub mod outcome;
+mod protocol;
+pub mod quiet;
+mod ramp_tables;
+pub mod ramps;
 pub mod record;
+mod runner;
+pub mod slides;
 pub mod statistics;
 pub mod table;
+pub mod table1;
+pub mod unseen;
+pub mod watch;
 
+pub use facts::Facts;
+pub use protocol::{EvalError, Protocol};
 pub use record::{RecordLineError, TrialRecord};
+pub use runner::{SweepError, run};
 pub use statistics::{Estimated, auc, mean, median, quantile, rate_per_h, roc, share, share_of};
 pub use table::{Cell, Sweep, Table};
+
+use slipbound::setting::SettingError;
+
+/// Names of the protocols with simulated trials.
+pub const SIMULATED: [&str; 5] = ["table1", "ramps", "quiet", "unseen", "slides"];
+
+/// A simulated protocol by name. `trials`: how many, its own number where None.
+pub fn simulated(name: &str, seed: u64, trials: Option<u64>) -> Result<Box<dyn Protocol>, SettingError> {
+    Ok(match name {
+        "table1" => Box::new(table1::Table1::new(seed, trials)),
+        "ramps" => Box::new(ramps::Ramps::new(seed, trials)),
+        "quiet" => Box::new(quiet::Quiet::new(seed, trials)),
+        "unseen" => Box::new(unseen::Unseen::new(seed, trials)),
+        "slides" => Box::new(slides::Slides::new(seed, trials)),
+        _ => {
+            return Err(SettingError {
+                key: "protocol".into(),
+                got: name.into(),
+                expected: format!("one of {}", SIMULATED.join(", ")),
+            });
+        }
+    })
+}

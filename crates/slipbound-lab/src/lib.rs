@@ -54,7 +54,6 @@ pub mod layer;
 pub mod lockstep;
 pub mod objects;
 pub mod plants;
-pub mod protocol;
 pub mod random;
 pub mod record;
 pub mod render;

@@ -20,7 +20,7 @@ pub use centre_rim::CentreRim;
 pub use displacement::Displacement;
 pub use entropy::Entropy;
 pub use imprint::Imprint;
-pub use ours::{Ours, said};
+pub use ours::{Ours, Said, said};
 pub use paper::{Paper, PaperAsWritten};
 
 use slipbound::monitor::{Settings, SlipMonitor, SlipReport};

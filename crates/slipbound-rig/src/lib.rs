@@ -14,6 +14,7 @@
 //! | Motion-JPEG AVI files | [`avi_writer`] |
 //! | the control loop in real time | [`realtime`] |
 //! | the folder and the page that a closed loop leaves, and its replay | [`run`] |
+//! | a page of tables, charts and pictures | [`sheet`] |
 //! | grippers by their own protocols | [`gripper`] |
 //! | the arm behind the hand | [`wrist`] |
 //! | the same protocols from the other side, to try all that without hardware | [`emulator`] |
@@ -51,6 +52,7 @@ pub mod realtime;
 pub mod report_json;
 pub mod report_summary;
 pub mod run;
+pub mod sheet;
 pub mod source;
 pub mod timings;
 pub mod wrist;

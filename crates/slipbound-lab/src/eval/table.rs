@@ -55,8 +55,8 @@ impl Cell {
         Cell::Number(Estimated { value: Some(value), low: None, high: None, n }, decimals)
     }
 
-    /// As a cell of a Markdown table: the number, its interval, the size of the sample.
-    fn markdown(&self) -> String {
+    /// The number with its interval.
+    fn text(&self) -> String {
         let shown = |estimated: &Estimated, scale: f64, decimals: usize| {
             let number = |value: f64| format!("{:.decimals$}", scale * value);
             match (estimated.value, estimated.low, estimated.high) {
@@ -68,7 +68,7 @@ impl Cell {
             }
         };
         match self {
-            Cell::Word(word) => word.replace('|', "\\|"),
+            Cell::Word(word) => word.clone(),
             Cell::Count(count) => count.to_string(),
             Cell::Share(share) => shown(share, 100.0, 1),
             Cell::Number(number, decimals) => shown(number, 1.0, *decimals),
@@ -106,6 +106,11 @@ impl Table {
         Table { title: title.into(), note: note.into(), columns, rows: Vec::new() }
     }
 
+    /// The rows as text: numbers with their intervals in brackets.
+    pub fn shown(&self) -> Vec<Vec<String>> {
+        self.rows.iter().map(|row| row.iter().map(Cell::text).collect()).collect()
+    }
+
     /// As Markdown: heading, note, table.
     pub fn markdown(&self) -> String {
         let mut text = format!("## {}\n\n", self.title);
@@ -115,7 +120,7 @@ impl Table {
         let _ = writeln!(text, "| {} |", self.columns.join(" | "));
         let _ = writeln!(text, "|{}", "---|".repeat(self.columns.len()));
         for row in &self.rows {
-            let cells: Vec<String> = row.iter().map(Cell::markdown).collect();
+            let cells: Vec<String> = row.iter().map(|cell| cell.text().replace('|', "\\|")).collect();
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
         text

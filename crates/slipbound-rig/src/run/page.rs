@@ -21,10 +21,11 @@ mod time_axis;
 
 use super::event::{Event, TimedEvent};
 use super::info::{Row, RunInfo};
+use crate::sheet::markup::{Escaped, base64};
 use slipbound::control::Cycle;
 use slipbound::task::Ending;
 use std::fmt;
-use text::{Escaped, base64, in_words, seconds};
+use text::{in_words, seconds};
 
 /// Pictures put into the page; later ones are only in the folder. 60 of them are some 6 MB.
 const PICTURES_MOST: usize = 60;

@@ -1,17 +1,11 @@
 //! A picture twice: whole, as a PNG file, and small, as a JPEG for the page.
 
 use crate::run::error::Error;
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use crate::sheet::picture;
 use slipbound::image::Rgb;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
-use tiny_skia::{FilterQuality, Pixmap, PixmapPaint, PremultipliedColorU8, Transform};
-
-/// A picture in the page is at most this wide.
-const PAGE_WIDTH_PX: f32 = 1000.0;
-/// JPEG quality in the page.
-const PAGE_QUALITY: u8 = 80;
 
 /// Writes the PNG; answers the JPEG.
 pub(in crate::run) fn write(path: &Path, rgb: Rgb<'_>) -> Result<Vec<u8>, Error> {
@@ -31,32 +25,7 @@ pub(in crate::run) fn write(path: &Path, rgb: Rgb<'_>) -> Result<Vec<u8>, Error>
         png::EncodingError::IoError(source) => failed(source),
         other => refused(other.to_string()),
     })?;
-    let (bytes, width, height) = smaller(&bytes, size.width as u32, size.height as u32)
-        .ok_or_else(|| refused(format!("cannot scale a picture of {}x{} px", size.width, size.height)))?;
-    let mut jpeg = Vec::new();
-    let mut encoder = Encoder::new(&mut jpeg, PAGE_QUALITY);
-    encoder.set_sampling_factor(SamplingFactor::F_1_1); // thin coloured arrows
-    let sides = u16::try_from(width).and_then(|width| Ok((width, u16::try_from(height)?)));
-    let (width, height) = sides.map_err(|_| refused(format!("{width}x{height} px are too many for a JPEG")))?;
-    encoder.encode(&bytes, width, height, ColorType::Rgb).map_err(|e| refused(e.to_string()))?;
-    Ok(jpeg)
-}
-
-/// At most [`PAGE_WIDTH_PX`] wide; None for a size that there is no memory for.
-fn smaller(rgb: &[u8], width: u32, height: u32) -> Option<(Vec<u8>, u32, u32)> {
-    let scale = (PAGE_WIDTH_PX / width as f32).min(1.0);
-    if scale == 1.0 {
-        return Some((rgb.to_vec(), width, height));
-    }
-    let mut whole = Pixmap::new(width, height)?;
-    for (to, from) in whole.pixels_mut().iter_mut().zip(rgb.as_chunks::<3>().0) {
-        *to = PremultipliedColorU8::from_rgba(from[0], from[1], from[2], 255)?;
-    }
-    let mut small = Pixmap::new((width as f32 * scale).round() as u32, ((height as f32 * scale) as u32).max(1))?;
-    let paint = PixmapPaint { quality: FilterQuality::Bilinear, ..PixmapPaint::default() };
-    small.draw_pixmap(0, 0, whole.as_ref(), &paint, Transform::from_scale(scale, scale), None);
-    let bytes = small.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue()]).collect();
-    Some((bytes, small.width(), small.height()))
+    picture::jpeg(&bytes, size.width as u32, size.height as u32).map_err(refused)
 }
 
 #[cfg(test)]

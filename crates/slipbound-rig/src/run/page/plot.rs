@@ -3,8 +3,9 @@
 
 use super::panels::{Line, Panel, Stroke};
 use super::phases::{PHASE_BAND_PX, phase_band};
-use super::text::{Escaped, seconds};
+use super::text::seconds;
 use super::time_axis::{LEFT_PX, RIGHT_PX, TimeAxis, WIDTH_PX};
+use crate::sheet::markup::Escaped;
 use kuva::plot::{BandPlot, LinePlot};
 use kuva::render::annotations::ReferenceLine;
 use kuva::render::layout::Layout;

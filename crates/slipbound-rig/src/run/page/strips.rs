@@ -1,9 +1,10 @@
 //! Coloured bands over the time axis: what the task did, which fingers were live, what the loop noted.
 
 use super::phases::{Stretch, class, stretches};
-use super::text::{Escaped, health_name, phase_name, seconds};
+use super::text::{health_name, phase_name, seconds};
 use super::time_axis::{LEFT_PX, TimeAxis, WIDTH_PX};
 use crate::run::event::{Event, TimedEvent};
+use crate::sheet::markup::Escaped;
 use slipbound::control::Cycle;
 use slipbound::hand::Health;
 use std::fmt;

@@ -1,0 +1,151 @@
+//! `slipbound eval`: trials judged by every detector, as records, tables and a page.
+
+mod page;
+mod pictures;
+
+use crate::interruption;
+use crate::outcome::{Failure, Outcome};
+use crate::terminal::Terminal;
+use slipbound_lab::eval::folder::{Shard, SweepFolder};
+use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, simulated, table};
+use slipbound_lab::rivals::{DETECTORS, Entry, named};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+/// What can be asked for; the last of them joins folders.
+const PROTOCOLS: [&str; 6] = ["table1", "ramps", "quiet", "unseen", "slides", "merge"];
+
+/// The arguments of `slipbound eval`.
+#[derive(Debug, clap::Args)]
+pub struct Eval {
+    /// The protocol, or `merge` to join the folders of shards
+    #[arg(value_parser = PROTOCOLS)]
+    protocol: String,
+    /// With `merge`: the folders of all shards
+    #[arg(value_name = "FOLDER")]
+    folders: Vec<PathBuf>,
+    /// What the trials are drawn from
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Judge with this detector alone; may be given several times [default: all]
+    #[arg(long, value_name = "NAME", value_parser = DETECTORS.map(|entry| entry.name))]
+    detector: Vec<String>,
+    /// How many trials instead of the protocol's own number; a different number is another sweep
+    #[arg(long, value_name = "N")]
+    trials: Option<u64>,
+    /// Only a part of the trials: the Ith of N
+    #[arg(long, value_name = "I/N", value_parser = shard, default_value = "1/1")]
+    shard: Shard,
+    /// Trials at a time [default: as many as there are cores]
+    #[arg(long, value_name = "N")]
+    jobs: Option<usize>,
+    /// Pictures of the worst failures on the page; each runs its trial again
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    pictures: usize,
+    /// The folder to write to: new, or one of the same sweep, which goes on [default: eval-PROTOCOL]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+}
+
+/// Reads `2/8`.
+fn shard(text: &str) -> Result<Shard, String> {
+    let numbers = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+    match numbers {
+        Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
+        _ => Err(format!("expected I/N with I from 1 to N, as 2/8, got {text}")),
+    }
+}
+
+impl Eval {
+    /// Runs what is not there yet, then writes tables and page.
+    pub fn run(&self) -> Result<Outcome, Failure> {
+        if self.protocol == "merge" {
+            return self.merge();
+        }
+        if let Some(folder) = self.folders.first() {
+            let text = format!("{}: expected folders with `merge` only, got {}", self.protocol, folder.display());
+            return Err(Failure::Arguments(anyhow::Error::msg(text)));
+        }
+        let protocol = self.protocol_of(&self.protocol, self.seed, self.trials)?;
+        let detectors = self.detectors()?;
+        let sweep = Sweep {
+            protocol: protocol.name().into(),
+            seed: self.seed,
+            trials_count: protocol.trials_count(),
+            software_version: env!("CARGO_PKG_VERSION").into(),
+            settings: protocol.settings().into_iter().collect::<BTreeMap<_, _>>(),
+        };
+        let names: Vec<&str> = detectors.iter().map(|entry| entry.name).collect();
+        let path = self.output.clone().unwrap_or_else(|| format!("eval-{}", self.protocol).into());
+        let mut folder = SweepFolder::open(&path, &sweep, &names, self.shard).map_err(Failure::arguments)?;
+        self.judge(&*protocol, &detectors, &mut folder)?;
+        self.finish(&*protocol, &folder)
+    }
+
+    fn protocol_of(&self, name: &str, seed: u64, trials: Option<u64>) -> Result<Box<dyn Protocol>, Failure> {
+        simulated(name, seed, trials).map_err(Failure::arguments)
+    }
+
+    fn detectors(&self) -> Result<Vec<&'static Entry>, Failure> {
+        if self.detector.is_empty() {
+            return Ok(DETECTORS.iter().collect());
+        }
+        self.detector.iter().map(|name| named(name).map_err(Failure::arguments)).collect()
+    }
+
+    /// Judges the trials that are missing in the folder.
+    fn judge(
+        &self,
+        protocol: &dyn Protocol,
+        detectors: &[&'static Entry],
+        folder: &mut SweepFolder,
+    ) -> Result<(), Failure> {
+        let missing = folder.missing();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let jobs = self.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+        let stop = interruption::listen()?;
+        let terminal = Terminal::with_bar_of(missing.len() as u64, "trials");
+        let mut keep = |records: Vec<TrialRecord>| {
+            folder.keep(records)?;
+            terminal.advance();
+            Ok(())
+        };
+        let stopped = || stop.load(Ordering::Relaxed);
+        let ran = slipbound_lab::eval::run(protocol, detectors, &missing, jobs, &stopped, &mut keep);
+        terminal.clear_bar();
+        ran.map_err(|error: SweepError| Failure::Work(error.into()))
+    }
+
+    /// Joins shards into one folder.
+    fn merge(&self) -> Result<Outcome, Failure> {
+        let into = self.output.clone().ok_or_else(|| {
+            Failure::Arguments(anyhow::Error::msg("merge: expected -o FOLDER, a new folder for all of it, got none"))
+        })?;
+        let folder = SweepFolder::merge(&self.folders, &into).map_err(Failure::arguments)?;
+        let sweep = folder.sweep();
+        let protocol = self.protocol_of(&sweep.protocol, sweep.seed, Some(sweep.trials_count))?;
+        self.finish(&*protocol, &folder)
+    }
+
+    /// Writes tables and page, and says the first table.
+    fn finish(&self, protocol: &dyn Protocol, folder: &SweepFolder) -> Result<Outcome, Failure> {
+        let tables = protocol.tables(folder.records());
+        let json = serde_json::to_string_pretty(&table::json(folder.sweep(), &tables));
+        let json = json.map_err(|error| Failure::work("table.json", error))?;
+        let failed = |error| Failure::Work(anyhow::Error::new(error));
+        folder.write("table.md", table::markdown(folder.sweep(), &tables).as_bytes()).map_err(failed)?;
+        folder.write("table.json", (json + "\n").as_bytes()).map_err(failed)?;
+        let pictures = pictures::of_worst(protocol, folder.records(), self.pictures)?;
+        let page = page::of(folder.sweep(), folder.records(), &tables, pictures);
+        folder.write("report.html", page.to_string().as_bytes()).map_err(failed)?;
+        let mut terminal = Terminal::plain();
+        for table in tables.iter().take(1) {
+            terminal.say(&table.markdown())?;
+        }
+        terminal.say(&format!("report: {}", folder.path().join("report.html").display()))?;
+        Ok(Outcome::Done)
+    }
+}

@@ -1,0 +1,143 @@
+//! report.html: curves, histograms, tables, the worst failures.
+
+use slipbound_lab::eval::outcome::Outcome;
+use slipbound_lab::eval::{Sweep, Table, TrialRecord, auc, roc};
+use slipbound_lab::rivals::DETECTORS;
+use slipbound_rig::sheet::{Chart, Draw, Figure, Part, Series, Sheet};
+
+/// Bins of a histogram.
+const BINS_COUNT: usize = 40;
+
+/// Largest lead that the histogram shows, ms.
+const MOST_LEAD_MS: f64 = 1500.0;
+
+/// The page of a sweep.
+pub fn of(sweep: &Sweep, records: &[TrialRecord], tables: &[Table], pictures: Vec<Figure>) -> Sheet {
+    let settings: String = sweep.settings.iter().map(|(key, value)| format!(", {key} {value}")).collect();
+    let mut parts = Vec::new();
+    let detectors_count = detectors(records).count().max(1);
+    let charts: Vec<Chart> = [
+        roc_chart(records),
+        histogram(records, "f_at_alarm", "Load fraction at the alarm", "f at the first alarm", 1.0),
+        histogram(records, "lead_ms", "Lead", "from the alarm to gross slip, ms", MOST_LEAD_MS),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    if !charts.is_empty() {
+        parts.push(Part::Heading("Curves".into()));
+    }
+    parts.extend(charts.into_iter().map(Part::Chart));
+    for table in tables {
+        parts.push(Part::Heading(table.title.clone()));
+        if !table.note.is_empty() {
+            parts.push(Part::Text(table.note.clone()));
+        }
+        parts.push(Part::Table(table.columns.clone(), table.shown()));
+    }
+    parts.push(Part::Heading("Worst failures of ours".into()));
+    match pictures.is_empty() {
+        true => parts.push(Part::Text("None.".into())),
+        false => parts.push(Part::Figures(pictures)),
+    }
+    let lines = records.len() / detectors_count;
+    Sheet {
+        above: "Slipbound evaluation".into(),
+        title: sweep.protocol.clone(),
+        below: format!(
+            "seed {}, {lines} of {} trials, version {}{settings}. In brackets 95 % intervals.",
+            sweep.seed, sweep.trials_count, sweep.software_version
+        ),
+        parts,
+    }
+}
+
+/// The detectors that have records, with the numbers of their colours.
+fn detectors(records: &[TrialRecord]) -> impl Iterator<Item = (&'static str, usize)> + '_ {
+    let names = DETECTORS.iter().enumerate().map(|(n, entry)| (entry.name, n + 1));
+    names.filter(|(name, _)| records.iter().any(|record| record.detector == *name))
+}
+
+fn roc_chart(records: &[TrialRecord]) -> Option<Chart> {
+    let scores = |name: &str, truth: bool| -> Vec<f64> {
+        let of = records.iter().filter(|r| r.detector == name && r.truth == Some(truth));
+        of.map(|record| record.score).collect()
+    };
+    let series: Vec<Series> = detectors(records)
+        .filter_map(|(name, colour)| {
+            let (positives, negatives) = (scores(name, true), scores(name, false));
+            let area = auc(&positives, &negatives).value?;
+            let points = roc(&positives, &negatives);
+            Some(Series { name: format!("{name}, AUC {area:.3}"), points, draw: Draw::Line, colour })
+        })
+        .collect();
+    (!series.is_empty()).then(|| Chart {
+        title: "ROC of the highest causal score of a trial".into(),
+        x_label: "share of the trials without slip".into(),
+        y_label: "share of the trials with slip".into(),
+        x: (0.0, 1.0),
+        y: (0.0, 1.0),
+        series,
+        lines_at: Vec::new(),
+    })
+}
+
+/// Histogram of a number at alarms in time: ours as bars, the others as lines.
+fn histogram(records: &[TrialRecord], key: &str, title: &str, x_label: &str, most: f64) -> Option<Chart> {
+    let width = most / BINS_COUNT as f64;
+    let shares = |name: &str| -> Option<Vec<f64>> {
+        let in_time = |r: &&TrialRecord| r.detector == name && Outcome::of(r) == Some(Outcome::InTime);
+        let values: Vec<f64> = records.iter().filter(in_time).filter_map(|r| r.number_of(key)).collect();
+        let mut bins = vec![0.0; BINS_COUNT];
+        for value in &values {
+            bins[((value / width).max(0.0) as usize).min(BINS_COUNT - 1)] += 1.0 / values.len() as f64;
+        }
+        (!values.is_empty()).then_some(bins)
+    };
+    let mut series = Vec::new();
+    for (name, colour) in detectors(records) {
+        let Some(bins) = shares(name) else { continue };
+        let is_ours = name == "ours";
+        let edge = |n: usize| n as f64 * width + if is_ours { 0.0 } else { 0.5 * width };
+        let points = bins.iter().enumerate().map(|(n, &share)| (edge(n), share)).collect();
+        let draw = if is_ours { Draw::Bars(width) } else { Draw::Line };
+        series.push(Series { name: name.into(), points, draw, colour });
+    }
+    let highest = series.iter().flat_map(|s| &s.points).map(|point| point.1).fold(0.0, f64::max);
+    (!series.is_empty()).then(|| Chart {
+        title: title.into(),
+        x_label: x_label.into(),
+        y_label: "share of the alarms in time".into(),
+        x: (0.0, most),
+        y: (0.0, 1.08 * highest),
+        series,
+        lines_at: Vec::new(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_has_curves_for_those_who_have_records() {
+        let record = |number: u64, truth: bool, score: f64| TrialRecord {
+            number,
+            trial: format!("t{number}"),
+            object: "scissors".into(),
+            detector: "paper".into(),
+            truth: Some(truth),
+            verdict: truth,
+            score,
+            first_alarm_frame: None,
+            more: Default::default(),
+        };
+        let records = [record(0, true, 2.0).with("outcome", "in_time").with("f_at_alarm", 0.5), record(1, false, 1.0)];
+        let chart = roc_chart(&records).expect("both kinds");
+        assert_eq!(chart.series.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["paper, AUC 1.000"]);
+        let bars = histogram(&records, "f_at_alarm", "", "", 1.0).expect("an alarm in time");
+        let highest = bars.series[0].points.iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("points");
+        assert_eq!(*highest, (0.5125, 1.0));
+        assert!(histogram(&records, "lead_ms", "", "", 1.0).is_none());
+    }
+}

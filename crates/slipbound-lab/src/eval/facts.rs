@@ -1,0 +1,68 @@
+//! What the scores need to know of a frame.
+
+use crate::contact::{GROSS_FRICTION_FRACTION, Pose, Wrench};
+use crate::world::World;
+use slipbound::monitor::SlipKind;
+use slipbound::plane::Vec2;
+
+/// What is true of a frame, without the markers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Facts {
+    /// Number of the frame.
+    pub frame: u64,
+    /// Time of its exposure, s, where the world does not stand still in between.
+    pub time_s: f64,
+    /// The load along its path; None where nothing loads the object.
+    pub load: Option<f64>,
+    /// Area that sticks over area in contact; None without contact.
+    pub stick_ratio: Option<f64>,
+    /// Normal force, N.
+    pub grip_n: f64,
+    /// Force and torque on the gel.
+    pub wrench: Wrench,
+    /// Where the object is.
+    pub pose: Pose,
+    /// Mean slip of the cells in contact since they came into contact, mm.
+    pub slip_mm: Vec2,
+    /// Root mean square distance of the cells in contact from their middle, mm.
+    pub arm_mm: f64,
+    /// Whether the object slides as a whole.
+    pub slides: bool,
+}
+
+/// Reads the world at its last frame.
+pub(super) fn facts(world: &World, frame: u64) -> Facts {
+    let truth = world.truth();
+    Facts {
+        frame,
+        time_s: truth.time_ns as f64 * 1e-9,
+        load: truth.load,
+        stick_ratio: truth.stick_ratio,
+        grip_n: truth.grip_force_n,
+        wrench: truth.wrench,
+        pose: truth.pose,
+        slip_mm: truth.slip.mean_mm,
+        arm_mm: arm_mm(world),
+        slides: truth.friction_used_fraction.is_some_and(|used| used >= GROSS_FRICTION_FRACTION),
+    }
+}
+
+fn arm_mm(world: &World) -> f64 {
+    let grid = world.grid();
+    let cells = || world.finger().contact().iter().enumerate().filter(|(_, contact)| **contact).map(|(cell, _)| cell);
+    let count = cells().count().max(1) as f64;
+    let middle = cells().fold(Vec2::ZERO, |sum, cell| sum + grid.centre_mm(cell)) / count;
+    (cells().map(|cell| (grid.centre_mm(cell) - middle).length_squared()).sum::<f64>() / count).sqrt()
+}
+
+/// Kind of the motion of an object between two frames, by the share of turning in the motion at the rim: the
+/// thirds of [`SlipKind`].
+pub fn kind_of_motion(from: &Facts, to: &Facts) -> SlipKind {
+    let turn_mm = (to.pose.turn_rad - from.pose.turn_rad).abs() * to.arm_mm;
+    let shift_mm = (to.pose.position_mm - from.pose.position_mm).length();
+    match turn_mm / (turn_mm + shift_mm).max(f64::MIN_POSITIVE) {
+        share if share > 2.0 / 3.0 => SlipKind::Rotation,
+        share if share < 1.0 / 3.0 => SlipKind::Translation,
+        _ => SlipKind::Both,
+    }
+}

@@ -1,0 +1,298 @@
+//! The folder of a sweep: what it is, its records so far, its tables in the end.
+//!
+//! ```text
+//!   sweep.json     protocol, seed, number of trials, version, detectors; of a shard, which one it is
+//!   trials.jsonl   a record a line, in the order of the trials
+//!   table.md, table.json, report.html
+//! ```
+
+use super::record::TrialRecord;
+use super::runner::SweepError;
+use super::table::Sweep;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// A part of a sweep: every `of`th trial, from the `number`th on, counted from 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shard {
+    /// Which part, from 1 to `of`.
+    pub number: u64,
+    /// How many parts.
+    pub of: u64,
+}
+
+impl Shard {
+    /// The whole sweep.
+    pub const WHOLE: Shard = Shard { number: 1, of: 1 };
+
+    /// The numbers of its trials among `trials_count`.
+    pub fn numbers(self, trials_count: u64) -> impl Iterator<Item = u64> {
+        (self.number - 1..trials_count).step_by(self.of as usize)
+    }
+}
+
+/// What stands in sweep.json.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SweepFile {
+    format: String,
+    sweep: Sweep,
+    detectors: Vec<String>,
+    shard: Shard,
+}
+
+const FORMAT: &str = "slipbound-eval-1";
+
+/// Why a folder cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    /// A file cannot be read or written.
+    #[error("{path}: {source}", path = .path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// Something in a file is not as it must be.
+    #[error("{path}: {key}: expected {expected}, got {got}", path = .path.display())]
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// What in it.
+        key: String,
+        /// What it must be.
+        expected: String,
+        /// What it is.
+        got: String,
+    },
+}
+
+fn file(path: &Path) -> impl FnOnce(io::Error) -> FolderError + '_ {
+    move |source| FolderError::File { path: path.to_owned(), source }
+}
+
+/// The folder of a sweep or of a shard of one.
+#[derive(Debug)]
+pub struct SweepFolder {
+    path: PathBuf,
+    about: SweepFile,
+    records: Vec<TrialRecord>,
+    lines: File,
+}
+
+impl SweepFolder {
+    /// Makes a folder, or goes on with one of the same sweep: its whole trials are kept, a line or a trial that was
+    /// half written is dropped.
+    pub fn open(path: &Path, sweep: &Sweep, detectors: &[&str], shard: Shard) -> Result<Self, FolderError> {
+        let detectors = detectors.iter().map(|&name| name.to_owned()).collect();
+        let about = SweepFile { format: FORMAT.into(), sweep: sweep.clone(), detectors, shard };
+        fs::create_dir_all(path).map_err(file(path))?;
+        let about_path = path.join("sweep.json");
+        let records = match about_path.exists() {
+            true => {
+                check_same(&about_path, &about, &read_about(&about_path)?, true)?;
+                whole_trials(&path.join("trials.jsonl"), &about)?
+            }
+            false => {
+                write_json(&about_path, &about)?;
+                Vec::new()
+            }
+        };
+        let lines_path = path.join("trials.jsonl");
+        let mut text = Vec::new();
+        for record in &records {
+            write_line(&mut text, record).map_err(file(&lines_path))?;
+        }
+        fs::write(&lines_path, text).map_err(file(&lines_path))?;
+        let lines = OpenOptions::new().append(true).open(&lines_path).map_err(file(&lines_path))?;
+        Ok(SweepFolder { path: path.to_owned(), about, records, lines })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What was run.
+    pub fn sweep(&self) -> &Sweep {
+        &self.about.sweep
+    }
+
+    /// All records so far, in the order of the trials.
+    pub fn records(&self) -> &[TrialRecord] {
+        &self.records
+    }
+
+    /// The numbers of the trials that are not there yet.
+    pub fn missing(&self) -> Vec<u64> {
+        let done: BTreeSet<u64> = self.records.iter().map(|record| record.number).collect();
+        let all = self.about.shard.numbers(self.about.sweep.trials_count);
+        all.filter(|number| !done.contains(number)).collect()
+    }
+
+    /// Appends the records of a trial and flushes them.
+    pub fn keep(&mut self, records: Vec<TrialRecord>) -> Result<(), SweepError> {
+        let mut text = Vec::new();
+        let path = self.path.join("trials.jsonl");
+        records.iter().try_for_each(|record| write_line(&mut text, record)).map_err(file(&path))?;
+        self.lines.write_all(&text).and_then(|()| self.lines.flush()).map_err(file(&path))?;
+        self.records.extend(records);
+        Ok(())
+    }
+
+    /// Writes a file into the folder.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
+        let path = self.path.join(name);
+        fs::write(&path, bytes).map_err(file(&path))
+    }
+
+    /// One folder from the shards of a sweep. All shards must be of the same sweep, whole, and together all of it.
+    pub fn merge(shards: &[PathBuf], into: &Path) -> Result<Self, FolderError> {
+        let value = |path: &Path, key: &str, expected: String, got: String| FolderError::Value {
+            path: path.to_owned(),
+            key: key.into(),
+            expected,
+            got,
+        };
+        let mut first: Option<(PathBuf, SweepFile)> = None;
+        let mut trials: BTreeMap<u64, Vec<TrialRecord>> = BTreeMap::new();
+        for folder in shards {
+            let (about_path, lines_path) = (folder.join("sweep.json"), folder.join("trials.jsonl"));
+            let about = read_about(&about_path)?;
+            if let Some((_, first)) = &first {
+                check_same(&about_path, first, &about, false)?;
+            }
+            for records in by_trial(whole_trials(&lines_path, &about)?) {
+                let number = records[0].number;
+                match trials.get(&number) {
+                    Some(before) if *before != records => {
+                        let key = format!("trial {number}");
+                        return Err(value(
+                            &lines_path,
+                            &key,
+                            "what another folder says of it".into(),
+                            "something else".into(),
+                        ));
+                    }
+                    _ => trials.insert(number, records),
+                };
+            }
+            first.get_or_insert((about_path, about));
+        }
+        let Some((first_path, about)) = first else {
+            return Err(value(into, "merge", "one folder or more".into(), "none".into()));
+        };
+        let missing: Vec<u64> = (0..about.sweep.trials_count).filter(|number| !trials.contains_key(number)).collect();
+        if !missing.is_empty() {
+            let names: Vec<String> = missing.iter().take(10).map(u64::to_string).collect();
+            let more = if missing.len() > 10 { ", ..." } else { "" };
+            return Err(value(
+                &first_path,
+                "trials",
+                format!("all {} in the folders together", about.sweep.trials_count),
+                format!("none of {}{more} ({} missing)", names.join(", "), missing.len()),
+            ));
+        }
+        let detectors: Vec<&str> = about.detectors.iter().map(String::as_str).collect();
+        let mut merged = SweepFolder::open(into, &about.sweep, &detectors, Shard::WHOLE)?;
+        let done: BTreeSet<u64> = merged.records.iter().map(|record| record.number).collect();
+        if !done.is_empty() {
+            return Err(value(into, "trials.jsonl", "a new folder".into(), format!("{} trials in it", done.len())));
+        }
+        for records in trials.into_values() {
+            merged.keep(records).map_err(|error| match error {
+                SweepError::Folder(error) => error,
+                other => value(into, "trials.jsonl", "records that can be written".into(), other.to_string()),
+            })?;
+        }
+        Ok(merged)
+    }
+}
+
+fn write_line(to: &mut Vec<u8>, record: &TrialRecord) -> io::Result<()> {
+    to.extend(record.line().map_err(io::Error::other)?.as_bytes());
+    to.push(b'\n');
+    Ok(())
+}
+
+fn write_json(path: &Path, value: &impl Serialize) -> Result<(), FolderError> {
+    let mut text = serde_json::to_vec_pretty(value).map_err(|error| file(path)(error.into()))?;
+    text.push(b'\n');
+    fs::write(path, text).map_err(file(path))
+}
+
+fn read_about(path: &Path) -> Result<SweepFile, FolderError> {
+    let text = fs::read_to_string(path).map_err(file(path))?;
+    serde_json::from_str(&text).map_err(|error| FolderError::Value {
+        path: path.to_owned(),
+        key: "sweep.json".into(),
+        expected: "what `slipbound eval` writes".into(),
+        got: error.to_string(),
+    })
+}
+
+/// Refuses another sweep than the expected one, by the first key that differs.
+fn check_same(path: &Path, expected: &SweepFile, got: &SweepFile, shard_too: bool) -> Result<(), FolderError> {
+    let settings = |sweep: &Sweep| format!("{:?}", sweep.settings);
+    let keys = |about: &SweepFile| {
+        let sweep = &about.sweep;
+        [
+            ("format", about.format.clone()),
+            ("sweep.protocol", sweep.protocol.clone()),
+            ("sweep.seed", sweep.seed.to_string()),
+            ("sweep.trials_count", sweep.trials_count.to_string()),
+            ("sweep.software_version", sweep.software_version.clone()),
+            ("sweep.settings", settings(sweep)),
+            ("detectors", about.detectors.join(", ")),
+            ("shard", if shard_too { format!("{}/{}", about.shard.number, about.shard.of) } else { String::new() }),
+        ]
+    };
+    for ((key, expected), (_, got)) in keys(expected).into_iter().zip(keys(got)) {
+        if expected != got {
+            return Err(FolderError::Value { path: path.to_owned(), key: key.into(), expected, got });
+        }
+    }
+    Ok(())
+}
+
+/// Records in groups of a trial.
+fn by_trial(records: Vec<TrialRecord>) -> Vec<Vec<TrialRecord>> {
+    let mut trials: Vec<Vec<TrialRecord>> = Vec::new();
+    for record in records {
+        match trials.last_mut().filter(|trial| trial[0].number == record.number) {
+            Some(trial) => trial.push(record),
+            None => trials.push(vec![record]),
+        }
+    }
+    trials
+}
+
+/// The records of whole trials. A last line or trial that was half written is left out; any other broken line is an
+/// error.
+fn whole_trials(path: &Path, about: &SweepFile) -> Result<Vec<TrialRecord>, FolderError> {
+    let text = match fs::read(path) {
+        Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(file(path)(error)),
+    };
+    let whole = text.rfind('\n').map_or("", |end| &text[..end]);
+    let lines: Vec<&str> = whole.split('\n').filter(|line| !line.is_empty()).collect();
+    let mut records = Vec::with_capacity(lines.len());
+    for (n, line) in lines.iter().enumerate() {
+        records.push(TrialRecord::parse(line).map_err(|error| FolderError::Value {
+            path: path.to_owned(),
+            key: format!("line {}", n + 1),
+            expected: "a record".into(),
+            got: error.to_string(),
+        })?);
+    }
+    let complete = |trial: &Vec<TrialRecord>| {
+        trial.len() == about.detectors.len() && trial.iter().zip(&about.detectors).all(|(r, name)| r.detector == *name)
+    };
+    Ok(by_trial(records).into_iter().filter(complete).flatten().collect())
+}

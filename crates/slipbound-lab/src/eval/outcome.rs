@@ -1,0 +1,355 @@
+//! From what a detector saw of a load that grows to what the record says: in time, false, late, missed; how exact.
+
+use super::facts::{Facts, kind_of_motion};
+use super::record::TrialRecord;
+use super::statistics::quantile;
+use super::watch::{Seen, Watched};
+use crate::random::Random;
+use crate::rivals::Entry;
+use crate::world::FRAME_RATE_HZ;
+use slipbound::monitor::{SlipKind, SlipState};
+use std::collections::BTreeMap;
+
+/// A load fraction below which an alarm is false.
+pub const FALSE_BELOW_FRACTION: f64 = 0.2;
+
+/// A load fraction below which stick ratio, margin and slip are not scored.
+const SCORED_FROM_FRACTION: f64 = 0.1;
+
+/// Load fraction from which the friction coefficient is scored.
+const FRICTION_FROM_FRACTION: f64 = 0.3;
+
+/// A load fraction below which `gross` is false.
+const GROSS_FROM_FRACTION: f64 = 0.8;
+
+/// For how many frames the grip must have been steady for a frame to be scored: 0.2 s.
+const STEADY_FRAMES: usize = FRAME_RATE_HZ as usize / 5;
+
+/// The stream of a trial of an evaluation. Streams of the tuning split are drawn from their seeds directly, these
+/// through one draw more: no seed given here repeats a trial that something was fitted to.
+pub fn stream(seed: u64, number: u64) -> Random {
+    Random::of(Random::of(seed, 0xE7A1).next_u64(), number)
+}
+
+/// A seed for camera and noise of a trial.
+pub fn camera_seed(random: &mut Random) -> u64 {
+    random.next_u64() >> 16
+}
+
+/// How an alarm compares with the truth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// An alarm between a load fraction of 0.2 and gross slip.
+    InTime,
+    /// An alarm before there was a reason, or where nothing slips.
+    False,
+    /// An alarm after gross slip.
+    Late,
+    /// No alarm though the object slid.
+    Missed,
+    /// No alarm and no slip.
+    Quiet,
+}
+
+impl Outcome {
+    /// All, in the order of the tables.
+    pub const ALL: [Outcome; 5] = [Outcome::InTime, Outcome::False, Outcome::Late, Outcome::Missed, Outcome::Quiet];
+
+    /// As records say it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Outcome::InTime => "in_time",
+            Outcome::False => "false",
+            Outcome::Late => "late",
+            Outcome::Missed => "missed",
+            Outcome::Quiet => "quiet",
+        }
+    }
+
+    /// The outcome of a record; None where it has none.
+    pub fn of(record: &TrialRecord) -> Option<Outcome> {
+        let word = record.word_of("outcome")?;
+        Outcome::ALL.into_iter().find(|outcome| outcome.word() == word)
+    }
+
+    /// Whether the detector was right.
+    pub fn is_right(self) -> bool {
+        matches!(self, Outcome::InTime | Outcome::Quiet)
+    }
+}
+
+/// Which trial it is, and what counts in it.
+#[derive(Debug, Clone)]
+pub struct Asked {
+    /// Number of the trial.
+    pub number: u64,
+    /// Its name.
+    pub trial: String,
+    /// What is held.
+    pub object: String,
+    /// Whether it is meant to slide in the end.
+    pub slips: bool,
+    /// Number of the first frame whose alarm counts.
+    pub from_frame: u64,
+    /// Friction coefficient, where it is one number.
+    pub mu: Option<f64>,
+}
+
+/// The load fraction of every frame; 0 before the load. Where the object never slid, the load itself.
+pub fn fractions(watched: &Watched) -> Vec<f64> {
+    let whole = watched.gross.map_or(1.0, |gross| gross.load);
+    watched
+        .facts
+        .iter()
+        .map(|facts| if facts.frame < watched.load_from_frame { 0.0 } else { facts.load.unwrap_or(0.0) / whole })
+        .collect()
+}
+
+/// The record of a detector on a trial in which a load grows.
+pub fn record(asked: &Asked, entry: &Entry, watched: &Watched, seen: &[Seen]) -> TrialRecord {
+    let f = fractions(watched);
+    let facts = &watched.facts;
+    let is_past_gross = |n: usize| watched.gross.is_some_and(|gross| facts[n].time_s >= gross.time_s);
+    let counts = |n: &usize| facts[*n].frame >= asked.from_frame;
+    let first = (0..facts.len()).filter(counts).find(|&n| seen[n].alarms);
+    let outcome = match (asked.slips, first) {
+        (false, None) => Outcome::Quiet,
+        (true, None) => Outcome::Missed,
+        (false, Some(_)) => Outcome::False,
+        (true, Some(n)) if is_past_gross(n) => Outcome::Late,
+        (true, Some(n)) if f[n] < FALSE_BELOW_FRACTION => Outcome::False,
+        (true, Some(_)) => Outcome::InTime,
+    };
+    let before_gross = |n: &usize| !asked.slips || !is_past_gross(*n);
+    let score = (0..facts.len()).filter(counts).filter(before_gross).map(|n| seen[n].score).fold(0.0, f64::max);
+    let loaded = || (0..facts.len()).filter(|&n| facts[n].frame >= watched.load_from_frame);
+    let decided = |n: &usize| matches!(seen[*n].state, SlipState::Stick | SlipState::Incipient | SlipState::Gross);
+    let lead_ms = first.and_then(|n| Some(1e3 * (watched.gross?.time_s - facts[n].time_s)));
+    let gross_frame = (0..facts.len()).find(|&n| is_past_gross(n)).map(|n| facts[n].frame);
+    let gripping = facts.iter().zip(seen).any(|(facts, seen)| facts.frame < watched.load_from_frame && seen.alarms);
+    let record = TrialRecord {
+        number: asked.number,
+        trial: asked.trial.clone(),
+        object: asked.object.clone(),
+        detector: entry.name.into(),
+        truth: Some(asked.slips),
+        verdict: first.is_some_and(|n| before_gross(&n)),
+        score,
+        first_alarm_frame: first.map(|n| facts[n].frame),
+        more: BTreeMap::new(),
+    }
+    .with("outcome", outcome.word())
+    .with("f_at_alarm", first.map(|n| f[n]))
+    .with("lead_ms", lead_ms)
+    .with("gross_frame", gross_frame)
+    .with("alarm_while_gripping", gripping)
+    .with("loaded_frames", loaded().count())
+    .with("decided_frames", loaded().filter(decided).count());
+    let record = with_gross(record, watched, seen, &f);
+    if entry.is_ours() {
+        let record = with_estimates(record, asked, watched, seen, &f);
+        with_slip(record, watched, seen, first.filter(before_gross))
+    } else {
+        record
+    }
+}
+
+/// When `gross` was said, and whether it stayed.
+fn with_gross(record: TrialRecord, watched: &Watched, seen: &[Seen], f: &[f64]) -> TrialRecord {
+    let facts = &watched.facts;
+    let said = |n: &usize| seen[*n].state == SlipState::Gross;
+    let Some(first) = (0..facts.len()).find(said) else { return record.with("gross_said_frame", None::<u64>) };
+    // A slide that turns a corner loads the first direction less and slides all the same.
+    let slid = |n: usize| watched.gross.is_some_and(|gross| facts[n].time_s >= gross.time_s);
+    let is_true = |n: &usize| watched.gross.is_some() && (f[*n] >= GROSS_FROM_FRACTION || slid(*n));
+    let is_false = !is_true(&first);
+    let record = record.with("gross_said_frame", facts[first].frame).with("gross_false", is_false);
+    let Some(gross) = watched.gross else { return record };
+    let Some(began) = (0..facts.len()).find(|&n| facts[n].time_s >= gross.time_s) else { return record };
+    // The first word that is not false: an early one must not count as fast.
+    let Some(true_first) = (0..facts.len()).filter(said).find(is_true) else { return record };
+    let slid_mm = (facts[true_first].pose.position_mm - gross.pose.position_mm).length()
+        + (facts[true_first].pose.turn_rad - gross.pose.turn_rad).abs() * facts[true_first].arm_mm;
+    let later = || (true_first + 1..facts.len()).filter(|&n| n > began && facts[n].slides);
+    record
+        .with("gross_delay_frames", true_first as i64 - began as i64)
+        .with("gross_delay_mm", if true_first > began { slid_mm } else { 0.0 })
+        .with("gross_later_frames", later().count())
+        .with("gross_kept_frames", later().filter(said).count())
+}
+
+/// Whether the grip has been steady so long that a frame is scored.
+fn is_steady(facts: &[Facts], n: usize) -> bool {
+    let now_n = facts[n].grip_n;
+    n >= STEADY_FRAMES && facts[n - STEADY_FRAMES..n].iter().all(|f| (f.grip_n - now_n).abs() <= 0.005 * now_n)
+}
+
+/// How exact the estimates of the reports are, over the frames before gross slip that are scored.
+fn with_estimates(record: TrialRecord, asked: &Asked, watched: &Watched, seen: &[Seen], f: &[f64]) -> TrialRecord {
+    let facts = &watched.facts;
+    let Some(gross) = watched.gross else { return record };
+    let under_load =
+        || (0..facts.len()).filter(|&n| facts[n].frame >= watched.load_from_frame && facts[n].time_s < gross.time_s);
+    let scored = || under_load().filter(|&n| f[n] >= SCORED_FROM_FRACTION && is_steady(facts, n));
+    let mean = |errors: &[f64]| (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64);
+    let stick: Vec<f64> =
+        scored().filter_map(|n| Some((seen[n].said.stick_ratio? - facts[n].stick_ratio?).abs())).collect();
+    let margin: Vec<f64> = scored().filter_map(|n| Some((seen[n].said.margin? - (1.0 - f[n])).abs())).collect();
+    let Some(at_gross) = facts.iter().find(|facts| facts.time_s >= gross.time_s) else { return record };
+    let rms_share = |errors: Vec<f64>, whole: f64| {
+        let squares: Vec<f64> = errors.iter().map(|error| error * error).collect();
+        mean(&squares).filter(|_| whole > 0.0).map(|square| square.sqrt() / whole)
+    };
+    // A load without force, or without torque, has no share of it to be wrong by.
+    let (force_n, torque_n_mm) = (at_gross.wrench.force_n.length(), at_gross.wrench.torque_n_mm.abs());
+    let (pulls, turns) = (force_n * at_gross.arm_mm > 0.3 * torque_n_mm, torque_n_mm > 0.3 * force_n * at_gross.arm_mm);
+    let shear: Vec<f64> = under_load()
+        .filter(|_| pulls)
+        .filter_map(|n| Some(seen[n].said.shear_n? - facts[n].wrench.force_n.length()))
+        .collect();
+    let torque: Vec<f64> = under_load()
+        .filter(|_| turns)
+        .filter_map(|n| Some(seen[n].said.torque_n_mm? - facts[n].wrench.torque_n_mm))
+        .collect();
+    let friction: Vec<f64> = scored()
+        .filter(|&n| f[n] > FRICTION_FROM_FRACTION)
+        .filter_map(|n| Some((seen[n].said.friction? / asked.mu? - 1.0).abs()))
+        .collect();
+    record
+        .with("scored_frames", scored().count())
+        .with("stick_frames", stick.len())
+        .with("stick_error", mean(&stick))
+        .with("margin_frames", margin.len())
+        .with("margin_error", mean(&margin))
+        .with("shear_error_fraction", rms_share(shear, force_n))
+        .with("torque_error_fraction", rms_share(torque, torque_n_mm))
+        .with("friction_error_fraction", quantile(&friction, 0.5).value)
+}
+
+/// Whether kind, direction and sense of rotation were right at an alarm.
+fn with_slip(record: TrialRecord, watched: &Watched, seen: &[Seen], alarm: Option<usize>) -> TrialRecord {
+    let facts = &watched.facts;
+    let before = facts.iter().rev().find(|facts| facts.frame < watched.load_from_frame);
+    let (Some(n), Some(before)) = (alarm, before) else { return record };
+    if facts[n].frame < watched.load_from_frame {
+        return record;
+    }
+    let (now, said) = (&facts[n], &seen[n].said);
+    let kind = kind_of_motion(before, now);
+    let word = |kind: SlipKind| match kind {
+        SlipKind::Translation => "translation",
+        SlipKind::Rotation => "rotation",
+        SlipKind::Both => "both",
+    };
+    let slipped_mm = now.slip_mm - before.slip_mm;
+    let direction = said.direction_rad.filter(|_| kind != SlipKind::Rotation && slipped_mm.length() > 0.0);
+    let apart_deg = direction.map(|rad| {
+        let apart_rad = rad - slipped_mm.direction_rad();
+        apart_rad.sin().atan2(apart_rad.cos()).abs().to_degrees()
+    });
+    let turned_rad = now.pose.turn_rad - before.pose.turn_rad;
+    let sense = said.rotation_rad.filter(|_| kind != SlipKind::Translation).map(|rad| rad * turned_rad > 0.0);
+    record
+        .with("kind_true", word(kind))
+        .with("kind_said", said.kind.map(word))
+        .with("direction_error_deg", apart_deg)
+        .with("sense_right", sense)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rivals::DETECTORS;
+    use crate::world::Gross;
+
+    /// 40 frames, the load from frame 10 on, f = 0.05 a frame, gross at frame 30.
+    fn ramp(slips: bool) -> (Asked, Watched) {
+        let facts = (0..40u64).map(|frame| {
+            let load = frame.saturating_sub(10) as f64 * 0.05;
+            Facts {
+                frame,
+                time_s: frame as f64 / 30.0,
+                load: Some(if slips { load } else { 0.1 * load }),
+                stick_ratio: Some(0.5),
+                grip_n: 20.0,
+                wrench: Default::default(),
+                pose: Default::default(),
+                slip_mm: Default::default(),
+                arm_mm: 5.0,
+                slides: frame >= 30,
+            }
+        });
+        let gross = slips.then(|| Gross { time_s: 1.0, load: 1.0, pose: Default::default() });
+        let watched = Watched { facts: facts.collect(), gross, load_from_frame: 10, seen: Vec::new() };
+        let asked = Asked { number: 0, trial: "t".into(), object: "o".into(), slips, from_frame: 10, mu: Some(0.8) };
+        (asked, watched)
+    }
+
+    fn seen(alarm: Option<usize>) -> Vec<Seen> {
+        let quiet = Seen { score: 0.0, alarms: false, state: SlipState::Stick, said: Default::default() };
+        let mut seen = vec![quiet; 40];
+        if let Some(n) = alarm {
+            (seen[n].alarms, seen[n].state, seen[n].score) = (true, SlipState::Incipient, 2.0);
+        }
+        seen
+    }
+
+    #[test]
+    fn an_alarm_is_in_time_false_late_or_missing() {
+        for (slips, alarm, outcome, f) in [
+            (true, Some(20), Outcome::InTime, Some(0.5)),
+            (true, Some(12), Outcome::False, Some(0.1)),
+            (true, Some(31), Outcome::Late, Some(1.05)),
+            (true, Some(5), Outcome::Missed, None),
+            (true, None, Outcome::Missed, None),
+            (false, None, Outcome::Quiet, None),
+            (false, Some(20), Outcome::False, Some(0.05)),
+        ] {
+            let (asked, watched) = ramp(slips);
+            let record = record(&asked, &DETECTORS[0], &watched, &seen(alarm));
+            assert_eq!(Outcome::of(&record), Some(outcome), "{alarm:?}");
+            assert_eq!(record.number_of("f_at_alarm").map(|f| (f * 100.0).round() / 100.0), f, "{alarm:?}");
+        }
+        let (asked, watched) = ramp(true);
+        let late = record(&asked, &DETECTORS[0], &watched, &seen(Some(31)));
+        assert_eq!((late.verdict, late.score), (false, 0.0), "what comes after gross slip counts for nothing");
+        let in_time = record(&asked, &DETECTORS[0], &watched, &seen(Some(20)));
+        assert!((in_time.number_of("lead_ms").expect("a lead") - 1000.0 / 3.0).abs() < 1e-6);
+        assert!(
+            (record(&asked, &DETECTORS[0], &watched, &seen(Some(5))).flag_of("alarm_while_gripping")) == Some(true)
+        );
+    }
+
+    #[test]
+    fn gross_has_a_delay_is_kept_or_false() {
+        let (asked, watched) = ramp(true);
+        let mut seen = seen(Some(20));
+        for n in [32, 33, 34, 36, 37, 38, 39] {
+            seen[n].state = SlipState::Gross;
+        }
+        let late = record(&asked, &DETECTORS[0], &watched, &seen);
+        assert_eq!((late.number_of("gross_delay_frames"), late.flag_of("gross_false")), (Some(2.0), Some(false)));
+        assert_eq!((late.number_of("gross_later_frames"), late.number_of("gross_kept_frames")), (Some(7.0), Some(6.0)));
+        seen[20].state = SlipState::Gross;
+        let early = record(&asked, &DETECTORS[0], &watched, &seen);
+        assert_eq!((early.flag_of("gross_false"), early.number_of("gross_delay_frames")), (Some(true), Some(2.0)));
+    }
+
+    #[test]
+    fn estimates_are_scored_where_the_grip_is_steady_and_the_load_above_a_tenth() {
+        let (asked, watched) = ramp(true);
+        let mut seen = seen(Some(20));
+        for seen in &mut seen {
+            (seen.said.stick_ratio, seen.said.friction) = (Some(0.4), Some(0.88));
+        }
+        let record = record(&asked, &DETECTORS[0], &watched, &seen);
+        let near = |key: &str, expected: f64| {
+            let got = record.number_of(key).expect("a number");
+            assert!((got - expected).abs() < 1e-9, "{key}: {got}");
+        };
+        near("stick_error", 0.1);
+        near("friction_error_fraction", 0.1);
+        near("scored_frames", 18.0); // f = 0.1 to 0.95
+        assert_eq!(record.number_of("margin_error"), None);
+    }
+}

@@ -1,0 +1,53 @@
+//! What a protocol is: trials by number, records of each, tables of all.
+
+use super::record::TrialRecord;
+use super::table::Table;
+use super::watch::Onlooker;
+use crate::rivals::Entry;
+use slipbound::image::ImageError;
+use slipbound::monitor::RestError;
+use slipbound::port::SourceError;
+use slipbound::setting::SettingError;
+
+/// Why a trial could not be judged.
+#[derive(Debug, thiserror::Error)]
+pub enum EvalError {
+    /// A setting is refused.
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    /// A picture could not be made or read.
+    #[error("{0}")]
+    Source(#[from] SourceError),
+    /// The finger at rest could not be found.
+    #[error(transparent)]
+    Rest(#[from] RestError),
+    /// A frame is not whole.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+}
+
+/// A series of trials that can be judged in any order, each by itself.
+pub trait Protocol: Sync {
+    /// Its name on the command line and in files.
+    fn name(&self) -> &'static str;
+
+    /// How many trials there are.
+    fn trials_count(&self) -> u64;
+
+    /// The records of a trial, one a detector, in the order of `detectors`. Depends on nothing but the number.
+    fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError>;
+
+    /// The tables, from the records of any part of the trials, in their order.
+    fn tables(&self, records: &[TrialRecord]) -> Vec<Table>;
+
+    /// What changes a record beside seed and number of trials, for the tables.
+    fn settings(&self) -> Vec<(String, String)> {
+        Vec::new()
+    }
+
+    /// Runs a trial again for who wants to see what a detector saw; nothing where that cannot be.
+    fn show(&self, number: u64, detector: &'static Entry, onlooker: &mut Onlooker<'_>) -> Result<(), EvalError> {
+        let _ = (number, detector, onlooker);
+        Ok(())
+    }
+}

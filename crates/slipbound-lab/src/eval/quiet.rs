@@ -1,0 +1,301 @@
+//! Hours in which nothing slides: grip steps, presses to 60 N, rolling, drift and vibration, held still in between.
+//!
+//! ```text
+//!   an episode of a minute:   rest, press | still | event | still | event | ...
+//!                                            `-- the contact stands, every frame has fresh camera noise
+//! ```
+//!
+//! An episode is a trial: a sweep that was cut goes on, and 120 of them are two hours.
+
+use super::outcome::{camera_seed, stream};
+use super::protocol::{EvalError, Protocol};
+use super::record::TrialRecord;
+use super::statistics::{Estimated, rate_per_h, share};
+use super::table::{Cell, Table};
+use super::watch::{Onlooker, Restarts, Seen, Watch, Watched, watch};
+use crate::contact::{Drive, Leg, Path};
+use crate::objects::OBJECTS;
+use crate::random::Random;
+use crate::rivals::{DETECTORS, Entry};
+use crate::scenes::{LoadProfile, Pull, Trial};
+use crate::world::FRAME_RATE_HZ;
+use slipbound::plane::Vec2;
+use std::collections::BTreeMap;
+
+/// Episodes unless others are asked for: two hours.
+const TRIALS_COUNT: u64 = 120;
+
+/// Frames of an episode: a minute.
+const FRAMES_COUNT: u64 = 60 * FRAME_RATE_HZ;
+
+/// Frames at rest before.
+const REST_FRAMES: u64 = 12;
+
+/// Grip, N.
+const FORCE_N: (f64, f64) = (5.0, 60.0);
+
+/// Stillness after an event, frames: 2 to 6 s.
+const STILL_FRAMES: (f64, f64) = (60.0, 180.0);
+
+/// Furthest that an object has rolled from where it was put, mm.
+const MOST_ROLL_MM: f64 = 5.0;
+
+/// What a drift loads the object with at most, over what would make it slide: guessed from the largest faces, so
+/// less on small ones. The truth is in the record as `most_load_fraction`.
+const DRIFT_FRACTION: f64 = 0.1;
+
+/// Shear stiffness of the gel times the largest face, N/mm.
+const FACE_N_PER_MM: f64 = 40.0;
+
+/// What can happen.
+const EVENTS: [&str; 5] = ["grip step", "press to 60 N", "roll", "drift", "vibration"];
+
+/// The script of an episode.
+#[derive(Debug)]
+struct Script {
+    legs: Vec<Leg>,
+    /// World frames after which it stands still, and for how long.
+    stills: Vec<(u64, u64)>,
+    /// Number of the first frame of each event as they are counted in the end, and which it is.
+    events: Vec<(u64, &'static str)>,
+}
+
+fn frames_s(frames: u64) -> f64 {
+    frames as f64 / FRAME_RATE_HZ as f64
+}
+
+fn script(trial: &Trial, random: &mut Random) -> Script {
+    let press_frames = 9;
+    let mut script = Script {
+        legs: vec![Leg::press(trial.number("force_n"), frames_s(press_frames)), Leg::hold(frames_s(6))],
+        stills: Vec::new(),
+        events: vec![(0, "press")],
+    };
+    let (mut force_n, mut rolled_mm) = (trial.number("force_n"), Vec2::ZERO);
+    // Frames of the world, and of all frames with those in which it stands.
+    let (mut world_frames, mut frames) = (REST_FRAMES + press_frames + 6, REST_FRAMES + press_frames + 6);
+    loop {
+        let still = random.between(STILL_FRAMES.0, STILL_FRAMES.1) as u64;
+        let still = still.min(FRAMES_COUNT.saturating_sub(frames));
+        script.stills.push((world_frames - 1, still));
+        frames += still;
+        if frames >= FRAMES_COUNT {
+            return script;
+        }
+        let event = EVENTS[(random.next_u64() % EVENTS.len() as u64) as usize];
+        script.events.push((frames, event));
+        let direction = Vec2::new(1.0, 0.0).rotated(random.between(0.0, std::f64::consts::TAU));
+        let mut took = 0;
+        let mut leg = |frames: u64, of: &dyn Fn(f64) -> Leg| {
+            script.legs.push(of(frames_s(frames)));
+            took += frames;
+        };
+        match event {
+            "grip step" | "press to 60 N" => {
+                force_n = if event == "grip step" { random.between(FORCE_N.0, FORCE_N.1) } else { FORCE_N.1 };
+                leg(random.between(3.0, 12.0) as u64, &|s| Leg::press(force_n, s));
+            }
+            "roll" => {
+                let to_mm = direction * random.between(1.0, MOST_ROLL_MM);
+                let by_mm = to_mm - rolled_mm;
+                rolled_mm = to_mm;
+                leg(random.between(15.0, 60.0) as u64, &|s| Leg::roll(by_mm.x, by_mm.y, s));
+            }
+            "drift" => {
+                let by_mm = direction * (DRIFT_FRACTION * trial.mu() * force_n / FACE_N_PER_MM);
+                let slow = random.between(60.0, 150.0) as u64;
+                leg(slow, &|s| Leg::shear(by_mm.x, by_mm.y, s));
+                leg(slow, &|s| Leg::shear(-by_mm.x, -by_mm.y, s));
+            }
+            _ => {
+                let by_mm = direction * random.between(0.002, 0.01);
+                for _ in 0..random.between(8.0, 16.0) as u32 {
+                    leg(1, &|s| Leg::shear(by_mm.x, by_mm.y, s));
+                    leg(2, &|s| Leg::shear(-2.0 * by_mm.x, -2.0 * by_mm.y, s));
+                    leg(1, &|s| Leg::shear(by_mm.x, by_mm.y, s));
+                }
+            }
+        }
+        world_frames += took;
+        frames += took;
+    }
+}
+
+/// The protocol.
+#[derive(Debug)]
+pub struct Quiet {
+    seed: u64,
+    trials_count: u64,
+}
+
+impl Quiet {
+    /// The episodes of a seed.
+    pub fn new(seed: u64, trials: Option<u64>) -> Self {
+        Quiet { seed, trials_count: trials.unwrap_or(TRIALS_COUNT) }
+    }
+
+    fn watch_of(&self, number: u64) -> Result<(Script, Watch), EvalError> {
+        let mut random = stream(self.seed, 4 << 32 | number);
+        let object = &OBJECTS[(number % 10) as usize];
+        let (force_n, mu) = (random.between(5.0, 30.0), object.mu * random.between(0.85, 1.15));
+        let (x_mm, y_mm) = (random.between(-0.5, 0.5), random.between(-0.5, 0.5));
+        let turn_deg = random.between(-8.0, 8.0);
+        let trial = Trial::parse(&format!(
+            "press?object={}&force_n={force_n:.3}&mu={mu:.4}&at_x_mm={x_mm:.3}&at_y_mm={y_mm:.3}&turn_deg={turn_deg:.3}\
+             &rest_frames={REST_FRAMES}&grid=fast&seed={}",
+            object.name,
+            camera_seed(&mut random)
+        ))?;
+        let script = script(&trial, &mut random);
+        let profile = LoadProfile {
+            path: Path::new(script.legs.clone())?,
+            pull: Pull::None,
+            drive: Drive::Guided,
+            fingers_count: 1,
+            load_from_s: None,
+            along: (Vec2::ZERO, 0.0),
+        };
+        let what =
+            Watch { profile: Some(profile), stills: script.stills.clone(), ..Watch::new(trial, Restarts::Rivals) };
+        Ok((script, what))
+    }
+}
+
+/// The record of a detector on an episode.
+fn record(number: u64, trial: &Trial, script: &Script, watched: &Watched, entry: &Entry, seen: &[Seen]) -> TrialRecord {
+    // Nobody tells ours when the object is held; rivals begin there.
+    let from_frame = if entry.is_ours() { 0 } else { watched.load_from_frame };
+    let counts = |n: usize| watched.facts[n].frame >= from_frame;
+    let begins = |n: usize| seen[n].alarms && counts(n) && (n == 0 || !seen[n - 1].alarms || !counts(n - 1));
+    let alarms: Vec<usize> = (0..seen.len()).filter(|&n| begins(n)).collect();
+    let first = alarms.first().map(|&n| watched.facts[n].frame);
+    let event_at = |frame: u64| script.events.iter().rev().find(|(from, _)| *from <= frame).map(|(_, event)| *event);
+    let mut by_event: BTreeMap<&str, u64> = BTreeMap::new();
+    for &n in &alarms {
+        *by_event.entry(event_at(watched.facts[n].frame).unwrap_or("press")).or_default() += 1;
+    }
+    let load = |n: usize| {
+        let facts = &watched.facts[n];
+        facts.wrench.force_n.length() / (trial.mu() * facts.grip_n).max(f64::MIN_POSITIVE)
+    };
+    let held = (0..seen.len()).filter(|&n| watched.facts[n].frame >= watched.load_from_frame);
+    TrialRecord {
+        number,
+        trial: format!("quiet: {trial}"),
+        object: trial.object().name.into(),
+        detector: entry.name.into(),
+        truth: Some(false),
+        verdict: first.is_some(),
+        score: (0..seen.len()).filter(|&n| counts(n)).map(|n| seen[n].score).fold(0.0, f64::max),
+        first_alarm_frame: first,
+        more: BTreeMap::new(),
+    }
+    .with("alarms", alarms.len())
+    .with("alarms_by_event", serde_json::json!(by_event))
+    .with("frames", (0..seen.len()).filter(|&n| counts(n)).count())
+    .with("alarm_frames", (0..seen.len()).filter(|&n| counts(n) && seen[n].alarms).count())
+    .with("most_load_fraction", held.map(load).fold(0.0, f64::max))
+}
+
+impl Protocol for Quiet {
+    fn name(&self) -> &'static str {
+        "quiet"
+    }
+
+    fn trials_count(&self) -> u64 {
+        self.trials_count
+    }
+
+    fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {
+        let (script, what) = self.watch_of(number)?;
+        let watched = watch(&what, detectors, None)?;
+        let of =
+            |(entry, seen): &(&'static Entry, Vec<Seen>)| record(number, &what.trial, &script, &watched, entry, seen);
+        Ok(watched.seen.iter().map(of).collect())
+    }
+
+    fn tables(&self, records: &[TrialRecord]) -> Vec<Table> {
+        let mut table = Table::new(
+            "Alarms where nothing slides",
+            "An alarm is counted when it begins. The bound on the rate holds at 95 %, one-sided (Garwood); it takes alarms as independent.",
+            &[
+                "detector",
+                "frames",
+                "hours",
+                "alarms",
+                "per hour, bound above",
+                "episodes with one %",
+                "frames in alarm %",
+            ],
+        );
+        let mut events = Table::new(
+            "By what happened last",
+            "Number of alarms.",
+            &["detector", "press", EVENTS[0], EVENTS[1], EVENTS[2], EVENTS[3], EVENTS[4]],
+        );
+        for entry in &DETECTORS {
+            let some: Vec<&TrialRecord> = records.iter().filter(|r| r.detector == entry.name).collect();
+            if some.is_empty() {
+                continue;
+            }
+            let sum = |key: &str| some.iter().filter_map(|r| r.number_of(key)).sum::<f64>() as u64;
+            let (frames, alarms) = (sum("frames"), sum("alarms"));
+            let hours_h = frames as f64 / FRAME_RATE_HZ as f64 / 3600.0;
+            table.rows.push(vec![
+                entry.name.into(),
+                Cell::Count(frames),
+                Cell::Number(Estimated { value: Some(hours_h), low: None, high: None, n: frames }, 2),
+                Cell::Count(alarms),
+                Cell::Number(rate_per_h(alarms, hours_h), 2),
+                Cell::Share(share(some.iter().filter(|r| r.verdict).count() as u64, some.len() as u64)),
+                Cell::Share(share(sum("alarm_frames"), frames)),
+            ]);
+            let of_event = |event: &str| {
+                let count = |r: &&TrialRecord| r.more.get("alarms_by_event")?.get(event)?.as_u64();
+                Cell::Count(some.iter().filter_map(count).sum())
+            };
+            let cells = std::iter::once("press").chain(EVENTS).map(of_event);
+            events.rows.push(std::iter::once(entry.name.into()).chain(cells).collect());
+        }
+        let loads: Vec<f64> = records.iter().filter_map(|r| r.number_of("most_load_fraction")).collect();
+        let most = loads.iter().copied().fold(0.0, f64::max);
+        events.note = format!("Number of alarms. Largest tangential force over mu P in any episode: {most:.2}.");
+        vec![table, events]
+    }
+
+    fn settings(&self) -> Vec<(String, String)> {
+        vec![("restarts".into(), "rivals".into()), ("episode_frames".into(), FRAMES_COUNT.to_string())]
+    }
+
+    fn show(&self, number: u64, detector: &'static Entry, onlooker: &mut Onlooker<'_>) -> Result<(), EvalError> {
+        let (_, what) = self.watch_of(number)?;
+        watch(&what, &[detector], Some((detector.name, onlooker))).map(drop)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::{Physics, World};
+
+    #[test]
+    fn an_episode_lasts_a_minute_and_never_loads_the_object_to_a_fifth() {
+        for number in [0, 3] {
+            let (script, what) = Quiet::new(0, None).watch_of(number).expect("a sound trial");
+            let stills: u64 = what.stills.iter().map(|(_, count)| count).sum();
+            let profile = what.profile.clone().expect("a path");
+            let mut world = World::with(&what.trial, profile, &Physics::default()).expect("a sound world");
+            let (mut frames, mut most) = (0, 0.0f64);
+            while let Some(truth) = world.advance().expect("a sound world") {
+                frames += 1;
+                if truth.frame > REST_FRAMES + 15 {
+                    most = most.max(truth.wrench.force_n.length() / (what.trial.mu() * truth.grip_force_n));
+                }
+            }
+            assert!((FRAMES_COUNT..FRAMES_COUNT + 400).contains(&(frames + stills)), "{frames} + {stills}");
+            assert!(script.events.len() > 5, "{:?}", script.events);
+            assert!(most < 0.2, "{number}: {most}");
+            assert!(what.stills.iter().all(|(at, _)| *at < frames));
+        }
+    }
+}

@@ -1,0 +1,241 @@
+//! Tables over ramps: alarms, lead, exactness, direction, gross.
+
+use super::outcome::{FALSE_BELOW_FRACTION, Outcome};
+use super::record::TrialRecord;
+use super::statistics::{Estimated, mean, median, quantile, share, share_of};
+use super::table::{Cell, Table};
+use crate::rivals::DETECTORS;
+
+/// Frames in which `gross` should have been said, and mm of sliding for slow motion.
+pub(super) const GROSS_WITHIN_FRAMES: f64 = 2.0;
+
+/// A part of the records: its name and whether a record is in it.
+pub(super) type Part<'a> = (&'a str, &'a dyn Fn(&TrialRecord) -> bool);
+
+fn numbers(records: &[&TrialRecord], key: &str) -> Vec<f64> {
+    records.iter().filter_map(|r| r.number_of(key)).collect()
+}
+
+fn flags(records: &[&TrialRecord], key: &str) -> Estimated {
+    share_of(records.iter().filter_map(|r| r.flag_of(key)))
+}
+
+/// Those that come to gross slip.
+fn sliding<'a>(records: &'a [TrialRecord], detector: &str) -> Vec<&'a TrialRecord> {
+    let slides = |r: &&TrialRecord| r.flag_of("reaches_gross") != Some(false);
+    records.iter().filter(|r| r.detector == detector).filter(slides).collect()
+}
+
+/// Alarm before gross slip: whether it was false or in time.
+fn before_gross(records: &[&TrialRecord]) -> Estimated {
+    share_of(records.iter().map(|r| matches!(Outcome::of(r), Some(Outcome::InTime | Outcome::False))))
+}
+
+fn is_false(records: &[&TrialRecord]) -> Estimated {
+    share_of(records.iter().map(|r| Outcome::of(r) == Some(Outcome::False)))
+}
+
+/// f at the alarms that came before gross slip.
+fn fractions(records: &[&TrialRecord]) -> Vec<f64> {
+    let in_time: Vec<&TrialRecord> =
+        records.iter().copied().filter(|r| Outcome::of(r) == Some(Outcome::InTime)).collect();
+    numbers(&in_time, "f_at_alarm")
+}
+
+/// The tables of all ramps, their titles begun with `prefix`.
+pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
+    let title = |title: &str| format!("{prefix}{title}");
+    let mut alarms = Table::new(
+        &title("Alarms"),
+        &format!(
+            "Before gross slip: the first alarm came before it. False: at f < {FALSE_BELOW_FRACTION}, while gripping included for ours. f of the alarms \
+             in between; lead of the same on ramps of 1 s, from the exposure of the frame, no latency taken off. Coverage: share of the loaded frames that \
+             were decided."
+        ),
+        &[
+            "detector",
+            "ramps",
+            "before gross %",
+            "false %",
+            "f at alarm, median",
+            "95th pct",
+            "lead ms, median",
+            "5th pct",
+            "coverage %",
+        ],
+    );
+    let mut exact = Table::new(
+        &title("Exactness"),
+        "Mean over ramps of the mean absolute error of stick ratio and margin, on frames with f >= 0.1 and the grip steady for 0.2 s; shear and torque: \
+         root mean square error over the loaded frames over the value at gross slip; friction: median relative error once f > 0.3. In brackets \
+         below each the number of ramps it is known for.",
+        &[
+            "detector",
+            "ramps",
+            "stick ratio MAE",
+            "margin MAE",
+            "shear %",
+            "torque %",
+            "friction %, median",
+            "known in ramps",
+        ],
+    );
+    let mut slip = Table::new(
+        &title("Kind and direction"),
+        "At the first alarm, against the motion of the object since the load began.",
+        &["detector", "alarms", "kind right %", "direction error deg, median", "95th pct", "sense of rotation right %"],
+    );
+    let mut gross = Table::new(
+        &title("Gross"),
+        "Said: in how many ramps at all, which end some four frames after gross slip. Delay from the first frame after it. False: said below f 0.8.",
+        &["detector", "ramps", "said %", "delay frames, median", "within 2 frames %", "kept %", "false %"],
+    );
+    for entry in &DETECTORS {
+        let all = sliding(records, entry.name);
+        if all.is_empty() {
+            continue;
+        }
+        let (count, f) = (Cell::Count(all.len() as u64), fractions(&all));
+        let one_s: Vec<&TrialRecord> = all
+            .iter()
+            .copied()
+            .filter(|r| r.number_of("ramp_s") == Some(1.0) && Outcome::of(r) == Some(Outcome::InTime))
+            .collect();
+        let leads = numbers(&one_s, "lead_ms");
+        let sum = |key: &str| numbers(&all, key).iter().sum::<f64>() as u64;
+        alarms.rows.push(vec![
+            entry.name.into(),
+            count.clone(),
+            Cell::Share(before_gross(&all)),
+            Cell::Share(is_false(&all)),
+            Cell::Number(median(&f), 3),
+            Cell::Number(quantile(&f, 0.95), 3),
+            Cell::Number(median(&leads), 0),
+            Cell::Number(quantile(&leads, 0.05), 0),
+            Cell::Share(share(sum("decided_frames"), sum("loaded_frames"))),
+        ]);
+        if !entry.is_ours() {
+            continue;
+        }
+        exact.rows.push(exactness(entry.name, &all));
+        let alarmed: Vec<&TrialRecord> = all.iter().copied().filter(|r| r.more.contains_key("kind_true")).collect();
+        let kind = share_of(alarmed.iter().map(|r| r.word_of("kind_true") == r.word_of("kind_said")));
+        let apart = numbers(&alarmed, "direction_error_deg");
+        slip.rows.push(vec![
+            entry.name.into(),
+            Cell::Count(alarmed.len() as u64),
+            Cell::Share(kind),
+            Cell::Number(median(&apart), 1),
+            Cell::Number(quantile(&apart, 0.95), 1),
+            Cell::Share(flags(&alarmed, "sense_right")),
+        ]);
+        gross.rows.push(gross_row(entry.name, &all));
+    }
+    vec![alarms, exact, slip, gross]
+}
+
+fn exactness(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
+    let mean_of = |key: &str| mean(&numbers(all, key));
+    let known =
+        ["stick_error", "margin_error", "shear_error_fraction", "torque_error_fraction", "friction_error_fraction"]
+            .map(|key| numbers(all, key).len().to_string());
+    vec![
+        name.into(),
+        Cell::Count(all.len() as u64),
+        Cell::Number(mean_of("stick_error"), 3),
+        Cell::Number(mean_of("margin_error"), 3),
+        Cell::Share(mean_of("shear_error_fraction")),
+        Cell::Share(mean_of("torque_error_fraction")),
+        Cell::Share(median(&numbers(all, "friction_error_fraction"))),
+        known.join(", ").into(),
+    ]
+}
+
+/// A row about `gross`: said, delay, kept, false.
+pub(super) fn gross_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
+    let delays = numbers(all, "gross_delay_frames");
+    let sum = |key: &str| numbers(all, key).iter().sum::<f64>() as u64;
+    // A ramp in which it was never said is not within two frames.
+    let within = delays.iter().filter(|&&delay| delay <= GROSS_WITHIN_FRAMES).count() as u64;
+    let wrong = all.iter().filter(|r| r.flag_of("gross_false") == Some(true)).count() as u64;
+    vec![
+        name.into(),
+        Cell::Count(all.len() as u64),
+        Cell::Share(share(delays.len() as u64, all.len() as u64)),
+        Cell::Number(median(&delays), 1),
+        Cell::Share(share(within, all.len() as u64)),
+        Cell::Share(share(sum("gross_kept_frames"), sum("gross_later_frames"))),
+        Cell::Share(share(wrong, all.len() as u64)),
+    ]
+}
+
+/// One line for each detector and part.
+pub(super) fn split(title: &str, records: &[TrialRecord], parts: &[Part<'_>]) -> Table {
+    let mut table = Table::new(
+        title,
+        "",
+        &[
+            "detector",
+            "part",
+            "ramps",
+            "before gross %",
+            "false %",
+            "f at alarm, median",
+            "95th pct",
+            "stick ratio MAE",
+            "margin MAE",
+            "friction %, median",
+        ],
+    );
+    for entry in &DETECTORS {
+        let all = sliding(records, entry.name);
+        for (name, is_in) in parts {
+            let some: Vec<&TrialRecord> = all.iter().copied().filter(|r| is_in(r)).collect();
+            if some.is_empty() {
+                continue;
+            }
+            let f = fractions(&some);
+            table.rows.push(vec![
+                entry.name.into(),
+                (*name).into(),
+                Cell::Count(some.len() as u64),
+                Cell::Share(before_gross(&some)),
+                Cell::Share(is_false(&some)),
+                Cell::Number(median(&f), 3),
+                Cell::Number(quantile(&f, 0.95), 3),
+                Cell::Number(mean(&numbers(&some, "stick_error")), 3),
+                Cell::Number(mean(&numbers(&some, "margin_error")), 3),
+                Cell::Share(median(&numbers(&some, "friction_error_fraction"))),
+            ]);
+        }
+    }
+    table
+}
+
+/// Force, torque and friction of ours, one line for each detector and part.
+pub(super) fn loads(title: &str, records: &[TrialRecord], parts: &[Part<'_>]) -> Table {
+    let mut table = Table::new(
+        title,
+        "",
+        &["detector", "part", "ramps", "shear %", "torque %", "friction %, median", "margin MAE"],
+    );
+    for entry in DETECTORS.iter().filter(|entry| entry.is_ours()) {
+        let all = sliding(records, entry.name);
+        for (name, is_in) in parts {
+            let some: Vec<&TrialRecord> = all.iter().copied().filter(|r| is_in(r)).collect();
+            if some.is_empty() {
+                continue;
+            }
+            table.rows.push(vec![
+                entry.name.into(),
+                (*name).into(),
+                Cell::Count(some.len() as u64),
+                Cell::Share(mean(&numbers(&some, "shear_error_fraction"))),
+                Cell::Share(mean(&numbers(&some, "torque_error_fraction"))),
+                Cell::Share(median(&numbers(&some, "friction_error_fraction"))),
+                Cell::Number(mean(&numbers(&some, "margin_error")), 3),
+            ]);
+        }
+    }
+    table
+}

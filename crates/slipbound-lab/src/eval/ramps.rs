@@ -1,0 +1,232 @@
+//! Loads of fixed direction that grow until the object slides, with friction unknown.
+//!
+//! Stratified over object, force 10 to 60 N, friction 0.3 to 1.2 (evenly in its logarithm), direction, kind of load and
+//! speed. Rivals start anew from the last frame before the load; ours watches from the first touch and is told nothing.
+
+use super::outcome::{Asked, camera_seed, record, stream};
+use super::protocol::{EvalError, Protocol};
+use super::ramp_tables;
+use super::record::TrialRecord;
+use super::table::Table;
+use super::watch::{Onlooker, Restarts, Watch, Watched, watch};
+use crate::objects::OBJECTS;
+use crate::rivals::Entry;
+use crate::scenes::Trial;
+
+/// Objects of the paper: the library without the cap.
+const OBJECTS_COUNT: u64 = 10;
+
+/// Trials unless others are asked for.
+const TRIALS_COUNT: u64 = 1200;
+
+/// Grip forces, N, and friction coefficients.
+pub(super) const FORCE_N: (f64, f64) = (10.0, 60.0);
+pub(super) const MU: (f64, f64) = (0.3, 1.2);
+
+/// What is drawn for a ramp.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Draw {
+    pub object: usize,
+    pub force_n: f64,
+    pub mu: f64,
+    pub direction_deg: f64,
+    /// Share of the turning, see the scene `ramp`.
+    pub twist_fraction: f64,
+    pub ramp_s: f64,
+}
+
+/// Steps of a low-discrepancy sequence in five dimensions: powers of the root of x^6 = x + 1 (Roberts 2018).
+const STEPS: [f64; 5] = {
+    const ROOT: f64 = 1.134_724_138_401_519_5;
+    let first = 1.0 / ROOT;
+    let second = first / ROOT;
+    let third = second / ROOT;
+    let fourth = third / ROOT;
+    [first, second, third, fourth, fourth / ROOT]
+};
+
+/// The `number`th of a sequence that covers its ranges evenly however many are taken; the seed shifts it. Every object has a sequence of
+/// its own.
+pub(super) fn draw(seed: u64, number: u64) -> Draw {
+    let (object, k) = (number % OBJECTS_COUNT, number / OBJECTS_COUNT);
+    let mut shift = stream(seed, 1 << 32 | object);
+    let [force, mu, direction, kind, speed] = STEPS.map(|step| (shift.fraction() + k as f64 * step).fract());
+    // Two fifths pulls, three tenths turns, three tenths both.
+    let twist_fraction = match kind {
+        kind if kind < 0.4 => 0.0,
+        kind if kind < 0.55 => 1.0,
+        kind if kind < 0.7 => -1.0,
+        kind if kind < 0.85 => 0.3 + 0.4 * (kind - 0.7) / 0.15,
+        kind => -0.3 - 0.4 * (kind - 0.85) / 0.15,
+    };
+    Draw {
+        object: object as usize,
+        force_n: FORCE_N.0 + (FORCE_N.1 - FORCE_N.0) * force,
+        mu: MU.0 * (MU.1 / MU.0).powf(mu),
+        direction_deg: 360.0 * direction,
+        twist_fraction,
+        // Every second ramp takes 1 s, on which the lead is scored; the others 0.4 to 2 s.
+        ramp_s: if k % 2 == 0 { 1.0 } else { 0.4 * 5f64.powf(speed) },
+    }
+}
+
+impl Draw {
+    /// The trial; place, angle and camera are drawn from the stream of its number.
+    pub fn trial(&self, seed: u64, number: u64, also: &str) -> Result<Trial, slipbound::setting::SettingError> {
+        let mut random = stream(seed, number);
+        let (x_mm, y_mm) = (random.between(-0.5, 0.5), random.between(-0.5, 0.5));
+        let turn_deg = random.between(-8.0, 8.0);
+        Trial::parse(&format!(
+            "ramp?object={}&force_n={:.3}&mu={:.4}&direction_deg={:.2}&twist_fraction={:.3}&ramp_s={:.3}\
+             &at_x_mm={x_mm:.3}&at_y_mm={y_mm:.3}&turn_deg={turn_deg:.3}&grid=fast&seed={}{also}",
+            OBJECTS[self.object].name,
+            self.force_n,
+            self.mu,
+            self.direction_deg,
+            self.twist_fraction,
+            self.ramp_s,
+            camera_seed(&mut random)
+        ))
+    }
+}
+
+/// The records of a ramp that was watched.
+pub(super) fn records(number: u64, name: &str, trial: &Trial, mu: Option<f64>, watched: &Watched) -> Vec<TrialRecord> {
+    let kind = match trial.number("twist_fraction").abs() {
+        0.0 => "pull",
+        1.0 => "turn",
+        _ => "both",
+    };
+    let of = |(entry, seen): &(&'static Entry, Vec<_>)| {
+        let asked = Asked {
+            number,
+            trial: name.into(),
+            object: trial.object().name.into(),
+            slips: true,
+            // Nobody tells ours when the load begins: what it says while gripping counts.
+            from_frame: if entry.is_ours() { 0 } else { watched.load_from_frame },
+            mu,
+        };
+        record(&asked, entry, watched, seen)
+            .with("force_n", trial.number("force_n"))
+            .with("mu", trial.mu())
+            .with("ramp_s", trial.number("ramp_s"))
+            .with("load", kind)
+            .with("reaches_gross", watched.gross.is_some())
+    };
+    watched.seen.iter().map(of).collect()
+}
+
+/// The protocol.
+#[derive(Debug)]
+pub struct Ramps {
+    seed: u64,
+    trials_count: u64,
+}
+
+impl Ramps {
+    /// The ramps of a seed.
+    pub fn new(seed: u64, trials: Option<u64>) -> Self {
+        Ramps { seed, trials_count: trials.unwrap_or(TRIALS_COUNT) }
+    }
+
+    fn trial(&self, number: u64) -> Result<Trial, EvalError> {
+        Ok(draw(self.seed, number).trial(self.seed, number, "")?)
+    }
+}
+
+impl Protocol for Ramps {
+    fn name(&self) -> &'static str {
+        "ramps"
+    }
+
+    fn trials_count(&self) -> u64 {
+        self.trials_count
+    }
+
+    fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {
+        let trial = self.trial(number)?;
+        let watched = watch(&Watch::new(trial.clone(), Restarts::Rivals), detectors, None)?;
+        Ok(records(number, &trial.to_string(), &trial, Some(trial.mu()), &watched))
+    }
+
+    fn tables(&self, records: &[TrialRecord]) -> Vec<Table> {
+        let mut tables = ramp_tables::tables(records, "");
+        let mu =
+            |low: f64, high: f64| move |r: &TrialRecord| r.number_of("mu").is_some_and(|mu| (low..high).contains(&mu));
+        let force = |low: f64, high: f64| {
+            move |r: &TrialRecord| r.number_of("force_n").is_some_and(|n| (low..high).contains(&n))
+        };
+        tables.push(ramp_tables::split(
+            "By friction",
+            records,
+            &[
+                ("mu 0.3 to 0.42", &mu(0.3, 0.42)),
+                ("mu 0.42 to 0.6", &mu(0.42, 0.6)),
+                ("mu 0.6 to 0.85", &mu(0.6, 0.85)),
+                ("mu 0.85 to 1.2", &mu(0.85, 1.21)),
+            ],
+        ));
+        tables.push(ramp_tables::split(
+            "By force",
+            records,
+            &[
+                ("10 to 20 N", &force(10.0, 20.0)),
+                ("20 to 30 N", &force(20.0, 30.0)),
+                ("30 to 45 N", &force(30.0, 45.0)),
+                ("45 to 60 N", &force(45.0, 60.1)),
+            ],
+        ));
+        let load = |word: &'static str| move |r: &TrialRecord| r.word_of("load") == Some(word);
+        tables.push(ramp_tables::split(
+            "By load",
+            records,
+            &[("pull", &load("pull")), ("turn", &load("turn")), ("both", &load("both"))],
+        ));
+        let of = |name: &'static str| move |r: &TrialRecord| r.object == name;
+        let objects: Vec<_> = OBJECTS[..OBJECTS_COUNT as usize].iter().map(|o| (o.name, of(o.name))).collect();
+        let parts: Vec<(&str, &dyn Fn(&TrialRecord) -> bool)> =
+            objects.iter().map(|(name, of)| (*name, of as &dyn Fn(&TrialRecord) -> bool)).collect();
+        tables.push(ramp_tables::split("By object", records, &parts));
+        tables
+    }
+
+    fn settings(&self) -> Vec<(String, String)> {
+        vec![("restarts".into(), "rivals".into())]
+    }
+
+    fn show(&self, number: u64, detector: &'static Entry, onlooker: &mut Onlooker<'_>) -> Result<(), EvalError> {
+        let what = Watch::new(self.trial(number)?, Restarts::Rivals);
+        watch(&what, &[detector], Some((detector.name, onlooker))).map(drop)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ramps_cover_forces_frictions_and_kinds_evenly() {
+        let draws: Vec<Draw> = (0..1200).map(|number| draw(0, number)).collect();
+        let count = |of: &dyn Fn(&Draw) -> bool| draws.iter().filter(|draw| of(draw)).count();
+        for quarter in 0..4 {
+            let within = |share: f64| (share * 4.0) as usize == quarter;
+            let mu = count(&|draw| within((draw.mu / 0.3).ln() / 4f64.ln()));
+            let force = count(&|draw| within((draw.force_n - 10.0) / 50.0));
+            assert!((285..=315).contains(&mu) && (285..=315).contains(&force), "{quarter}: {mu}, {force}");
+        }
+        assert!((460..=500).contains(&count(&|draw| draw.twist_fraction == 0.0)));
+        assert!((100..=260).contains(&count(&|draw| draw.twist_fraction == -1.0)));
+        assert_eq!(count(&|draw| draw.ramp_s == 1.0), 600);
+        assert!((0..10).all(|object| count(&|draw| draw.object == object) == 120));
+        assert_ne!(draw(0, 7), draw(1, 7), "the seed counts");
+    }
+
+    #[test]
+    fn the_ranges_are_those_of_the_scene() {
+        for number in 0..200 {
+            let trial = draw(3, number).trial(3, number, "").expect("a sound trial");
+            assert!((10.0..=60.0).contains(&trial.number("force_n")) && (0.3..=1.2).contains(&trial.mu()));
+        }
+    }
+}

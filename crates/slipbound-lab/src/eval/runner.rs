@@ -1,0 +1,79 @@
+//! Trials on several cores, handed on in the order of their numbers.
+
+use super::protocol::{EvalError, Protocol};
+use super::record::TrialRecord;
+use crate::rivals::Entry;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc;
+
+/// Why a sweep ended before its end.
+#[derive(Debug, thiserror::Error)]
+pub enum SweepError {
+    /// A trial could not be judged.
+    #[error("{protocol}, trial {number}: {source}")]
+    Trial {
+        /// The protocol.
+        protocol: &'static str,
+        /// Number of the trial.
+        number: u64,
+        /// Why.
+        source: EvalError,
+    },
+    /// Its records could not be kept.
+    #[error(transparent)]
+    Folder(#[from] super::folder::FolderError),
+    /// Whoever asked for it did not want to go on.
+    #[error("interrupted; what was judged is kept, the same command goes on from there")]
+    Interrupted,
+}
+
+/// Judges the trials of some numbers on `jobs_count` threads. `keep` gets the records of one trial after the other, in
+/// the order of `numbers`, whichever was ready first.
+pub fn run(
+    protocol: &dyn Protocol,
+    detectors: &[&'static Entry],
+    numbers: &[u64],
+    jobs_count: usize,
+    stop: &(dyn Fn() -> bool + Sync),
+    keep: &mut dyn FnMut(Vec<TrialRecord>) -> Result<(), SweepError>,
+) -> Result<(), SweepError> {
+    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let (sender, receiver) = mpsc::channel();
+    std::thread::scope(|scope| {
+        for _ in 0..jobs_count.max(1) {
+            let (sender, next, failed) = (sender.clone(), &next, &failed);
+            scope.spawn(move || {
+                while !stop() && !failed.load(Ordering::Relaxed) {
+                    let place = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(&number) = numbers.get(place) else { return };
+                    if sender.send((place, protocol.judge(number, detectors))).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        let kept = keep_in_order(protocol, numbers, &receiver, keep);
+        failed.store(kept.is_err(), Ordering::Relaxed);
+        kept
+    })
+}
+
+fn keep_in_order(
+    protocol: &dyn Protocol,
+    numbers: &[u64],
+    receiver: &mpsc::Receiver<(usize, Result<Vec<TrialRecord>, EvalError>)>,
+    keep: &mut dyn FnMut(Vec<TrialRecord>) -> Result<(), SweepError>,
+) -> Result<(), SweepError> {
+    let (mut waiting, mut due) = (BTreeMap::new(), 0);
+    for (place, judged) in receiver {
+        waiting.insert(place, judged);
+        while let Some(judged) = waiting.remove(&due) {
+            let trial = |source| SweepError::Trial { protocol: protocol.name(), number: numbers[due], source };
+            keep(judged.map_err(trial)?)?;
+            due += 1;
+        }
+    }
+    if due < numbers.len() { Err(SweepError::Interrupted) } else { Ok(()) }
+}

@@ -1,0 +1,280 @@
+//! A simulated trial seen by every detector: one pass over its frames, which cost the most.
+//!
+//! ```text
+//!   World --frame--> monitors (with force, without, the paper's) --> detectors --> Watched: per frame, per detector
+//!     `--truth, grip reading--'
+//! ```
+
+use super::facts::{Facts, facts};
+use super::protocol::EvalError;
+use crate::random::Random;
+use crate::rivals::{Detector, Entry, Inputs, Said, said};
+use crate::scenes::{LoadProfile, Trial};
+use crate::world::{FRAME_RATE_HZ, Gross, Physics, World};
+use slipbound::monitor::{RestBuilder, RestKind, SlipMonitor, SlipReport, SlipState};
+use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
+use slipbound::sensor::{Sensor, Shear};
+
+/// How a gripper tells its force: late, with noise, in steps.
+///
+/// One frame late, as over a 30 Hz link; noise of up to 0.6 N to either side, in steps of 0.1 N: estimates of what
+/// a force-controlled gripper of 80 N reads.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// What the true force is multiplied with.
+    pub scale: f64,
+    /// What is added to it, N.
+    pub offset_n: f64,
+    /// Largest noise to either side, N, drawn anew for every frame.
+    pub noise_n: f64,
+}
+
+impl Default for Reading {
+    fn default() -> Self {
+        Reading { scale: 1.0, offset_n: 0.0, noise_n: 0.6 }
+    }
+}
+
+/// Steps of a reading, N.
+const READING_STEP_N: f64 = 0.1;
+
+impl Reading {
+    /// What it tells of a force; never below 0.
+    fn of(&self, force_n: f64, random: &mut Random) -> GripSample {
+        let read_n = self.scale * force_n + self.offset_n + random.between(-self.noise_n, self.noise_n);
+        GripSample { force_n: ((read_n / READING_STEP_N).round() * READING_STEP_N).max(0.0) }
+    }
+}
+
+/// Who counts from the frame before the load, as the paper takes its reference once the object is held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Restarts {
+    /// Every detector.
+    All,
+    /// Every detector but ours, which has to know by itself.
+    Rivals,
+}
+
+/// What is watched.
+#[derive(Debug, Clone)]
+pub struct Watch {
+    /// What happens.
+    pub trial: Trial,
+    /// The course of things where it is not the scene's.
+    pub profile: Option<LoadProfile>,
+    /// What gel and interface are made of.
+    pub physics: Physics,
+    /// How the gripper tells its force.
+    pub reading: Reading,
+    /// What the method takes for the gel's shear stiffness, over the true one.
+    pub stiffness_scale: f64,
+    /// Who counts from the frame before the load.
+    pub restarts: Restarts,
+    /// Frames of the world after which it stands still, by number, and for how many frames.
+    pub stills: Vec<(u64, u64)>,
+    /// How many frames after gross slip it ends; None for as long as the scene.
+    pub frames_after_gross: Option<u64>,
+}
+
+impl Watch {
+    /// A scene as it is, truthfully told.
+    pub fn new(trial: Trial, restarts: Restarts) -> Self {
+        Watch {
+            trial,
+            profile: None,
+            physics: Physics::default(),
+            reading: Reading::default(),
+            stiffness_scale: 1.0,
+            restarts,
+            stills: Vec::new(),
+            frames_after_gross: None,
+        }
+    }
+}
+
+/// A frame as a detector saw it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seen {
+    /// Its score.
+    pub score: f64,
+    /// Whether it raised the alarm.
+    pub alarms: bool,
+    /// The state of its monitor.
+    pub state: SlipState,
+    /// What its monitor said besides.
+    pub said: Said,
+}
+
+/// What became of a trial.
+#[derive(Debug, Clone, Default)]
+pub struct Watched {
+    /// What is true of every frame from the first touch on.
+    pub facts: Vec<Facts>,
+    /// Gross slip; None when it never came.
+    pub gross: Option<Gross>,
+    /// Number of the first frame under load: the first after the grip has settled.
+    pub load_from_frame: u64,
+    /// By detector, as many frames as there are facts.
+    pub seen: Vec<(&'static Entry, Vec<Seen>)>,
+}
+
+/// Looks at every frame beside the detectors: for pictures.
+pub type Onlooker<'a> = dyn FnMut(&FrameBuffer, &SlipReport, &SlipMonitor) + 'a;
+
+/// A monitor and the detectors that read it.
+struct Desk {
+    inputs: Inputs,
+    monitor: SlipMonitor,
+    detectors: Vec<(&'static Entry, Box<dyn Detector>, Vec<Seen>)>,
+}
+
+impl Desk {
+    fn see(&mut self, frame: &FrameBuffer, grip: GripSample) -> Result<SlipReport, EvalError> {
+        let report = self.monitor.step(&frame.frame()?, self.inputs.has_force().then_some(grip));
+        for (entry, detector, seen) in &mut self.detectors {
+            let score = detector.see(&self.monitor, &report);
+            let alarms = detector.alarms(score, &report);
+            let said = if entry.is_ours() { said(&report) } else { Said::default() };
+            seen.push(Seen { score, alarms, state: report.state, said });
+        }
+        Ok(report)
+    }
+
+    fn restart(&mut self, frame: u64, restarts: Restarts) {
+        let all = restarts == Restarts::All || !self.detectors.iter().any(|(entry, ..)| entry.is_ours());
+        if all {
+            self.monitor.rebase(frame);
+        }
+        for (entry, detector, _) in &mut self.detectors {
+            if restarts == Restarts::All || !entry.is_ours() {
+                detector.restart();
+            }
+        }
+    }
+}
+
+/// The finger as the method is told it: with its shear stiffness, right or wrong by a factor.
+fn told_sensor(world: &World, scale: f64) -> Sensor {
+    let sensor = world.sensor();
+    let gel = world.finger().settings().gel;
+    let stiffness_mpa_per_mm = scale * gel.shear_modulus_mpa() / gel.thickness_mm;
+    let shear = sensor.pitch_mm.map(|pitch_mm| Shear {
+        stiffness_n_per_pitch: stiffness_mpa_per_mm * pitch_mm * pitch_mm * pitch_mm,
+        provenance: "simulator: shear modulus over thickness of the gel".into(),
+    });
+    Sensor { shear, ..sensor }
+}
+
+/// Runs a trial under the eyes of some detectors. `onlooker`: the detector whose monitor it looks at, and what looks.
+pub fn watch(
+    watch: &Watch,
+    entries: &[&'static Entry],
+    mut onlooker: Option<(&str, &mut Onlooker<'_>)>,
+) -> Result<Watched, EvalError> {
+    let trial = &watch.trial;
+    let profile = match &watch.profile {
+        Some(profile) => profile.clone(),
+        None => trial.load_profile()?,
+    };
+    let mut world = World::with(trial, profile, &watch.physics)?;
+    let sensor = told_sensor(&world, watch.stiffness_scale);
+    let rest_frames = trial.number("rest_frames") as u64;
+    let gripped_s = trial.number("press_s") + trial.number("settle_s");
+    let load_from_frame = rest_frames + (gripped_s * FRAME_RATE_HZ as f64 + 1e-6).floor() as u64;
+    let mut desks = desks(&mut world, &sensor, entries, rest_frames)?;
+    let mut readings = Random::of(trial.seed, 0x6121);
+    let mut told = watch.reading.of(0.0, &mut readings);
+    let mut watched = Watched { load_from_frame, ..Watched::default() };
+    let mut frame = FrameBuffer::default();
+    let mut stills = watch.stills.iter().copied().peekable();
+    let (mut still_count, mut standing, mut left) = (0u64, 0u64, None);
+    loop {
+        if standing > 0 {
+            standing -= 1;
+            still_count += 1;
+            world.photograph_again(still_count | 1 << 40, &mut frame)?;
+        } else if world.next(&mut frame)? != Next::Frame {
+            break;
+        } else if let Some((_, count)) = stills.next_if(|(at, _)| *at == world.truth().frame) {
+            standing = count;
+        }
+        frame.seq = world.truth().frame + still_count;
+        frame.time_ns = Some(frame.seq * 1_000_000_000 / FRAME_RATE_HZ);
+        for desk in &mut desks {
+            let report = desk.see(&frame, told)?;
+            if let Some((name, look)) = &mut onlooker {
+                if desk.detectors.iter().any(|(entry, ..)| entry.name == *name) {
+                    look(&frame, &report, &desk.monitor);
+                }
+            }
+            if frame.seq + 1 == load_from_frame {
+                desk.restart(frame.seq, watch.restarts);
+            }
+        }
+        watched.facts.push(facts(&world, frame.seq));
+        told = watch.reading.of(world.truth().grip_force_n, &mut readings);
+        left = left.map(|left: u64| left.saturating_sub(1)).or(world.gross().and(watch.frames_after_gross));
+        if left == Some(0) {
+            break;
+        }
+    }
+    watched.gross = world.gross();
+    let mut seen: Vec<_> =
+        desks.into_iter().flat_map(|desk| desk.detectors).map(|(entry, _, seen)| (entry, seen)).collect();
+    seen.sort_by_key(|(entry, _)| entries.iter().position(|other| other.name == entry.name));
+    watched.seen = seen;
+    Ok(watched)
+}
+
+/// Monitors for what the detectors need, from the frames at rest.
+fn desks(
+    world: &mut World,
+    sensor: &Sensor,
+    entries: &[&'static Entry],
+    rest_frames: u64,
+) -> Result<Vec<Desk>, EvalError> {
+    let mut inputs: Vec<Inputs> = entries.iter().map(|entry| entry.inputs).collect();
+    inputs.sort();
+    inputs.dedup();
+    let mut frame = FrameBuffer::default();
+    let mut rests: Vec<(Inputs, RestBuilder)> = Vec::new();
+    for _ in 0..rest_frames {
+        world.next(&mut frame)?;
+        if rests.is_empty() {
+            for &inputs in &inputs {
+                rests.push((inputs, RestBuilder::new(sensor, &inputs.settings(), frame.size)?));
+            }
+        }
+        for (inputs, rest) in &mut rests {
+            if rest.frames_count() < inputs.settings().rest.average_count {
+                rest.add(&frame.frame()?)?;
+            }
+        }
+    }
+    let desk = |(inputs, rest): (Inputs, RestBuilder)| {
+        let detectors = entries.iter().filter(|entry| entry.inputs == inputs);
+        Ok(Desk {
+            inputs,
+            monitor: SlipMonitor::new(sensor, &inputs.settings(), rest.build(RestKind::Unloaded)?)?,
+            detectors: detectors.map(|entry| (*entry, entry.make(), Vec::new())).collect(),
+        })
+    };
+    rests.into_iter().map(desk).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reading_is_off_by_its_scale_its_offset_and_some_noise() {
+        let mut random = Random::new(1);
+        let exact = Reading { noise_n: 0.0, ..Reading::default() };
+        assert_eq!(exact.of(20.04, &mut random).force_n, 20.0);
+        let off = Reading { scale: 1.15, offset_n: 1.0, noise_n: 0.6 };
+        let read: Vec<f64> = (0..200).map(|_| off.of(20.0, &mut random).force_n).collect();
+        let (least, most) = read.iter().fold((f64::MAX, 0.0f64), |(a, b), &n| (a.min(n), b.max(n)));
+        assert!(least >= 23.4 - 1e-9 && most <= 24.6 + 1e-9 && most - least > 1.0, "{least} to {most}");
+        assert_eq!(Reading { offset_n: -1.0, noise_n: 0.0, scale: 1.0 }.of(0.0, &mut random).force_n, 0.0);
+    }
+}

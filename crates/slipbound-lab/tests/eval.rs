@@ -1,0 +1,135 @@
+//! Sweeps: the same records from any number of cores, after a cut, and from shards.
+
+use slipbound_lab::eval::folder::{Shard, SweepFolder};
+use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, run, simulated};
+use slipbound_lab::rivals::{DETECTORS, Entry, named};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const SEED: u64 = 5;
+const TRIALS: u64 = 4;
+
+fn detectors() -> Vec<&'static Entry> {
+    ["ours", "paper", "imprint"].map(|name| named(name).expect("there is one")).to_vec()
+}
+
+fn sweep(protocol: &dyn Protocol) -> Sweep {
+    Sweep {
+        protocol: protocol.name().into(),
+        seed: SEED,
+        trials_count: protocol.trials_count(),
+        software_version: "0".into(),
+        settings: BTreeMap::new(),
+    }
+}
+
+/// Runs what is missing in a folder, `most` trials of it.
+fn run_in(path: &Path, shard: Shard, jobs: usize, most: usize) -> SweepFolder {
+    let protocol = simulated("ramps", SEED, Some(TRIALS)).expect("there is one");
+    let names: Vec<&str> = detectors().iter().map(|entry| entry.name).collect();
+    let mut folder = SweepFolder::open(path, &sweep(&*protocol), &names, shard).expect("a folder");
+    let numbers: Vec<u64> = folder.missing().into_iter().take(most).collect();
+    run(&*protocol, &detectors(), &numbers, jobs, &|| false, &mut |records| folder.keep(records))
+        .expect("sound trials");
+    folder
+}
+
+fn bytes(path: &Path) -> Vec<u8> {
+    fs::read(path.join("trials.jsonl")).expect("records")
+}
+
+#[test]
+fn the_same_bytes_from_one_core_two_cores_after_a_cut_and_from_shards() {
+    let root = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| root.path().join(name);
+    run_in(&at("one"), Shard::WHOLE, 1, usize::MAX);
+    let whole = bytes(&at("one"));
+    assert_eq!(whole.iter().filter(|&&byte| byte == b'\n').count(), 12);
+
+    run_in(&at("two"), Shard::WHOLE, 2, usize::MAX);
+    assert_eq!(bytes(&at("two")), whole, "two cores");
+
+    // Two trials and a half of the next: one line whole, one line torn.
+    let lines: Vec<&[u8]> = whole.split_inclusive(|&byte| byte == b'\n').collect();
+    run_in(&at("cut"), Shard::WHOLE, 1, 0);
+    let torn = [&lines[..7].concat(), &lines[7][..lines[7].len() / 2]].concat();
+    fs::write(at("cut").join("trials.jsonl"), torn).expect("writes");
+    let folder = run_in(&at("cut"), Shard::WHOLE, 1, 0);
+    assert_eq!((folder.records().len(), folder.missing()), (6, vec![2, 3]), "half a trial is dropped");
+    drop(folder);
+    run_in(&at("cut"), Shard::WHOLE, 2, usize::MAX);
+    assert_eq!(bytes(&at("cut")), whole, "after a cut");
+
+    let shards: Vec<PathBuf> = (1..=2)
+        .map(|number| {
+            run_in(&at(&format!("shard{number}")), Shard { number, of: 2 }, 1, usize::MAX);
+            at(&format!("shard{number}"))
+        })
+        .collect();
+    let merged = SweepFolder::merge(&shards, &at("merged")).expect("two halves");
+    assert_eq!(bytes(merged.path()), whole, "from shards");
+    assert_eq!(fs::read(at("merged/sweep.json")).expect("a file"), fs::read(at("one/sweep.json")).expect("a file"));
+
+    let error = SweepFolder::merge(&shards[..1], &at("half")).expect_err("half of it").to_string();
+    assert!(error.contains("trials: expected all 4 in the folders together, got none of 1, 3 (2 missing)"), "{error}");
+}
+
+#[test]
+fn a_folder_of_another_sweep_is_refused_by_file_key_expected_and_got() {
+    let root = tempfile::tempdir().expect("a folder");
+    let protocol = simulated("slides", SEED, Some(2)).expect("there is one");
+    let open = |sweep: &Sweep| SweepFolder::open(root.path(), sweep, &["ours"], Shard::WHOLE);
+    open(&sweep(&*protocol)).expect("a new folder");
+    let other = Sweep { seed: 6, ..sweep(&*protocol) };
+    let error = open(&other).expect_err("another seed").to_string();
+    assert!(error.contains("sweep.json: sweep.seed: expected 6, got 5"), "{error}");
+    fs::write(root.path().join("trials.jsonl"), "{\"number\":0}\n{\"number\":1}\n").expect("writes");
+    let error = open(&sweep(&*protocol)).expect_err("no records").to_string();
+    assert!(error.contains("trials.jsonl: line 1: expected a record, got"), "{error}");
+    assert!(simulated("rumps", 0, None).is_err_and(|error| error.to_string().contains("one of table1, ramps, quiet")));
+    assert!(named("mine").is_err_and(|error| error.to_string().contains("one of ours, ours_frames, paper_as_written")));
+}
+
+#[test]
+fn a_sweep_that_is_stopped_says_so_and_keeps_what_it_has() {
+    let protocol = simulated("ramps", SEED, Some(3)).expect("there is one");
+    let stop = std::sync::atomic::AtomicBool::new(false);
+    let mut kept: Vec<TrialRecord> = Vec::new();
+    let stopped = run(
+        &*protocol,
+        &[named("ours").expect("ours")],
+        &[0, 1, 2],
+        1,
+        &|| stop.load(std::sync::atomic::Ordering::SeqCst),
+        &mut |records| {
+            kept.extend(records);
+            stop.store(true, std::sync::atomic::Ordering::SeqCst);
+            Ok(())
+        },
+    );
+    assert!(matches!(stopped, Err(SweepError::Interrupted)) && !kept.is_empty() && kept.len() < 3);
+}
+
+/// Every protocol makes records of every detector, and tables from them; the tables depend on the records alone.
+#[test]
+fn every_protocol_judges_a_trial_with_every_detector() {
+    let all: Vec<&'static Entry> = DETECTORS.iter().collect();
+    for name in ["table1", "unseen", "slides"] {
+        let protocol = simulated(name, SEED, Some(1)).expect("there is one");
+        let records = protocol.judge(0, &all).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let names: Vec<&str> = records.iter().map(|record| record.detector.as_str()).collect();
+        assert_eq!(names, DETECTORS.map(|entry| entry.name), "{name}");
+        assert!(records.iter().all(|record| record.score.is_finite() && record.truth.is_some()), "{name}");
+        let read_back: Vec<TrialRecord> = records
+            .iter()
+            .map(|record| TrialRecord::parse(&record.line().expect("a line")).expect("a record"))
+            .collect();
+        let markdown = |records: &[TrialRecord]| {
+            let tables = protocol.tables(records);
+            assert!(tables.iter().all(|table| table.rows.iter().all(|row| row.len() == table.columns.len())), "{name}");
+            tables.iter().map(|table| table.markdown()).collect::<String>()
+        };
+        assert_eq!(markdown(&records), markdown(&read_back), "{name}");
+    }
+}

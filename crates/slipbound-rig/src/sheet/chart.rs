@@ -1,0 +1,134 @@
+//! Lines and bars over two axes, as inline SVG. Axes and lines are kuva's.
+
+use super::markup::Escaped;
+use kuva::plot::{BandPlot, LinePlot};
+use kuva::render::annotations::ReferenceLine;
+use kuva::render::layout::Layout;
+use kuva::render::plots::Plot;
+use kuva::render::theme::Theme;
+use std::fmt;
+
+/// Size of a chart, px.
+const WIDTH_PX: f64 = 760.0;
+const HEIGHT_PX: f64 = 420.0;
+
+/// Colours of the style sheet; more series than that begin anew.
+const COLOURS_COUNT: usize = 8;
+
+/// A chart.
+#[derive(Debug, Clone)]
+pub struct Chart {
+    /// What it shows.
+    pub title: String,
+    /// Name of the horizontal axis, with its unit.
+    pub x_label: String,
+    /// Name of the vertical axis, with its unit.
+    pub y_label: String,
+    /// From where to where the horizontal axis goes.
+    pub x: (f64, f64),
+    /// The vertical axis.
+    pub y: (f64, f64),
+    /// What is drawn.
+    pub series: Vec<Series>,
+    /// Dashed vertical lines.
+    pub lines_at: Vec<f64>,
+}
+
+/// A line or a row of bars.
+#[derive(Debug, Clone)]
+pub struct Series {
+    /// What it is called.
+    pub name: String,
+    /// Its points; of bars their left edges and heights.
+    pub points: Vec<(f64, f64)>,
+    /// How it is drawn.
+    pub draw: Draw,
+    /// Number of its colour, from 1.
+    pub colour: usize,
+}
+
+/// How a series is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Draw {
+    /// From point to point.
+    Line,
+    /// The same, dashed.
+    Dashed,
+    /// Bars of this width over the points, as an outline with its area.
+    Bars(f64),
+}
+
+impl Series {
+    fn colour(&self) -> String {
+        format!("var(--c{})", self.colour.saturating_sub(1) % COLOURS_COUNT + 1)
+    }
+
+    fn plots(&self) -> Vec<Plot> {
+        let line = |points: &[(f64, f64)]| {
+            LinePlot::new().with_data(points.to_vec()).with_color(self.colour().as_str()).with_stroke_width(1.8)
+        };
+        match self.draw {
+            Draw::Line => vec![line(&self.points).into()],
+            Draw::Dashed => vec![line(&self.points).with_dashed().into()],
+            Draw::Bars(width) => {
+                let outline: Vec<(f64, f64)> =
+                    self.points.iter().flat_map(|&(x, y)| [(x, y), (x + width, y)]).collect();
+                let (x, y): (Vec<f64>, Vec<f64>) = outline.iter().copied().unzip();
+                let floor = vec![0.0; x.len()];
+                let area = BandPlot::new(x, floor, y).with_color(self.colour().as_str()).with_opacity(0.18);
+                vec![area.into(), line(&outline).into()]
+            }
+        }
+    }
+}
+
+impl Chart {
+    /// Writes it; `number` tells it from the others of the page.
+    pub(super) fn write(&self, f: &mut fmt::Formatter<'_>, number: usize) -> fmt::Result {
+        writeln!(f, "<figure class=\"plot chart\">\n<figcaption><b>{}</b>", Escaped(&self.title))?;
+        for series in &self.series {
+            let class = match series.draw {
+                Draw::Line => "solid",
+                Draw::Dashed => "dashed",
+                Draw::Bars(_) => "area",
+            };
+            let (colour, name) = (series.colour(), Escaped(&series.name));
+            writeln!(f, "<span class=\"line\"><i class=\"{class}\" style=\"--c:{colour}\"></i>{name}</span>")?;
+        }
+        let label = Escaped(&self.title);
+        writeln!(f, "</figcaption>\n<svg viewBox=\"0 0 {WIDTH_PX} {HEIGHT_PX}\" role=\"img\" aria-label=\"{label}\">")?;
+        writeln!(f, "{}\n</svg>\n</figure>", self.drawn().replace("kuva-clip", &format!("clip-{number}")))
+    }
+
+    /// What stands between kuva's `<svg ...>` and `</svg>`.
+    fn drawn(&self) -> String {
+        let theme = Theme {
+            background: "none".into(),
+            axis_color: "var(--axis)".into(),
+            grid_color: "var(--grid)".into(),
+            tick_color: "var(--axis)".into(),
+            text_color: "var(--soft)".into(),
+            ..Theme::light()
+        };
+        let mut layout = Layout::new(self.x, self.y)
+            .with_width(WIDTH_PX)
+            .with_height(HEIGHT_PX)
+            .with_force_margins(64.0, 20.0)
+            .with_force_margins_y(12.0, 46.0)
+            .with_x_axis_min(self.x.0)
+            .with_x_axis_max(self.x.1)
+            .with_y_axis_min(self.y.0)
+            .with_y_axis_max(self.y.1)
+            .with_theme(theme)
+            .with_x_label(self.x_label.as_str())
+            .with_y_label(self.y_label.as_str())
+            .with_tick_size(12)
+            .with_label_size(12);
+        for &x in &self.lines_at {
+            layout = layout.with_reference_line(ReferenceLine::vertical(x).with_color("var(--axis)"));
+        }
+        let svg = kuva::render_to_svg(self.series.iter().flat_map(Series::plots).collect(), layout);
+        let inside = svg.find('>').map_or("", |end| &svg[end + 1..]);
+        inside.trim_end().trim_end_matches("</svg>").to_owned()
+    }
+}
