@@ -40,7 +40,8 @@ pub struct EvidenceScale {
 impl EvidenceScale {
     /// 0 where objects are held, 1 where they slide, nothing beyond: no value alone decides.
     fn share(self, value: f64) -> f64 {
-        ((value - self.held) / (self.slid - self.held)).clamp(0.0, 1.0)
+        let span = self.slid - self.held;
+        if span == 0.0 { 0.0 } else { ((value - self.held) / span).clamp(0.0, 1.0) }
     }
 }
 
@@ -68,9 +69,9 @@ impl Default for EvidenceSettings {
         EvidenceSettings {
             used: true,
             // Medians over the 20 held and the 14 slipped clips of the lift recordings: bench/real/README.md.
-            relaxation: EvidenceScale { held: 0.03, slid: 0.55 },
-            centre_rim_ratio: EvidenceScale { held: 1.86, slid: 2.76 },
-            imprint_change: EvidenceScale { held: 0.12, slid: 0.55 },
+            relaxation: EvidenceScale { held: 0.029, slid: 0.553 },
+            centre_rim_ratio: EvidenceScale { held: 1.855, slid: 2.761 },
+            imprint_change: EvidenceScale { held: 0.107, slid: 0.521 },
             settle_fraction: 0.05,
             settle_frames_count: 3,
         }
