@@ -131,7 +131,7 @@ impl SlipMonitor {
 
         let area_px2 = self.contact.area_px2 as f64;
         self.slip.judge(self.motion.motion.as_ref(), grip, area_px2, &mut self.markers.all);
-        self.evidence.take(frame.seq, &self.imprint, area_px2, &self.markers.all);
+        self.evidence.take(frame, &self.imprint, area_px2, &self.markers.all);
         probe.after(Step::Slip, self);
 
         let report = self.report(frame, grip);
@@ -235,6 +235,8 @@ impl SlipMonitor {
             _ if self.refusal.is_some() => (SlipState::Unjudged, self.refusal),
             _ if half_lost => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             _ if !self.contact.touches => (SlipState::NoContact, None),
+            // A slide of the whole contact is said whatever the quality of the contact.
+            _ if self.evidence.slides() => (SlipState::Gross, None),
             // Deviation: D11 unsure
             _ if unsure => (SlipState::Unsure, Some(Reason::ContactQuality)),
             _ if self.slip.slips => (SlipState::Incipient, None),

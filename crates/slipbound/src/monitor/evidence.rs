@@ -14,18 +14,25 @@ mod gel;
 mod pattern;
 mod picture;
 mod slide;
+mod sliding;
 
+use crate::image::Frame;
 use crate::monitor::imprint::Imprint;
+use crate::monitor::motion::fit_rigid;
 use crate::monitor::report::Marker;
 use crate::monitor::rest::{Rest, RestKind};
 use crate::plane::Vec2;
-use crate::sensor::Sensor;
+use crate::sensor::{Sensor, Skin};
 use crate::setting::{SettingError, within};
 use field::Field;
 use gel::GelMotion;
 use pattern::{Pattern, Seen};
 use serde::{Deserialize, Serialize};
 use slide::Slide;
+use sliding::{SlidingSettings, SlidingWatch};
+
+/// Fewest markers in contact that say how the gel there moves.
+const CONTACT_MARKERS_COUNT: usize = 3;
 
 /// One value of the evidence on the scale of the slide score: what it is where an object sticks and where it slides.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -62,6 +69,15 @@ pub struct EvidenceSettings {
     pub settle_fraction: f64,
     /// Frames over which that is seen.
     pub settle_frames_count: u32,
+    /// The object slides as a whole (`gross`) when its imprint has moved this far over the gel, in pitches (twice as far on a
+    /// fabric skin, whose patch of pressed weave is known half as well), ...
+    pub slide_pitch: f64,
+    /// ... while the gel in contact went along by at most this share of it, ...
+    pub carried_fraction: f64,
+    /// ... and is sheared at least this far towards where the object slides, in pitches.
+    pub sheared_pitch: f64,
+    /// An imprint that changes by this much from one frame to the next while the gel stands still slides, too.
+    pub jump_change: f64,
 }
 
 impl Default for EvidenceSettings {
@@ -74,6 +90,10 @@ impl Default for EvidenceSettings {
             imprint_change: EvidenceScale { held: 0.107, slid: 0.521 },
             settle_fraction: 0.05,
             settle_frames_count: 3,
+            slide_pitch: 0.13,
+            carried_fraction: 0.25,
+            sheared_pitch: 0.12,
+            jump_change: 0.5,
         }
     }
 }
@@ -89,7 +109,11 @@ impl EvidenceSettings {
             within(key, scale.slid - scale.held, 1e-6, 100.0)?;
         }
         within("evidence.settle_fraction", self.settle_fraction, 0.0, 10.0)?;
-        within("evidence.settle_frames_count", f64::from(self.settle_frames_count), 1.0, 64.0)
+        within("evidence.settle_frames_count", f64::from(self.settle_frames_count), 1.0, 64.0)?;
+        within("evidence.slide_pitch", self.slide_pitch, 0.01, 10.0)?;
+        within("evidence.carried_fraction", self.carried_fraction, 0.0, 1.0)?;
+        within("evidence.sheared_pitch", self.sheared_pitch, 0.0, 10.0)?;
+        within("evidence.jump_change", self.jump_change, 0.05, 2.0)
     }
 
     /// The slide score of three values: twice their mean share of the way from held to slid. What is not known counts as
@@ -124,6 +148,13 @@ pub struct EvidenceReport {
     pub slide_px: Vec2,
     /// How far it has turned on the gel since then, radians.
     pub slide_rad: f64,
+    /// Whether the object slides as a whole now.
+    pub slides: bool,
+    /// Speed of that slide pitches a second; None while nothing slides, where frames have no
+    /// time, and where the imprint jumps further than can be followed.
+    pub slide_pitch_per_s: Option<f64>,
+    /// The same in mm/s; None also where the pitch in mm is unknown.
+    pub slide_mm_per_s: Option<f64>,
 }
 
 /// The greatest values since the reference.
@@ -139,9 +170,13 @@ struct Greatest {
 pub(super) struct Evidence {
     settings: EvidenceSettings,
     pitch_px: f64,
+    pitch_mm: Option<f64>,
     gel: GelMotion,
     pattern: Pattern,
+    /// The pattern of the frame before.
+    before: Vec<Seen>,
     slide: Slide,
+    sliding: SlidingWatch,
     field: Field,
     reference_seq: u64,
     reference_px: Vec<Vec2>,
@@ -163,6 +198,14 @@ impl Evidence {
         Evidence {
             settings: *settings,
             pitch_px: sensor.pitch_px,
+            pitch_mm: sensor.pitch_mm,
+            sliding: SlidingWatch::new(SlidingSettings {
+                least_px: settings.slide_pitch * sensor.pitch_px * if sensor.skin == Skin::Fabric { 2.0 } else { 1.0 },
+                along_fraction: settings.carried_fraction,
+                sheared_px: settings.sheared_pitch * sensor.pitch_px,
+                jump_change: settings.jump_change,
+            }),
+            before: pattern.now.clone(),
             gel: GelMotion::new(&rest_px, sensor.rectified_px(), sensor.pitch_px),
             slide: Slide::new(&pattern, sensor.pitch_px),
             field: Field::new(rest_px.len()),
@@ -180,16 +223,34 @@ impl Evidence {
     }
 
     /// Takes a frame whose markers are known. `area_px2`: that of the contact, zero without.
-    pub(super) fn take(&mut self, seq: u64, imprint: &Imprint, area_px2: f64, markers: &[Marker]) {
+    pub(super) fn take(&mut self, frame: &Frame<'_>, imprint: &Imprint, area_px2: f64, markers: &[Marker]) {
         self.report = None;
         if !self.settings.used {
             return;
         }
-        self.gel.take(markers);
-        self.pattern.take(imprint, &self.gel);
-        if !self.has_reference(seq, area_px2, markers) {
+        if area_px2 <= 0.0 && !self.starts_in_contact {
+            (self.begun, self.settled_frames_count, self.area_px2) = (false, 0, 0.0);
+            self.pattern.learn_rest(imprint);
             return;
         }
+        self.gel.take(markers);
+        self.pattern.take(imprint, &self.gel);
+        if !self.begun && self.settles(area_px2) {
+            self.restart(frame.seq, markers);
+        }
+        if self.begun {
+            self.weigh(frame, markers);
+        }
+        self.before.copy_from_slice(&self.pattern.now);
+    }
+
+    /// Whether the object slides as a whole.
+    pub(super) fn slides(&self) -> bool {
+        self.report.is_some_and(|report| report.slides)
+    }
+
+    /// The evidence of a frame that has a reference.
+    fn weigh(&mut self, frame: &Frame<'_>, markers: &[Marker]) {
         self.field.take(&self.reference_px, markers, self.pitch_px);
         let imprint_change = self.pattern.change(&self.reference_pattern);
         self.slide.take(&self.pattern);
@@ -201,6 +262,14 @@ impl Evidence {
             imprint_change: most(self.greatest.imprint_change, imprint_change),
         };
         let Greatest { relaxation: r, centre_rim_ratio: c, imprint_change: i } = self.greatest;
+        let sliding = self.gel_in_contact(markers).and_then(|(shift_px, turn_rad)| {
+            let slide = &self.slide;
+            let three = |shift: Vec2, turn_rad: f64| [shift.x, shift.y, turn_rad * slide.arm_px];
+            let change = self.pattern.change(&self.before).unwrap_or(0.0);
+            let over_gel = three(slide.shift_px, slide.turn_rad);
+            self.sliding.take(over_gel, three(shift_px, turn_rad), change, frame.time_ns)
+        });
+        let slide_pitch_per_s = sliding.and_then(|s| s.speed_px_per_s).map(|px| px / self.pitch_px);
         self.report = Some(EvidenceReport {
             reference_seq: self.reference_seq,
             relaxation,
@@ -210,28 +279,31 @@ impl Evidence {
             slide_score: self.settings.slide_score(r, c, i),
             slide_px: self.slide.shift_px,
             slide_rad: self.slide.turn_rad,
+            slides: sliding.is_some(),
+            slide_pitch_per_s,
+            slide_mm_per_s: slide_pitch_per_s.zip(self.pitch_mm).map(|(pitch, mm)| pitch * mm),
         });
     }
 
-    /// Whether the evidence has a frame to count from; takes this one for it when the contact has settled.
-    fn has_reference(&mut self, seq: u64, area_px2: f64, markers: &[Marker]) -> bool {
-        if self.begun && (area_px2 > 0.0 || self.starts_in_contact) {
-            return true;
+    /// Shift in px and turn of the gel in contact since the reference; None with too few markers there.
+    fn gel_in_contact(&self, markers: &[Marker]) -> Option<(Vec2, f64)> {
+        let seen = markers.iter().zip(&self.reference_px).filter(|(m, _)| m.in_contact && m.whole && m.matched);
+        if seen.clone().count() < CONTACT_MARKERS_COUNT {
+            return None;
         }
-        if area_px2 <= 0.0 && !self.starts_in_contact {
-            (self.begun, self.settled_frames_count, self.area_px2) = (false, 0, 0.0);
-            return false;
-        }
+        let motion = fit_rigid(seen.map(|(m, &reference)| (reference, m.now)))?;
+        Some((motion.translation, motion.rotation_rad))
+    }
+
+    /// Whether the contact has settled. Nothing is known of how a recording that starts in contact came to it: its first
+    /// frame counts.
+    fn settles(&mut self, area_px2: f64) -> bool {
         let grown = area_px2 > (1.0 + self.settings.settle_fraction) * self.area_px2;
         self.settled_frames_count = if grown { 0 } else { self.settled_frames_count + 1 };
         if grown {
             self.area_px2 = area_px2;
         }
-        // Nothing is known of how a recording that starts in contact came to it: its first frame counts.
-        if self.starts_in_contact || self.settled_frames_count >= self.settings.settle_frames_count {
-            self.restart(seq, markers);
-        }
-        self.begun
+        self.starts_in_contact || self.settled_frames_count >= self.settings.settle_frames_count
     }
 
     /// Counts from this frame.
@@ -242,6 +314,8 @@ impl Evidence {
         self.reference_pattern.copy_from_slice(&self.pattern.now);
         self.field.restart();
         self.slide.restart(&self.pattern);
+        self.sliding.restart();
+        self.before.copy_from_slice(&self.pattern.now);
         self.greatest = Greatest::default();
     }
 }

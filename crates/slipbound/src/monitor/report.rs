@@ -19,7 +19,8 @@ pub enum SlipState {
     Stick,
     /// Part of the contact lags behind the rigid body: it has begun to slip.
     Incipient,
-    /// The whole contact slides. Said by tasks, from the load; one frame of one finger does not show it.
+    /// The whole contact slides: its imprint goes on over a gel that is no longer carried along; see
+    /// [`EvidenceReport::slides`](super::EvidenceReport). Tasks say it, too, from the load.
     Gross,
     /// The frame could not be judged; the reason says why.
     Unjudged,

@@ -16,14 +16,28 @@ use crate::sensor::{Sensor, Skin};
 /// edges and creases of an object are finer.
 const BLUR_PITCH: f64 = 0.4;
 
-/// The same on a fabric skin, where the pattern is the patch of pressed weave as a whole.
-const BLUR_PITCH_FABRIC: f64 = 1.2;
+/// Spread of the blur on a fabric skin, in pitches. There the pattern is what is left by the blur: the weave stays with
+/// the gel, the patch in which it is pressed moves with the object.
+const BLUR_PITCH_FABRIC: f64 = 0.5;
+
+/// Least weight of the cells under that blur: a patch is not continued beyond what is seen.
+const LEAST_WEIGHT_FRACTION: f32 = 0.3;
 
 /// Markers hide the pattern within this many of their diameters of their centre: their own rim, and half a cell.
 const MASK_DIAMETERS: f64 = 1.0;
 
 /// A shade, and 1 where it is seen, 0 where not.
 pub(super) type Seen = [f32; 3];
+
+/// Contrast of the weave at rest, averaged over the frames before anything touches.
+#[derive(Debug, Clone)]
+struct Weave {
+    contrast: Vec<f32>,
+    frames_count: u32,
+}
+
+/// Frames after which more of them no longer make the weave at rest any better known.
+const WEAVE_FRAMES_COUNT: u32 = 30;
 
 /// The pattern of the last frame; owns its scratch.
 #[derive(Debug, Clone)]
@@ -34,6 +48,9 @@ pub(super) struct Pattern {
     /// Camera's view: what is outside is not seen.
     view: Option<Mask>,
     kernel: Vec<f32>,
+    kernel_weight: f32,
+    /// Fabric: the weave at rest, its contrast in each gel cell; zero where nobody saw it unloaded.
+    weave: Option<Weave>,
     rows_blurred: Vec<Seen>,
     blurred: Vec<Seen>,
     /// Band-passed, in gel coordinates.
@@ -54,11 +71,15 @@ impl Pattern {
         let blur_pitch = if sensor.skin == Skin::Fabric { BLUR_PITCH_FABRIC } else { BLUR_PITCH };
         let spread_cells = (blur_pitch * sensor.pitch_px / picture.cell_px as f64).max(1.0);
         let reach = (2.5 * spread_cells).ceil() as usize;
-        let kernel = (0..=reach).map(|d| libm::exp(-0.5 * (d as f64 / spread_cells).powi(2)) as f32).collect();
+        let kernel: Vec<f32> =
+            (0..=reach).map(|d| libm::exp(-0.5 * (d as f64 / spread_cells).powi(2)) as f32).collect();
+        let along = 2.0 * kernel.iter().sum::<f32>() - kernel[0];
         Pattern {
             free,
             view: view.cloned(),
             kernel,
+            kernel_weight: along * along,
+            weave: (sensor.skin == Skin::Fabric).then(|| Weave { contrast: vec![0.0; count], frames_count: 0 }),
             rows_blurred: vec![[0.0; 3]; count],
             blurred: vec![[0.0; 3]; count],
             now: vec![[0.0; 3]; count],
@@ -76,6 +97,20 @@ impl Pattern {
         self.picture.cell_px
     }
 
+    /// Takes the weave of a frame in which nothing touches, for the one at rest. Nothing on a smooth gel.
+    pub(super) fn learn_rest(&mut self, imprint: &Imprint) {
+        let Some(weave) = &mut self.weave else { return };
+        if weave.frames_count >= WEAVE_FRAMES_COUNT {
+            return;
+        }
+        self.picture.take(imprint);
+        weave.frames_count += 1;
+        let share = 1.0 / weave.frames_count as f32;
+        for (rest, shade) in weave.contrast.iter_mut().zip(&self.picture.shades) {
+            *rest += share * (shade[0] - *rest);
+        }
+    }
+
     /// Takes the pattern of the frame taken last.
     pub(super) fn take(&mut self, imprint: &Imprint, gel: &GelMotion) {
         self.picture.take(imprint);
@@ -87,7 +122,17 @@ impl Pattern {
                 _ => [0.0; 3],
             };
         }
+        if let Some(weave) = &self.weave {
+            self.now.iter_mut().zip(&weave.contrast).for_each(|(out, rest)| out[0] -= rest * out[2]);
+        }
         self.blur();
+        if self.weave.is_some() {
+            let least = LEAST_WEIGHT_FRACTION * self.kernel_weight;
+            for (out, blurred) in self.now.iter_mut().zip(&self.blurred) {
+                *out = if blurred[2] > least { [blurred[0] / blurred[2], 0.0, 1.0] } else { [0.0; 3] };
+            }
+            return;
+        }
         for (out, blurred) in self.now.iter_mut().zip(&self.blurred) {
             if out[2] > 0.0 {
                 let per_weight = 1.0 / blurred[2].max(1e-6);

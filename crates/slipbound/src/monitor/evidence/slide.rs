@@ -27,6 +27,8 @@ pub(super) struct Slide {
     key_px: f64,
     pub(super) shift_px: Vec2,
     pub(super) turn_rad: f64,
+    /// Mean arm about which a turn was seen, px.
+    pub(super) arm_px: f64,
 }
 
 impl Slide {
@@ -38,6 +40,7 @@ impl Slide {
             key_px: KEY_PITCH * pitch_px,
             shift_px: Vec2::ZERO,
             turn_rad: 0.0,
+            arm_px: pitch_px,
         }
     }
 
@@ -55,6 +58,7 @@ impl Slide {
     /// Takes the pattern of the next frame.
     pub(super) fn take(&mut self, pattern: &Pattern) {
         let Some((shift_px, turn_rad, arm_px)) = self.against_key(pattern) else { return };
+        self.arm_px = arm_px;
         self.shift_px = self.key_shift_px + shift_px;
         self.turn_rad = self.key_turn_rad + turn_rad;
         let far = shift_px.length().max(turn_rad.abs() * arm_px) > self.key_px;
