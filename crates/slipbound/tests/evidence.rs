@@ -81,9 +81,10 @@ fn an_imprint_that_goes_on_without_them_slides() {
         let held = reports[first..].iter().filter(|r| r.state == SlipState::Gross).count();
         assert!(20 * held >= 19 * (reports.len() - first), "{skin:?}: kept in {held} of {}", reports.len() - first);
         let last = evidence(&reports[reports.len() - 1]);
-        // 30 frames of 0.05 pitch over the gel; a wide pattern is undone by markers that are further apart than it is sharp.
+        // 30 frames of 0.05 pitch over the gel. A plain dome in noise has few edges to register: it is underrated, as noise in
+        // a slope always makes it.
         let slid_pitch = last.slide_px.x / 26.0;
-        assert!((0.9..2.1).contains(&slid_pitch), "{skin:?}: {slid_pitch} pitches of 1.5");
+        assert!((0.75..2.1).contains(&slid_pitch), "{skin:?}: {slid_pitch} pitches of 1.5");
     }
 }
 
