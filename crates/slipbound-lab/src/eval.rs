@@ -8,6 +8,7 @@
 //! A table follows from the records alone, so a sweep that was cut, or spread over machines, ends in the same table.
 //! Definitions of every score: docs/eval.md.
 
+mod error;
 mod facts;
 pub mod folder;
 pub mod outcome;
@@ -24,10 +25,11 @@ pub mod table1;
 pub mod unseen;
 pub mod watch;
 
+pub use error::{EvalError, FolderError, SweepError};
 pub use facts::Facts;
-pub use protocol::{EvalError, Protocol};
+pub use protocol::Protocol;
 pub use record::{RecordLineError, TrialRecord};
-pub use runner::{SweepError, run};
+pub use runner::run;
 pub use statistics::{Estimated, auc, mean, median, quantile, rate_per_h, roc, share, share_of};
 pub use table::{Cell, Sweep, Table};
 

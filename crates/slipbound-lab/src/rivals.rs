@@ -9,6 +9,7 @@
 //! file of a rival says which.
 
 mod centre_rim;
+mod detector;
 mod displacement;
 mod entropy;
 mod imprint;
@@ -17,32 +18,15 @@ mod paper;
 mod reference;
 
 pub use centre_rim::CentreRim;
+pub use detector::Detector;
 pub use displacement::Displacement;
 pub use entropy::Entropy;
 pub use imprint::Imprint;
 pub use ours::{Ours, Said, said};
 pub use paper::{Paper, PaperAsWritten};
 
-use slipbound::monitor::{Settings, SlipMonitor, SlipReport};
+use slipbound::monitor::Settings;
 use slipbound::setting::SettingError;
-
-/// Whatever says from the monitor's findings whether slip is near.
-pub trait Detector: Send {
-    /// Judges a frame that the monitor has just seen: the score, a finite number.
-    fn see(&mut self, monitor: &SlipMonitor, report: &SlipReport) -> f64;
-
-    /// The score above which it raises the alarm.
-    fn threshold(&self) -> f64;
-
-    /// Counts from the frame it has seen last, as when the paper takes its reference once the object is held.
-    fn restart(&mut self);
-
-    /// Whether a frame with this score raises the alarm.
-    fn alarms(&self, score: f64, report: &SlipReport) -> bool {
-        let _ = report;
-        score > self.threshold()
-    }
-}
 
 /// What the monitor behind a detector is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

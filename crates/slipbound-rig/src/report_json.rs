@@ -170,8 +170,8 @@ mod tests {
     use super::*;
     use serde_json::Value;
     use slipbound::monitor::{
-        ContactReport, Estimate, Estimates, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind, SlipState,
-        SlipSummary,
+        ContactReport, Estimate, Estimates, EvidenceReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind,
+        SlipState, SlipSummary,
     };
     use slipbound::plane::Vec2;
 
@@ -210,6 +210,19 @@ mod tests {
                 margin: Some(Estimate { value: 0.43217, sd: 0.08, age_frames: 0 }),
                 ..Estimates::default()
             },
+            evidence: Some(EvidenceReport {
+                reference_seq: 2,
+                relaxation: 0.25,
+                centre_rim_ratio: None,
+                imprint_change: Some(0.5),
+                imprint_age_frames: 0,
+                slide_score: 0.75,
+                slide_px: Vec2::new(3.0, 0.5),
+                slide_rad: 0.01,
+                slides: true,
+                slide_pitch_per_s: Some(1.5),
+                slide_mm_per_s: None,
+            }),
         }
     }
 
@@ -255,7 +268,9 @@ mod tests {
             + r#""markers":{"detected":65,"matched":64,"lost":1,"inner":20},"reference_seq":3,"grip_n":10,"#
             + r#""motion":{"reference_px":[1,0],"translation_px":[0,2.5],"translation_mm":null,"rotation_rad":null,"icr_px":null},"#
             + r#""shear":{"translation_px":[2,-1],"translation_mm":null,"rotation_rad":0.125},"#
-            + r#""slip":{"markers_over":9,"markers_needed":8,"threshold_pitch":0.2961,"max_pitch":0.3334,"max_mm":null,"kind":"both","direction_rad":-1.5}}"#;
+            + r#""slip":{"markers_over":9,"markers_needed":8,"threshold_pitch":0.2961,"max_pitch":0.3334,"max_mm":null,"kind":"both","direction_rad":-1.5},"#
+            + r#""evidence":{"reference_seq":2,"relaxation":0.25,"centre_rim_ratio":null,"imprint_change":0.5,"imprint_age_frames":0,"#
+            + r#""slide_score":0.75,"slide_px":[3,0.5],"slide_rad":0.01,"slides":true,"slide_pitch_per_s":1.5,"slide_mm_per_s":null}}"#;
         assert_eq!(lines()[1], expected);
     }
 
@@ -310,6 +325,8 @@ mod tests {
             (1, "/markers/lost", Value::from(-1)),
             (1, "/time_ns", Value::from("now")),
             (1, "/slip/kind", Value::from("none")),
+            (1, "/evidence/slides", Value::from("yes")),
+            (1, "/evidence/relaxation", Value::from(1.5)),
             (2, "/field/0/7", Value::from(2)),
             (2, "/field/0", Value::from(vec![1, 2])),
         ] {

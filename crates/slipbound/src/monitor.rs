@@ -3,6 +3,7 @@
 mod cell_map;
 mod contact;
 mod estimate;
+mod evidence;
 mod imprint;
 mod markers;
 mod motion;
@@ -14,6 +15,7 @@ mod slip;
 
 pub use contact::ContactSettings;
 pub use estimate::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
+pub use evidence::{EvidenceReport, EvidenceScale, EvidenceSettings};
 pub use imprint::{Illumination, ImprintSettings};
 pub use markers::{Finder, MarkerSettings};
 pub use motion::{Fit, MotionSettings, fit_most, fit_rigid, fit_similarity};
@@ -66,6 +68,7 @@ pub struct SlipMonitor {
     motion: motion::Motion,
     slip: slip::Slip,
     estimator: estimate::Estimator,
+    evidence: evidence::Evidence,
     rest_seq: u64,
     refusal: Option<Reason>,
     reference_seq: u64,
@@ -91,6 +94,7 @@ impl SlipMonitor {
             markers,
             motion: motion::Motion::new(&sensor, &settings.motion),
             slip: slip::Slip::new(&sensor, &settings.slip, rest.markers.len()),
+            evidence: evidence::Evidence::new(&sensor, &settings.evidence, &imprint, &rest),
             rest_seq: rest.seq,
             refusal: rest.refusal,
             reference_seq: rest.seq,
@@ -135,6 +139,7 @@ impl SlipMonitor {
 
         let area_px2 = self.contact.area_px2 as f64;
         self.slip.judge(self.motion.motion.as_ref(), &mut self.markers.all);
+        self.evidence.take(frame, &self.imprint, area_px2, &self.markers.all);
         probe.after(Step::Slip, self);
 
         self.estimate(frame, grip, area_px2);
@@ -271,6 +276,8 @@ impl SlipMonitor {
             _ if self.refusal.is_some() => (SlipState::Unjudged, self.refusal),
             _ if half_lost => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             _ if !self.contact.touches => (SlipState::NoContact, None),
+            // A slide of the whole contact is said whatever the quality of the contact.
+            _ if self.evidence.slides() => (SlipState::Gross, None),
             // Deviation: D11 unsure
             _ if unsure && !sure => (SlipState::Unsure, Some(Reason::ContactQuality)),
             _ if slips => (SlipState::Incipient, None),
@@ -296,6 +303,7 @@ impl SlipMonitor {
             shear: self.shear(),
             slip: self.slip.summary,
             estimates: self.estimator.estimates,
+            evidence: self.evidence.report,
         }
     }
 
@@ -325,6 +333,7 @@ impl SlipMonitor {
             shear: None,
             slip: SlipSummary { max_mm: none, ..SlipSummary::default() },
             estimates: Estimates::default(),
+            evidence: None,
         }
     }
 }

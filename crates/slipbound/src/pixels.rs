@@ -9,6 +9,7 @@ pub mod cells;
 pub mod centroid;
 pub mod components;
 pub mod contour;
+pub mod contrast;
 pub mod dots;
 pub mod flatten;
 pub mod gaussian;

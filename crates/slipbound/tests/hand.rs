@@ -21,6 +21,7 @@ fn feels(seq: u64, shear_mm: Vec2, rotation_rad: f64) -> SlipReport {
         shear: Some(ShearReport { translation_px: shear_mm * 10.0, translation_mm: Some(shear_mm), rotation_rad }),
         slip: SlipSummary { markers_needed: 8, threshold_pitch: 0.3, max_mm: Some(0.1), ..SlipSummary::default() },
         estimates: Estimates::default(),
+        evidence: None,
     }
 }
 

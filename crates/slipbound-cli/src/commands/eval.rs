@@ -1,20 +1,25 @@
 //! `slipbound eval`: trials judged by every detector, as records, tables and a page.
 
+mod clips;
+mod lifts;
 mod page;
 mod pictures;
+mod wriggles;
 
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
+use slipbound::sensor::Sensor;
 use slipbound_lab::eval::folder::{Shard, SweepFolder};
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, simulated, table};
 use slipbound_lab::rivals::{DETECTORS, Entry, named};
+use slipbound_rig::sensors;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 /// What can be asked for; the last of them joins folders.
-const PROTOCOLS: [&str; 6] = ["table1", "ramps", "quiet", "unseen", "slides", "merge"];
+const PROTOCOLS: [&str; 8] = ["table1", "ramps", "quiet", "unseen", "slides", "lifts", "wriggles", "merge"];
 
 /// The arguments of `slipbound eval`.
 #[derive(Debug, clap::Args)]
@@ -40,12 +45,23 @@ pub struct Eval {
     /// Trials at a time [default: as many as there are cores]
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
+    /// With `lifts` and `wriggles`: the folder with clips and labels.csv [default: gelsight-lift or gelsight-mini-wriggle in
+    /// SLIPBOUND_DATA, else in ../shared/data]
+    #[arg(long, value_name = "FOLDER")]
+    data: Option<PathBuf>,
+    /// With `lifts`: fit the scale of ours to the clips of all other objects, for each object anew
+    #[arg(long)]
+    refit: bool,
     /// Pictures of the worst failures on the page; each runs its trial again
     #[arg(long, value_name = "N", default_value_t = 6)]
     pictures: usize,
     /// The folder to write to: new, or one of the same sweep, which goes on [default: eval-PROTOCOL]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
+}
+
+fn finger(name: &str) -> Result<Sensor, Failure> {
+    sensors::load(name).map_err(Failure::arguments)
 }
 
 /// Reads `2/8`.
@@ -84,7 +100,23 @@ impl Eval {
     }
 
     fn protocol_of(&self, name: &str, seed: u64, trials: Option<u64>) -> Result<Box<dyn Protocol>, Failure> {
-        simulated(name, seed, trials).map_err(Failure::arguments)
+        match name {
+            "lifts" => Ok(Box::new(lifts::Lifts::new(self.clips("gelsight-lift")?, finger("gelsight")?, self.refit))),
+            "wriggles" => {
+                let clips = self.clips("gelsight-mini-wriggle")?;
+                Ok(Box::new(wriggles::Wriggles::new(clips, finger("gelsight_mini_near")?)))
+            }
+            _ => simulated(name, seed, trials).map_err(Failure::arguments),
+        }
+    }
+
+    /// The clips of `--data`, or of a folder of the recordings.
+    fn clips(&self, name: &str) -> Result<clips::Clips, Failure> {
+        let folder = self.data.clone().unwrap_or_else(|| {
+            let recordings = std::env::var_os("SLIPBOUND_DATA").map_or_else(|| "../shared/data".into(), PathBuf::from);
+            recordings.join(name)
+        });
+        clips::Clips::open(&folder).map_err(Failure::Arguments)
     }
 
     fn detectors(&self) -> Result<Vec<&'static Entry>, Failure> {

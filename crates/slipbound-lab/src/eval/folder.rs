@@ -6,8 +6,8 @@
 //!   table.md, table.json, report.html
 //! ```
 
+use super::error::{FolderError, SweepError};
 use super::record::TrialRecord;
-use super::runner::SweepError;
 use super::table::Sweep;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -46,31 +46,6 @@ struct SweepFile {
 }
 
 const FORMAT: &str = "slipbound-eval-1";
-
-/// Why a folder cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum FolderError {
-    /// A file cannot be read or written.
-    #[error("{path}: {source}", path = .path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-    /// Something in a file is not as it must be.
-    #[error("{path}: {key}: expected {expected}, got {got}", path = .path.display())]
-    Value {
-        /// The file.
-        path: PathBuf,
-        /// What in it.
-        key: String,
-        /// What it must be.
-        expected: String,
-        /// What it is.
-        got: String,
-    },
-}
 
 fn file(path: &Path) -> impl FnOnce(io::Error) -> FolderError + '_ {
     move |source| FolderError::File { path: path.to_owned(), source }

@@ -1,30 +1,10 @@
 //! What a protocol is: trials by number, records of each, tables of all.
 
+use super::error::EvalError;
 use super::record::TrialRecord;
 use super::table::Table;
 use super::watch::Onlooker;
 use crate::rivals::Entry;
-use slipbound::image::ImageError;
-use slipbound::monitor::RestError;
-use slipbound::port::SourceError;
-use slipbound::setting::SettingError;
-
-/// Why a trial could not be judged.
-#[derive(Debug, thiserror::Error)]
-pub enum EvalError {
-    /// A setting is refused.
-    #[error(transparent)]
-    Setting(#[from] SettingError),
-    /// A picture could not be made or read.
-    #[error("{0}")]
-    Source(#[from] SourceError),
-    /// The finger at rest could not be found.
-    #[error(transparent)]
-    Rest(#[from] RestError),
-    /// A frame is not whole.
-    #[error(transparent)]
-    Image(#[from] ImageError),
-}
 
 /// A series of trials that can be judged in any order, each by itself.
 pub trait Protocol: Sync {

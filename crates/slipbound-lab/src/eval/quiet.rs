@@ -7,8 +7,9 @@
 //!
 //! An episode is a trial: a sweep that was cut goes on, and 120 of them are two hours.
 
+use super::error::EvalError;
 use super::outcome::{camera_seed, stream};
-use super::protocol::{EvalError, Protocol};
+use super::protocol::Protocol;
 use super::record::TrialRecord;
 use super::statistics::{Estimated, rate_per_h, share};
 use super::table::{Cell, Table};

@@ -3,8 +3,9 @@
 //! Stratified over object, force 10 to 60 N, friction 0.3 to 1.2 (evenly in its logarithm), direction, kind of load and
 //! speed. Rivals start anew from the last frame before the load; ours watches from the first touch and is told nothing.
 
+use super::error::EvalError;
 use super::outcome::{Asked, camera_seed, record, stream};
-use super::protocol::{EvalError, Protocol};
+use super::protocol::Protocol;
 use super::ramp_tables;
 use super::record::TrialRecord;
 use super::table::Table;
@@ -185,7 +186,7 @@ impl Protocol for Ramps {
         ));
         let of = |name: &'static str| move |r: &TrialRecord| r.object == name;
         let objects: Vec<_> = OBJECTS[..OBJECTS_COUNT as usize].iter().map(|o| (o.name, of(o.name))).collect();
-        let parts: Vec<(&str, &dyn Fn(&TrialRecord) -> bool)> =
+        let parts: Vec<ramp_tables::Part<'_>> =
             objects.iter().map(|(name, of)| (*name, of as &dyn Fn(&TrialRecord) -> bool)).collect();
         tables.push(ramp_tables::split("By object", records, &parts));
         tables

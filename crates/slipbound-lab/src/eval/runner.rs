@@ -1,32 +1,12 @@
 //! Trials on several cores, handed on in the order of their numbers.
 
-use super::protocol::{EvalError, Protocol};
+use super::error::{EvalError, SweepError};
+use super::protocol::Protocol;
 use super::record::TrialRecord;
 use crate::rivals::Entry;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
-
-/// Why a sweep ended before its end.
-#[derive(Debug, thiserror::Error)]
-pub enum SweepError {
-    /// A trial could not be judged.
-    #[error("{protocol}, trial {number}: {source}")]
-    Trial {
-        /// The protocol.
-        protocol: &'static str,
-        /// Number of the trial.
-        number: u64,
-        /// Why.
-        source: EvalError,
-    },
-    /// Its records could not be kept.
-    #[error(transparent)]
-    Folder(#[from] super::folder::FolderError),
-    /// Whoever asked for it did not want to go on.
-    #[error("interrupted; what was judged is kept, the same command goes on from there")]
-    Interrupted,
-}
 
 /// Judges the trials of some numbers on `jobs_count` threads. `keep` gets the records of one trial after the other, in
 /// the order of `numbers`, whichever was ready first.

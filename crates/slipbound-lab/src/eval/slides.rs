@@ -1,7 +1,8 @@
 //! Guided slides: a hand that follows its path whatever the friction, at 0.5 to 50 mm/s, at least 30 frames beyond gross slip.
 
+use super::error::EvalError;
 use super::outcome::{Asked, camera_seed, record, stream};
-use super::protocol::{EvalError, Protocol};
+use super::protocol::Protocol;
 use super::ramp_tables::gross_row;
 use super::ramps::MU;
 use super::record::TrialRecord;

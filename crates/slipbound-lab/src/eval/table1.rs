@@ -4,8 +4,9 @@
 //! and pushes were by hand and are not published trial by trial; ours are [`FORCES_N`] and [`pushes`]. Every detector
 //! starts anew from the last frame before the load, as the paper takes its reference once the object is held.
 
+use super::error::EvalError;
 use super::outcome::{Asked, Outcome, camera_seed, record};
-use super::protocol::{EvalError, Protocol};
+use super::protocol::Protocol;
 use super::record::TrialRecord;
 use super::statistics::{auc, quantile, share};
 use super::table::{Cell, Table};

@@ -1,7 +1,8 @@
 //! Ramps under physics that nothing was tuned to, and with a force and a stiffness told wrong.
 
+use super::error::EvalError;
 use super::outcome::stream;
-use super::protocol::{EvalError, Protocol};
+use super::protocol::Protocol;
 use super::ramp_tables;
 use super::ramps::{Draw, draw, records};
 use super::record::TrialRecord;

@@ -5,8 +5,8 @@
 //!     `--truth, grip reading--'
 //! ```
 
+use super::error::EvalError;
 use super::facts::{Facts, facts};
-use super::protocol::EvalError;
 use crate::random::Random;
 use crate::rivals::{Detector, Entry, Inputs, Said, said};
 use crate::scenes::{LoadProfile, Trial};
@@ -197,10 +197,10 @@ pub fn watch(
         frame.time_ns = Some(frame.seq * 1_000_000_000 / FRAME_RATE_HZ);
         for desk in &mut desks {
             let report = desk.see(&frame, told)?;
-            if let Some((name, look)) = &mut onlooker {
-                if desk.detectors.iter().any(|(entry, ..)| entry.name == *name) {
-                    look(&frame, &report, &desk.monitor);
-                }
+            if let Some((name, look)) = &mut onlooker
+                && desk.detectors.iter().any(|(entry, ..)| entry.name == *name)
+            {
+                look(&frame, &report, &desk.monitor);
             }
             if frame.seq + 1 == load_from_frame {
                 desk.restart(frame.seq, watch.restarts);

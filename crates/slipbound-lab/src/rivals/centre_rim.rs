@@ -1,7 +1,7 @@
 //! Centre against rim, after Dong, Yuan and Adelson (IROS 2017): slip comes in from the border of the contact, whose
 //! markers then lag behind those of the middle.
 
-use super::Detector;
+use super::detector::Detector;
 use super::reference::{LEAST_COUNT, Moved, Reference, middle_px};
 use slipbound::monitor::{SlipMonitor, SlipReport};
 

@@ -1,6 +1,6 @@
 //! The plainest rule: how far the markers in contact have moved.
 
-use super::Detector;
+use super::detector::Detector;
 use super::reference::{LEAST_COUNT, Reference};
 use slipbound::monitor::{SlipMonitor, SlipReport};
 

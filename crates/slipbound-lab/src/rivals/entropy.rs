@@ -1,7 +1,7 @@
 //! Entropy of the displacement field, after Yuan, Li, Srinivasan and Adelson (ICRA 2015): while all of the contact sticks
 //! the markers move alike and the histogram of their displacement is narrow; partial slip spreads it.
 
-use super::Detector;
+use super::detector::Detector;
 use super::reference::{LEAST_COUNT, Reference};
 use slipbound::monitor::{SlipMonitor, SlipReport};
 

@@ -6,7 +6,7 @@
 //!                                                             and up to half a pitch around
 //! ```
 
-use super::Detector;
+use super::detector::Detector;
 use super::reference::Reference;
 use slipbound::image::Gray;
 use slipbound::monitor::{Marker, SlipMonitor, SlipReport};

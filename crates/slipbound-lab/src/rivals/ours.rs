@@ -1,6 +1,6 @@
 //! The shipped verdict.
 
-use super::Detector;
+use super::detector::Detector;
 use slipbound::monitor::{Estimate, SlipKind, SlipMonitor, SlipReport, SlipState};
 
 /// Reads the monitor's own report.

@@ -1,7 +1,7 @@
 //! The rule of Dong, Ma, Donlon and Rodriguez (ICRA 2019): the inner region moves as a rigid body, and slip is
 //! when more than N markers leave that motion by more than 4.5 px.
 
-use super::Detector;
+use super::detector::Detector;
 use super::reference::Reference;
 use slipbound::monitor::{SlipMonitor, SlipReport, SlipSettings, fit_similarity};
 

@@ -1,6 +1,7 @@
 //! What one frame says: plain data, `Copy`, nothing in it from our own clock.
 
 use crate::image::SizePx;
+use crate::monitor::evidence::EvidenceReport;
 use crate::plane::Vec2;
 use crate::sensor::Flip;
 use serde::{Deserialize, Serialize, Serializer};
@@ -18,7 +19,8 @@ pub enum SlipState {
     Stick,
     /// Part of the contact lags behind the rigid body: it has begun to slip.
     Incipient,
-    /// The whole contact slides. Said by tasks, from the load; one frame of one finger does not show it.
+    /// The whole contact slides: its imprint goes on over a gel that is no longer carried along; see
+    /// [`EvidenceReport::slides`](super::EvidenceReport). Tasks say it, too, from the load.
     Gross,
     /// The frame could not be judged; the reason says why.
     Unjudged,
@@ -227,6 +229,8 @@ pub struct SlipReport {
     /// Step 5.
     #[serde(flatten)]
     pub estimates: Estimates,
+    /// Evidence of sliding that does not rest on the slip field; None without contact, and where it is not used.
+    pub evidence: Option<EvidenceReport>,
 }
 
 /// One marker as it is known after a frame.

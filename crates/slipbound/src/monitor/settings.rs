@@ -1,6 +1,7 @@
 //! The settings of all steps together.
 
 use crate::monitor::contact::ContactSettings;
+use crate::monitor::evidence::EvidenceSettings;
 use crate::monitor::imprint::{Illumination, ImprintSettings};
 use crate::monitor::markers::{Finder, MarkerSettings};
 use crate::monitor::motion::{Fit, MotionSettings};
@@ -26,6 +27,8 @@ pub struct Settings {
     pub motion: MotionSettings,
     /// Step 4.
     pub slip: SlipSettings,
+    /// Evidence of sliding.
+    pub evidence: EvidenceSettings,
 }
 
 impl Settings {
@@ -48,6 +51,7 @@ impl Settings {
             },
             motion: MotionSettings { fit: Fit::Similarity, ..MotionSettings::default() },
             slip: SlipSettings { rule: SlipRule::Markers, field: RigidField::SmallAngle, ..SlipSettings::default() },
+            evidence: EvidenceSettings { used: false, ..EvidenceSettings::default() },
         }
     }
 
@@ -71,6 +75,7 @@ impl Settings {
         self.contact.check()?;
         self.markers.check()?;
         self.motion.check()?;
-        self.slip.check()
+        self.slip.check()?;
+        self.evidence.check()
     }
 }

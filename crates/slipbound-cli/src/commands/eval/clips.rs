@@ -1,0 +1,280 @@
+//! Recorded clips in folders, with labels: what every detector sees of them, frame by frame.
+//!
+//! ```text
+//!   FOLDER/clip/...     --frames--> monitor (ours, the paper's) --> detectors --> Seen
+//!   FOLDER/labels.csv   --truth, for scoring alone-----------------------------> tables
+//! ```
+
+use anyhow::{Context, anyhow};
+use slipbound::finger_pipeline::RestFinder;
+use slipbound::monitor::{EvidenceReport, EvidenceSettings, Rest, RestBuilder, RestKind, SlipMonitor, SlipState};
+use slipbound::port::{FrameBuffer, Next, SourceError, SourceErrorKind};
+use slipbound::sensor::Sensor;
+use slipbound_lab::eval::EvalError;
+use slipbound_lab::rivals::{Detector, Entry, Inputs};
+use slipbound_rig::source;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What labels.csv says of a clip.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Label {
+    /// What was held.
+    pub object: String,
+    /// Whether it slipped.
+    pub slips: bool,
+}
+
+/// A folder of clips.
+#[derive(Debug, Clone)]
+pub struct Clips {
+    folder: PathBuf,
+    /// Names of the clips, in the order of the alphabet: labels have no say in it.
+    pub names: Vec<String>,
+    /// Labels by clip; empty without labels.csv.
+    pub labels: BTreeMap<String, Label>,
+}
+
+impl Clips {
+    /// Reads a folder: each folder in it is a clip; `labels.csv`, where there is one, has the name of the clip in its
+    /// first column, and columns `object` and `slip`.
+    pub fn open(folder: &Path) -> anyhow::Result<Self> {
+        let shown = folder.display();
+        let entries = fs::read_dir(folder).with_context(|| format!("{shown}: expected a folder of clips"))?;
+        let mut names = Vec::new();
+        for entry in entries {
+            let entry = entry.with_context(|| shown.to_string())?;
+            if entry.path().is_dir() {
+                names.push(entry.file_name().to_string_lossy().into_owned());
+            }
+        }
+        if names.is_empty() {
+            return Err(anyhow!("{shown}: expected folders with clips, got none"));
+        }
+        names.sort();
+        let file = folder.join("labels.csv");
+        let labels = match file.exists() {
+            true => labels(&fs::read_to_string(&file).with_context(|| file.display().to_string())?)
+                .with_context(|| file.display().to_string())?,
+            false => BTreeMap::new(),
+        };
+        Ok(Clips { folder: folder.to_owned(), names, labels })
+    }
+
+    /// Folder of a clip.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// Whether a clip's object slipped; None where nobody says.
+    pub fn truth(&self, name: &str) -> Option<bool> {
+        self.labels.get(name).map(|label| label.slips)
+    }
+}
+
+/// What is held, as far as the name of a clip alone tells it: its words up to the first that is a number.
+pub fn object_of_name(name: &str) -> &str {
+    let is_number = |word: &str| !word.is_empty() && word.bytes().all(|b| b.is_ascii_digit());
+    let mut end = 0;
+    for word in name.split('_') {
+        if end > 0 && is_number(word) {
+            return &name[..end - 1];
+        }
+        end += word.len() + 1;
+    }
+    name
+}
+
+fn labels(text: &str) -> anyhow::Result<BTreeMap<String, Label>> {
+    let mut lines = text.lines().filter(|line| !line.trim().is_empty());
+    let columns: Vec<&str> = lines.next().unwrap_or_default().split(',').map(str::trim).collect();
+    let place = |name: &str| {
+        let found = columns.iter().position(|column| *column == name);
+        found.ok_or_else(|| anyhow!("expected a column {name}, got {}", columns.join(", ")))
+    };
+    let (object, slip) = (place("object")?, place("slip")?);
+    let mut labels = BTreeMap::new();
+    for line in lines {
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        let slips = match cells.get(slip) {
+            Some(&"1") => true,
+            Some(&"0") => false,
+            other => return Err(anyhow!("slip: expected 0 or 1, got {other:?} in `{line}`")),
+        };
+        let object = cells.get(object).copied().unwrap_or_default().to_owned();
+        labels.insert(cells[0].to_owned(), Label { object, slips });
+    }
+    Ok(labels)
+}
+
+/// What a detector said of a frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    /// Number of the frame.
+    pub frame: u64,
+    /// Whether something touches the finger.
+    pub touches: bool,
+    /// Its score.
+    pub score: f64,
+    /// Whether it raises the alarm.
+    pub alarms: bool,
+    /// The evidence of our monitor.
+    pub evidence: Option<EvidenceReport>,
+}
+
+/// What a recording's rest frame is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RestFrom {
+    /// Its first frame, in which the finger is touched already.
+    FirstFrame,
+    /// Found among the first frames.
+    FirstFrames,
+}
+
+/// Shows a recording to detectors, in the order of `entries`. A detector whose monitor cannot be made for it has seen
+/// nothing.
+pub fn watch(
+    uri: &str,
+    sensor: &Sensor,
+    rest_from: RestFrom,
+    entries: &[&'static Entry],
+) -> Result<Vec<Vec<Seen>>, EvalError> {
+    let mut seen: Vec<Vec<Seen>> = vec![Vec::new(); entries.len()];
+    for inputs in [Inputs::Frames, Inputs::PaperFrames] {
+        // No gripper says its force in a recording, so both of ours see frames alone.
+        let is_asked = |entry: &Entry| (entry.inputs == Inputs::PaperFrames) == (inputs == Inputs::PaperFrames);
+        if !entries.iter().any(|entry| is_asked(entry)) {
+            continue;
+        }
+        let Some(mut monitor) = monitor(uri, sensor, rest_from, inputs)? else { continue };
+        let mut detectors: Vec<(usize, Box<dyn Detector>)> =
+            entries.iter().enumerate().filter(|(_, e)| is_asked(e)).map(|(n, e)| (n, e.make())).collect();
+        let mut frames = source::open(uri).map_err(boxed)?;
+        let mut buffer = FrameBuffer::default();
+        loop {
+            let report = match frames.next(&mut buffer)? {
+                Next::Frame => monitor.step(&buffer.frame()?, None),
+                Next::Torn { .. } => monitor.torn(buffer.seq, buffer.time_ns),
+                Next::Silent => continue,
+                Next::End => break,
+            };
+            for (n, detector) in &mut detectors {
+                let score = detector.see(&monitor, &report);
+                seen[*n].push(Seen {
+                    frame: report.seq,
+                    touches: !matches!(report.state, SlipState::NoContact | SlipState::Unjudged),
+                    score,
+                    alarms: detector.alarms(score, &report),
+                    evidence: report.evidence,
+                });
+            }
+        }
+    }
+    Ok(seen)
+}
+
+/// A monitor for a recording; None where its rest frame cannot be used.
+fn monitor(uri: &str, sensor: &Sensor, from: RestFrom, inputs: Inputs) -> Result<Option<SlipMonitor>, EvalError> {
+    let settings = inputs.settings();
+    let mut frames = source::open(uri).map_err(boxed)?;
+    let mut buffer = FrameBuffer::default();
+    let mut finder: Option<RestFinder> = None;
+    let rest: Option<Rest> = loop {
+        match frames.next(&mut buffer)? {
+            Next::Frame => {}
+            Next::End => break finder.and_then(|finder| finder.find().ok()).map(|found| found.rest),
+            Next::Torn { .. } | Next::Silent => continue,
+        }
+        if from == RestFrom::FirstFrame {
+            let mut builder = RestBuilder::new(sensor, &settings, buffer.size)?;
+            break builder.add(&buffer.frame()?).and_then(|()| builder.build(RestKind::InContact)).ok();
+        }
+        let finder = match &mut finder {
+            Some(finder) => finder,
+            None => finder.insert(RestFinder::new(sensor, &settings, buffer.size)?),
+        };
+        finder.see(&buffer)?;
+        if finder.is_full() {
+            break finder.clone().find().ok().map(|found| found.rest);
+        }
+    };
+    rest.map(|rest| Ok(SlipMonitor::new(sensor, &settings, rest)?)).transpose()
+}
+
+/// What went wrong, in its own words.
+pub(super) fn other(problem: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> EvalError {
+    EvalError::Source(SourceError::new(SourceErrorKind::Other, problem))
+}
+
+fn boxed(error: source::Error) -> EvalError {
+    EvalError::Source(error.into())
+}
+
+/// The greatest value that each part of the evidence has had over the frames that count.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Latch {
+    /// Of the relaxation.
+    pub relaxation: f64,
+    /// Of the displacement at the centre over that at the rim.
+    pub centre_rim_ratio: Option<f64>,
+    /// Of the change of the imprint.
+    pub imprint_change: Option<f64>,
+}
+
+impl Latch {
+    /// Takes a frame.
+    pub fn see(&mut self, evidence: &EvidenceReport) {
+        let most = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::max);
+        self.relaxation = self.relaxation.max(evidence.relaxation);
+        self.centre_rim_ratio = most(self.centre_rim_ratio, evidence.centre_rim_ratio);
+        self.imprint_change = most(self.imprint_change, evidence.imprint_change);
+    }
+
+    /// The slide score on a scale.
+    pub fn score(&self, scale: &EvidenceSettings) -> f64 {
+        scale.slide_score(self.relaxation, self.centre_rim_ratio, self.imprint_change)
+    }
+}
+
+/// Highest score and first alarm over the frames that count. Ours goes by the evidence of sliding, on `scale`.
+pub fn judged(entry: &Entry, seen: &[Seen], scale: &EvidenceSettings) -> (f64, Option<u64>, Latch) {
+    let (mut latch, mut score, mut first_alarm) = (Latch::default(), 0.0f64, None);
+    for frame in seen {
+        let (now, alarms) = match (&frame.evidence, entry.is_ours()) {
+            (Some(evidence), true) => {
+                latch.see(evidence);
+                (latch.score(scale), latch.score(scale) > 1.0)
+            }
+            (None, true) => (score, false),
+            (_, false) => (frame.score, frame.alarms),
+        };
+        score = if frame.frame == seen[0].frame { now } else { score.max(now) };
+        if alarms && first_alarm.is_none() {
+            first_alarm = Some(frame.frame);
+        }
+    }
+    (score, first_alarm, latch)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_are_what_names_say_without_their_numbers() {
+        assert_eq!(object_of_name("object001_066_60"), "object001");
+        assert_eq!(object_of_name("train_ball_white_thread_01"), "train_ball_white_thread");
+        assert_eq!(object_of_name("7f3a"), "7f3a");
+    }
+
+    #[test]
+    fn labels_are_found_by_the_names_of_their_columns() {
+        let read = labels("clip,object,opening,slip\na_1,cup,3,1\n\nb_2,pen,4,0\n").expect("labels");
+        assert_eq!(read["a_1"], Label { object: "cup".into(), slips: true });
+        assert!(!read["b_2"].slips);
+        let error = labels("clip,slip\na,1\n").expect_err("no objects").to_string();
+        assert_eq!(error, "expected a column object, got clip, slip");
+        assert!(labels("clip,object,slip\na,b,yes\n").is_err());
+    }
+}

@@ -1,0 +1,220 @@
+//! Protocol `lifts`: clips in which an object is lifted; did it slip?
+//!
+//! ```text
+//!   frame 0: rest and reference, the object is held already       frames 0..4: watched, not scored
+//!   frames from 5 on: greatest value of each evidence --scale--> score, over 1: it slips
+//!                     scale: shipped; with --refit the medians of the clips of all other objects
+//! ```
+//!
+//! Nothing but the frames enters a verdict: no name, no label, no opening of the gripper.
+
+use super::clips::{Clips, Latch, RestFrom, judged, object_of_name, other, watch};
+use slipbound::monitor::{EvidenceScale, EvidenceSettings};
+use slipbound::sensor::Sensor;
+use slipbound_lab::eval::{Cell, EvalError, Protocol, Table, TrialRecord, auc, share_of};
+use slipbound_lab::rivals::{DETECTORS, Entry, named};
+use std::sync::OnceLock;
+
+/// Frames before this one give no score: markers first move at index 5 to 7.
+const SCORED_FROM_FRAME: u64 = 5;
+
+/// The protocol.
+#[derive(Debug)]
+pub struct Lifts {
+    clips: Clips,
+    sensor: Sensor,
+    refit: bool,
+    /// The evidence of every clip, for `--refit`.
+    evidence: OnceLock<Result<Vec<Latch>, String>>,
+}
+
+/// A clip as a scale is fitted to it.
+#[derive(Debug, Clone, Copy)]
+struct Example<'a> {
+    /// What was held.
+    object: &'a str,
+    /// Whether it slipped.
+    slips: bool,
+    /// Its evidence.
+    latch: Latch,
+}
+
+/// The scale on which the medians of held and of slipped clips are 0 and 1; None without examples of both.
+fn fit<'a>(examples: impl Iterator<Item = Example<'a>> + Clone) -> Option<EvidenceSettings> {
+    let scale = |value: fn(&Latch) -> f64| {
+        let of = |slips: bool| {
+            let some: Vec<f64> = examples.clone().filter(|e| e.slips == slips).map(|e| value(&e.latch)).collect();
+            slipbound_lab::eval::median(&some).value
+        };
+        Some(EvidenceScale { held: of(false)?, slid: of(true)? })
+    };
+    Some(EvidenceSettings {
+        relaxation: scale(|latch| latch.relaxation)?,
+        centre_rim_ratio: scale(|latch| latch.centre_rim_ratio.unwrap_or(0.0))?,
+        imprint_change: scale(|latch| latch.imprint_change.unwrap_or(0.0))?,
+        ..EvidenceSettings::default()
+    })
+}
+
+/// The scale for clips of an object, fitted to those of all others.
+fn left_out_scale(examples: &[Example<'_>], object: &str) -> Option<EvidenceSettings> {
+    fit(examples.iter().filter(|other| other.object != object).copied())
+}
+
+impl Lifts {
+    /// The clips of a folder, from a finger.
+    pub fn new(clips: Clips, sensor: Sensor, refit: bool) -> Self {
+        Lifts { clips, sensor, refit, evidence: OnceLock::new() }
+    }
+
+    fn object(&self, name: &str) -> &str {
+        self.clips.labels.get(name).map_or("", |label| &label.object)
+    }
+
+    /// The scale for a clip.
+    fn scale(&self, name: &str) -> Result<EvidenceSettings, EvalError> {
+        if !self.refit {
+            return Ok(EvidenceSettings::default());
+        }
+        let all = self.evidence.get_or_init(|| self.evidence_of_all().map_err(|error| error.to_string()));
+        let all = all.as_ref().map_err(|text| other(text.clone()))?;
+        let known: Vec<Example<'_>> = (self.clips.names.iter().zip(all))
+            .filter_map(|(clip, latch)| {
+                let label = self.clips.labels.get(clip)?;
+                Some(Example { object: &label.object, slips: label.slips, latch: *latch })
+            })
+            .collect();
+        left_out_scale(&known, self.object(name)).ok_or_else(|| {
+            let expected = "--refit: expected labels.csv with slipped and held clips of other objects";
+            other(format!("{expected} than that of {name}, got none"))
+        })
+    }
+
+    fn evidence_of_all(&self) -> Result<Vec<Latch>, EvalError> {
+        let ours = [named("ours")?];
+        let one = |name: &String| {
+            let seen = self.watch(name, &ours)?;
+            Ok(judged(ours[0], &seen[0], &EvidenceSettings::default()).2)
+        };
+        self.clips.names.iter().map(one).collect()
+    }
+
+    /// What the detectors saw in the frames that count.
+    fn watch(&self, name: &str, detectors: &[&'static Entry]) -> Result<Vec<Vec<super::clips::Seen>>, EvalError> {
+        let uri = self.clips.path(name).display().to_string();
+        let mut seen = watch(&uri, &self.sensor, RestFrom::FirstFrame, detectors)?;
+        seen.iter_mut().for_each(|frames| frames.retain(|frame| frame.frame >= SCORED_FROM_FRAME));
+        Ok(seen)
+    }
+}
+
+impl Protocol for Lifts {
+    fn name(&self) -> &'static str {
+        "lifts"
+    }
+
+    fn trials_count(&self) -> u64 {
+        self.clips.names.len() as u64
+    }
+
+    fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {
+        let name = &self.clips.names[number as usize];
+        let scale = self.scale(name)?;
+        let seen = self.watch(name, detectors)?;
+        let record = |(entry, seen): (&&'static Entry, &Vec<super::clips::Seen>)| {
+            let (score, first_alarm_frame, latch) = judged(entry, seen, &scale);
+            let record = TrialRecord {
+                number,
+                trial: name.clone(),
+                object: object_of_name(name).into(),
+                detector: entry.name.into(),
+                truth: self.clips.truth(name),
+                verdict: first_alarm_frame.is_some(),
+                score,
+                first_alarm_frame,
+                more: Default::default(),
+            };
+            match entry.is_ours() {
+                true => record
+                    .with("relaxation", latch.relaxation)
+                    .with("centre_rim_ratio", latch.centre_rim_ratio)
+                    .with("imprint_change", latch.imprint_change),
+                false => record,
+            }
+        };
+        Ok(detectors.iter().zip(&seen).map(record).collect())
+    }
+
+    fn tables(&self, records: &[TrialRecord]) -> Vec<Table> {
+        let (title, note, kind) = match self.refit {
+            true => (
+                "Lifts, each object left out",
+                "Did the object slip? Scales of ours fitted to the clips of all other objects; the threshold is fixed at 1. Rivals with \
+                 their own thresholds, nothing fitted.",
+                "object left out",
+            ),
+            false => (
+                "Lifts, shipped constants",
+                "Did the object slip? Nothing fitted here. The scales of ours are medians of shared clips: on those clips this is \
+                 training accuracy, on clips of other objects it is not.",
+                "training accuracy",
+            ),
+        };
+        let mut all = Table::new(
+            title,
+            note,
+            &["detector", "clips", "wrong", &format!("right %, {kind}"), &format!("AUC, {kind}")],
+        );
+        for entry in &DETECTORS {
+            let some: Vec<&TrialRecord> = records.iter().filter(|r| r.detector == entry.name).collect();
+            if !some.is_empty() {
+                all.rows.push(row(entry.name, &some));
+            }
+        }
+        let mut objects: Vec<&str> = records.iter().map(|r| self.object_of(r)).collect();
+        objects.sort_unstable();
+        objects.dedup();
+        let mut by_object = Table::new(
+            "Ours by object",
+            "",
+            &["object", "clips", "wrong", &format!("right %, {kind}"), &format!("AUC, {kind}")],
+        );
+        for object in objects {
+            let some: Vec<&TrialRecord> =
+                records.iter().filter(|r| r.detector == "ours" && self.object_of(r) == object).collect();
+            if !some.is_empty() {
+                by_object.rows.push(row(object, &some));
+            }
+        }
+        vec![all, by_object]
+    }
+
+    fn settings(&self) -> Vec<(String, String)> {
+        vec![("refit".into(), self.refit.to_string()), ("sensor".into(), self.sensor.name.clone())]
+    }
+}
+
+impl Lifts {
+    /// The object of a record: labels.csv knows it, else the name of the clip may.
+    fn object_of<'a>(&'a self, record: &'a TrialRecord) -> &'a str {
+        self.clips.labels.get(&record.trial).map_or(record.object.as_str(), |label| label.object.as_str())
+    }
+}
+
+/// Right and wrong, and the area under the curve, of the records whose truth is known.
+pub fn row(name: &str, records: &[&TrialRecord]) -> Vec<Cell> {
+    let scores =
+        |truth: bool| -> Vec<f64> { records.iter().filter(|r| r.truth == Some(truth)).map(|r| r.score).collect() };
+    let wrong = records.iter().filter(|r| r.is_right() == Some(false)).count() as u64;
+    vec![
+        name.into(),
+        Cell::Count(records.len() as u64),
+        Cell::Count(wrong),
+        Cell::Share(share_of(records.iter().filter_map(|r| r.is_right()))),
+        Cell::Number(auc(&scores(true), &scores(false)), 3),
+    ]
+}
+
+#[cfg(test)]
+#[path = "lifts_tests.rs"]
+mod tests;

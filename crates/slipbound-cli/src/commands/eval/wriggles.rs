@@ -1,0 +1,222 @@
+//! Protocol `wriggles`: grasps that are lifted and shaken, seen by both fingers; did the object slip out?
+//!
+//! ```text
+//!   contact begins ---0.5 s---|<---- window: as long as the shortest clip leaves ---->|......  the rest does not count
+//!                                highest causal score of both fingers
+//! ```
+//!
+//! The length of a clip tells its label (whoever loses the object stops recording), so every clip is seen for the same time.
+
+use super::clips::{Clips, RestFrom, Seen, judged, object_of_name, other, watch};
+use super::lifts::row;
+use slipbound::monitor::EvidenceSettings;
+use slipbound::sensor::Sensor;
+use slipbound_lab::eval::{Cell, EvalError, Protocol, Table, TrialRecord, share_of};
+use slipbound_lab::rivals::{DETECTORS, Entry};
+use std::path::Path;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Frames of contact before the window: 0.5 s at the rate that the headers of the recordings state, 25 Hz.
+const AFTER_CONTACT_FRAMES: u64 = 13;
+
+/// Frames in a row with contact that begin it.
+const CONTACT_FRAMES_COUNT: usize = 4;
+
+/// The protocol.
+#[derive(Debug)]
+pub struct Wriggles {
+    clips: Clips,
+    sensor: Sensor,
+    /// What was seen of every grasp, by finger and detector; seen at once, for the window is that of the shortest.
+    seen: OnceLock<Result<Vec<Grasp>, String>>,
+}
+
+/// What the detectors saw of a grasp.
+#[derive(Debug)]
+struct Grasp {
+    /// By finger, then by detector.
+    fingers: Vec<Vec<Vec<Seen>>>,
+    /// Place of the first frame of the window; None where nothing was ever touched.
+    from: Option<usize>,
+    /// Frames from there to the end.
+    left_count: usize,
+}
+
+impl Wriggles {
+    /// The grasps of a folder, from a finger.
+    pub fn new(clips: Clips, sensor: Sensor) -> Self {
+        Wriggles { clips, sensor, seen: OnceLock::new() }
+    }
+
+    fn all(&self, detectors: &[&'static Entry]) -> Result<&[Grasp], EvalError> {
+        let all = self.seen.get_or_init(|| self.see_all(detectors));
+        all.as_deref().map_err(|text| other(text.clone()))
+    }
+
+    fn see_all(&self, detectors: &[&'static Entry]) -> Result<Vec<Grasp>, String> {
+        let next = AtomicUsize::new(0);
+        let names = &self.clips.names;
+        let worker = || {
+            let mut mine = Vec::new();
+            loop {
+                let n = next.fetch_add(1, Ordering::Relaxed);
+                let Some(name) = names.get(n) else { return mine };
+                let path = self.clips.path(name);
+                mine.push((n, grasp(&path, &self.sensor, detectors).map_err(|e| format!("{}: {e}", path.display()))));
+            }
+        };
+        let jobs = std::thread::available_parallelism().map_or(1, usize::from);
+        let mut done: Vec<(usize, Result<Grasp, String>)> = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..jobs).map(|_| scope.spawn(worker)).collect();
+            threads.into_iter().flat_map(|thread| thread.join().unwrap_or_default()).collect()
+        });
+        done.sort_by_key(|(n, _)| *n);
+        if done.len() != names.len() {
+            return Err("a thread ended early".into());
+        }
+        done.into_iter().map(|(_, grasp)| grasp).collect()
+    }
+}
+
+/// Shows both fingers' recordings of a grasp to the detectors.
+fn grasp(folder: &Path, sensor: &Sensor, detectors: &[&'static Entry]) -> Result<Grasp, EvalError> {
+    let boxed = |error: std::io::Error| other(error);
+    let mut videos = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(boxed)? {
+        let path = entry.map_err(boxed)?.path();
+        if path.extension().is_some_and(|extension| extension == "avi") {
+            videos.push(path);
+        }
+    }
+    videos.sort();
+    let mut fingers = Vec::new();
+    for video in &videos {
+        fingers.push(watch(&video.display().to_string(), sensor, RestFrom::FirstFrames, detectors)?);
+    }
+    let start = fingers.iter().filter_map(|finger| contact(finger)).min();
+    let length = fingers.iter().flat_map(|finger| finger.first()).map(Vec::len).min().unwrap_or(0);
+    let from = start.map(|start| start + AFTER_CONTACT_FRAMES as usize);
+    Ok(Grasp { fingers, from, left_count: from.map_or(0, |from| length.saturating_sub(from)) })
+}
+
+/// Place of the first of several frames in a row with contact, by the first detector that has seen anything.
+fn contact(finger: &[Vec<Seen>]) -> Option<usize> {
+    let frames = finger.iter().find(|frames| !frames.is_empty())?;
+    frames.windows(CONTACT_FRAMES_COUNT).position(|some| some.iter().all(|frame| frame.touches))
+}
+
+/// Length of the window: what the shortest clip leaves, of those in which anything is touched.
+fn window_count(grasps: &[Grasp]) -> usize {
+    grasps.iter().filter(|grasp| grasp.from.is_some()).map(|grasp| grasp.left_count).min().unwrap_or(0)
+}
+
+impl Protocol for Wriggles {
+    fn name(&self) -> &'static str {
+        "wriggles"
+    }
+
+    fn trials_count(&self) -> u64 {
+        self.clips.names.len() as u64
+    }
+
+    fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {
+        let grasps = self.all(detectors)?;
+        let (name, grasp) = (&self.clips.names[number as usize], &grasps[number as usize]);
+        let window_count = window_count(grasps);
+        let scale = EvidenceSettings::default();
+        let record = |n: usize, entry: &&'static Entry| {
+            let of_finger = |finger: &Vec<Vec<Seen>>| {
+                let from = grasp.from?;
+                let seen = finger[n].get(from..(from + window_count).min(finger[n].len()))?;
+                let (score, first_slide, _) = judged(entry, seen, &scale);
+                let first_alarm = seen.iter().find(|frame| frame.alarms).map(|frame| frame.frame);
+                Some((score, first_slide, first_alarm))
+            };
+            let fingers: Vec<_> = grasp.fingers.iter().filter_map(of_finger).collect();
+            let score = fingers.iter().map(|finger| finger.0).reduce(f64::max).unwrap_or(0.0);
+            let first_alarm_frame = fingers.iter().filter_map(|finger| finger.1).min();
+            TrialRecord {
+                number,
+                trial: name.clone(),
+                object: object_of_name(name).into(),
+                detector: entry.name.into(),
+                truth: self.clips.truth(name),
+                verdict: first_alarm_frame.is_some(),
+                score,
+                first_alarm_frame,
+                more: Default::default(),
+            }
+            .with("first_state_alarm_frame", fingers.iter().filter_map(|finger| finger.2).min())
+            .with("window_frames", window_count as u64)
+            .with("window_from_frame", grasp.from.map(|from| from as u64))
+        };
+        Ok(detectors.iter().enumerate().map(|(n, entry)| record(n, entry)).collect())
+    }
+
+    fn tables(&self, records: &[TrialRecord]) -> Vec<Table> {
+        let window = records.iter().find_map(|r| r.number_of("window_frames")).unwrap_or(0.0);
+        let mut table = Table::new(
+            "Wriggles",
+            &format!(
+                "Did the object slip out? Highest causal score of both fingers in {window} frames, from 0.5 s of contact on. Alarms: a score over the \
+                 detector's threshold; ours by its states (incipient or gross) in the last column. Nothing fitted."
+            ),
+            &[
+                "detector",
+                "grasps",
+                "wrong",
+                "right %",
+                "AUC",
+                "alarm on held grasps %",
+                "alarm by state on held grasps %",
+            ],
+        );
+        for entry in &DETECTORS {
+            let some: Vec<&TrialRecord> = records.iter().filter(|r| r.detector == entry.name).collect();
+            if some.is_empty() {
+                continue;
+            }
+            let held = || some.iter().filter(|r| r.truth == Some(false));
+            let mut cells = row(entry.name, &some);
+            cells.push(Cell::Share(share_of(held().map(|r| r.verdict))));
+            cells.push(Cell::Share(share_of(held().map(|r| r.number_of("first_state_alarm_frame").is_some()))));
+            table.rows.push(cells);
+        }
+        vec![table]
+    }
+
+    fn settings(&self) -> Vec<(String, String)> {
+        vec![("sensor".into(), self.sensor.name.clone())]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn finger(touches: &str) -> Vec<Vec<Seen>> {
+        let seen = |(frame, c): (usize, char)| Seen {
+            frame: frame as u64,
+            touches: c == '#',
+            score: 0.0,
+            alarms: false,
+            evidence: None,
+        };
+        vec![Vec::new(), touches.chars().enumerate().map(seen).collect()]
+    }
+
+    #[test]
+    fn contact_begins_with_four_frames_in_a_row() {
+        assert_eq!(contact(&finger("..#..#####")), Some(5));
+        assert_eq!(contact(&finger("..###..")), None);
+        assert_eq!(contact(&[Vec::new()]), None);
+    }
+
+    #[test]
+    fn every_grasp_is_seen_as_long_as_the_shortest_that_touches() {
+        let grasp = |from, left_count| Grasp { fingers: Vec::new(), from, left_count };
+        assert_eq!(window_count(&[grasp(Some(30), 90), grasp(None, 0), grasp(Some(40), 70)]), 70);
+        assert_eq!(window_count(&[grasp(None, 0)]), 0);
+    }
+}

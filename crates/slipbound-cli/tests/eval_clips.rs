@@ -1,0 +1,107 @@
+//! `slipbound eval lifts` on simulated clips: labels are read for scoring alone. On the shared recordings, where they are,
+//! what is left out is judged as well as what a scale was fitted to.
+
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn slipbound(args: &[&str]) {
+    let output = Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("the command runs");
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+fn shown(path: &Path) -> String {
+    path.display().to_string()
+}
+
+/// Three clips that begin with the object held: one slides, two do not.
+fn clips(folder: &Path) {
+    for (name, object, distance) in
+        [("a_1", "bottle_cap", "4"), ("a_2", "bottle_cap", "0.2"), ("b_1", "scissors", "0.2")]
+    {
+        let recording = folder.with_extension("made").join(name);
+        let scene = format!(
+            "shear?object={object}&camera=gelsight_mini&force_n=10&mu=0.5&distance_mm={distance}&speed_mm_per_s=10&grid=fast"
+        );
+        slipbound(&["simulate", &scene, "-o", &shown(&recording)]);
+        fs::create_dir_all(folder.join(name)).expect("a folder");
+        // From the frame on in which the grip has settled.
+        for n in 26..44 {
+            let from = recording.join(format!("frame_{n:06}.jpg"));
+            if from.exists() {
+                fs::copy(from, folder.join(name).join(format!("{:03}.jpg", n - 26))).expect("a frame");
+            }
+        }
+    }
+}
+
+/// The records of the clips with these labels, each without its truth.
+fn records(folder: &Path, labels: Option<&str>, out: &Path) -> Vec<Value> {
+    let file = folder.join("labels.csv");
+    match labels {
+        Some(text) => fs::write(&file, text).expect("labels"),
+        None => fs::remove_file(&file).expect("labels"),
+    }
+    let (folder, out_shown) = (shown(folder), shown(out));
+    slipbound(&["eval", "lifts", "--data", &folder, "--detector", "ours", "--pictures", "0", "-o", &out_shown]);
+    let text = fs::read_to_string(out.join("trials.jsonl")).expect("records");
+    text.lines().map(|line| serde_json::from_str(line).expect("a record")).collect()
+}
+
+fn without_truth(records: &[Value]) -> Vec<String> {
+    let line = |record: &Value| {
+        let mut record = record.clone();
+        record.as_object_mut().expect("a record").remove("truth");
+        record.to_string()
+    };
+    records.iter().map(line).collect()
+}
+
+#[test]
+fn labels_shuffled_or_absent_change_nothing_but_the_truth() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path().join("clips");
+    clips(&folder);
+    let out = |name: &str| temporary.path().join(name);
+    let labelled = records(&folder, Some("clip,object,slip\na_1,a,1\na_2,a,0\nb_1,b,0\n"), &out("labelled"));
+    let shuffled = records(&folder, Some("clip,object,slip\nb_1,a,1\na_1,b,0\na_2,b,1\n"), &out("shuffled"));
+    let absent = records(&folder, None, &out("absent"));
+    assert_eq!(labelled.len(), 3);
+    assert_eq!(without_truth(&labelled), without_truth(&shuffled));
+    assert_eq!(without_truth(&labelled), without_truth(&absent));
+    assert_eq!(
+        (&labelled[0]["truth"], &shuffled[0]["truth"], &absent[0]["truth"]),
+        (&true.into(), &false.into(), &Value::Null)
+    );
+    // The comparison sees a leak.
+    let leak = |records: &[Value]| {
+        let mut records = records.to_vec();
+        records
+            .iter_mut()
+            .for_each(|r| r["score"] = (r["score"].as_f64().unwrap_or(0.0) + f64::from(r["truth"] == true)).into());
+        without_truth(&records)
+    };
+    assert_ne!(leak(&labelled), leak(&shuffled));
+    let score = |n: usize| labelled[n]["score"].as_f64().expect("a number");
+    assert!(score(0) > score(1) && score(0) > score(2), "{labelled:?}");
+}
+
+#[test]
+fn the_shared_lifts_are_judged_with_each_object_left_out() {
+    let recordings = std::env::var_os("SLIPBOUND_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
+    let folder = recordings.join("gelsight-lift");
+    if !folder.exists() {
+        println!("SKIPPED: no SLIPBOUND_DATA and no ../shared/data");
+        return;
+    }
+    let temporary = tempfile::tempdir().expect("a folder");
+    let out = temporary.path().join("out");
+    let (data, to) = (shown(&folder), shown(&out));
+    slipbound(&["eval", "lifts", "--refit", "--data", &data, "--detector", "ours", "--pictures", "0", "-o", &to]);
+    let table: Value = serde_json::from_slice(&fs::read(out.join("table.json")).expect("a table")).expect("JSON");
+    let row = &table["tables"][0]["rows"][0];
+    assert!(row[2].as_u64().expect("a count") <= 1, "{row}");
+    assert!(row[4]["value"].as_f64().expect("an area") >= 0.98, "{row}");
+}

@@ -1,0 +1,71 @@
+//! What can go wrong in a sweep.
+
+use slipbound::image::ImageError;
+use slipbound::monitor::RestError;
+use slipbound::port::SourceError;
+use slipbound::setting::SettingError;
+use std::io;
+use std::path::PathBuf;
+
+/// Why a trial could not be judged.
+#[derive(Debug, thiserror::Error)]
+pub enum EvalError {
+    /// A setting is refused.
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    /// A picture could not be made or read.
+    #[error("{0}")]
+    Source(#[from] SourceError),
+    /// The finger at rest could not be found.
+    #[error(transparent)]
+    Rest(#[from] RestError),
+    /// A frame is not whole.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+}
+
+/// Why a folder cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    /// A file cannot be read or written.
+    #[error("{path}: {source}", path = .path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// Something in a file is not as it must be.
+    #[error("{path}: {key}: expected {expected}, got {got}", path = .path.display())]
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// What in it.
+        key: String,
+        /// What it must be.
+        expected: String,
+        /// What it is.
+        got: String,
+    },
+}
+
+/// Why a sweep ended before its end.
+#[derive(Debug, thiserror::Error)]
+pub enum SweepError {
+    /// A trial could not be judged.
+    #[error("{protocol}, trial {number}: {source}")]
+    Trial {
+        /// The protocol.
+        protocol: &'static str,
+        /// Number of the trial.
+        number: u64,
+        /// Why.
+        source: EvalError,
+    },
+    /// Its records could not be kept.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// Whoever asked for it did not want to go on.
+    #[error("interrupted; what was judged is kept, the same command goes on from there")]
+    Interrupted,
+}

@@ -1,0 +1,321 @@
+//! Evidence of sliding: continuous values that need no verdict of the slip field, each causal and without a unit.
+//!
+//! ```text
+//!   displacement since the reference --> relaxation, centre over rim
+//!   imprint, the gel's motion undone --> change against the reference, motion over the gel
+//!                                                \__ equally weighted: slide score, over 1 where the object slides
+//! ```
+//!
+//! The reference is the frame with which the evidence begins: the rest frame of a recording that starts in contact, else
+//! the frame in which a contact has settled. It is not taken anew at a slip; it ends with the contact.
+
+mod field;
+mod gel;
+mod pattern;
+mod picture;
+mod slide;
+mod sliding;
+
+use crate::image::Frame;
+use crate::monitor::imprint::Imprint;
+use crate::monitor::motion::fit_rigid;
+use crate::monitor::report::Marker;
+use crate::monitor::rest::{Rest, RestKind};
+use crate::plane::Vec2;
+use crate::sensor::{Sensor, Skin};
+use crate::setting::{SettingError, within};
+use field::Field;
+use gel::GelMotion;
+use pattern::{Pattern, Seen};
+use serde::{Deserialize, Serialize};
+use slide::Slide;
+use sliding::{SlidingSettings, SlidingWatch};
+
+/// Fewest markers in contact that say how the gel there moves.
+const CONTACT_MARKERS_COUNT: usize = 3;
+
+/// One value of the evidence on the scale of the slide score: what it is where an object sticks and where it slides.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EvidenceScale {
+    /// Its median over held objects.
+    pub held: f64,
+    /// Its median over objects that slid.
+    pub slid: f64,
+}
+
+impl EvidenceScale {
+    /// 0 where objects are held, 1 where they slide, nothing beyond: no value alone decides.
+    fn share(self, value: f64) -> f64 {
+        let span = self.slid - self.held;
+        if span == 0.0 { 0.0 } else { ((value - self.held) / span).clamp(0.0, 1.0) }
+    }
+}
+
+/// Settings of the evidence.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EvidenceSettings {
+    /// Whether the evidence is computed. [`Settings::paper`](super::Settings::paper) does without.
+    pub used: bool,
+    /// Scale of the relaxation.
+    pub relaxation: EvidenceScale,
+    /// Scale of the displacement at the centre over that at the rim.
+    pub centre_rim_ratio: EvidenceScale,
+    /// Scale of the change of the imprint.
+    pub imprint_change: EvidenceScale,
+    /// A contact has settled, and the evidence begins, when its area has grown by less than this share of itself over
+    /// [`EvidenceSettings::settle_frames_count`] frames.
+    pub settle_fraction: f64,
+    /// Frames over which that is seen.
+    pub settle_frames_count: u32,
+    /// The object slides as a whole (`gross`) when its imprint has moved this far over the gel, in pitches (twice as far on a
+    /// fabric skin, whose patch of pressed weave is known half as well), ...
+    pub slide_pitch: f64,
+    /// ... while the gel in contact went along by at most this share of it, ...
+    pub carried_fraction: f64,
+    /// ... and is sheared at least this far towards where the object slides, in pitches.
+    pub sheared_pitch: f64,
+    /// An imprint that changes by this much from one frame to the next while the gel stands still slides, too.
+    pub jump_change: f64,
+}
+
+impl Default for EvidenceSettings {
+    fn default() -> Self {
+        EvidenceSettings {
+            used: true,
+            // Medians over the 20 held and the 14 slipped clips of the lift recordings: bench/real/README.md.
+            relaxation: EvidenceScale { held: 0.029, slid: 0.553 },
+            centre_rim_ratio: EvidenceScale { held: 1.855, slid: 2.761 },
+            imprint_change: EvidenceScale { held: 0.107, slid: 0.521 },
+            settle_fraction: 0.05,
+            settle_frames_count: 3,
+            slide_pitch: 0.13,
+            carried_fraction: 0.25,
+            sheared_pitch: 0.12,
+            jump_change: 0.5,
+        }
+    }
+}
+
+impl EvidenceSettings {
+    pub(super) fn check(&self) -> Result<(), SettingError> {
+        for (key, scale) in [
+            ("evidence.relaxation", self.relaxation),
+            ("evidence.centre_rim_ratio", self.centre_rim_ratio),
+            ("evidence.imprint_change", self.imprint_change),
+        ] {
+            within(key, scale.held, 0.0, 100.0)?;
+            within(key, scale.slid - scale.held, 1e-6, 100.0)?;
+        }
+        within("evidence.settle_fraction", self.settle_fraction, 0.0, 10.0)?;
+        within("evidence.settle_frames_count", f64::from(self.settle_frames_count), 1.0, 64.0)?;
+        within("evidence.slide_pitch", self.slide_pitch, 0.01, 10.0)?;
+        within("evidence.carried_fraction", self.carried_fraction, 0.0, 1.0)?;
+        within("evidence.sheared_pitch", self.sheared_pitch, 0.0, 10.0)?;
+        within("evidence.jump_change", self.jump_change, 0.05, 2.0)
+    }
+
+    /// The slide score of three values: twice their mean share of the way from held to slid. What is not known counts as
+    /// held.
+    pub fn slide_score(&self, relaxation: f64, centre_rim_ratio: Option<f64>, imprint_change: Option<f64>) -> f64 {
+        let shares = self.relaxation.share(relaxation)
+            + centre_rim_ratio.map_or(0.0, |ratio| self.centre_rim_ratio.share(ratio))
+            + imprint_change.map_or(0.0, |change| self.imprint_change.share(change));
+        2.0 * shares / 3.0
+    }
+}
+
+/// What a frame says of sliding, whatever the slip field says.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct EvidenceReport {
+    /// Number of the frame that it counts from.
+    pub reference_seq: u64,
+    /// Fall of the displacement from its greatest since the reference, as a share of that: 0 where the gel is carried
+    /// along, to 1 where it has sprung back. Of the 90th percentile over all markers.
+    pub relaxation: f64,
+    /// Mean displacement of the inner third of the markers that are carried along over that of the outer third; None
+    /// before any is.
+    pub centre_rim_ratio: Option<f64>,
+    /// 1 - correlation of the imprint with that of the reference, both in gel coordinates: 0 where the imprint is carried
+    /// along with the markers, 1 where nothing of it is left in its place. None where no imprint shows.
+    pub imprint_change: Option<f64>,
+    /// Age of the imprint's part of the evidence in frames.
+    pub imprint_age_frames: u32,
+    /// Over 1 where the object slides: of the greatest value that each of the three has had since the reference. 0 to 2.
+    pub slide_score: f64,
+    /// How far the imprint has moved over the gel since the reference, rectified px; it is the motion of the object.
+    pub slide_px: Vec2,
+    /// How far it has turned on the gel since then, radians.
+    pub slide_rad: f64,
+    /// Whether the object slides as a whole now.
+    pub slides: bool,
+    /// Speed of that slide pitches a second; None while nothing slides, where frames have no
+    /// time, and where the imprint jumps further than can be followed.
+    pub slide_pitch_per_s: Option<f64>,
+    /// The same in mm/s; None also where the pitch in mm is unknown.
+    pub slide_mm_per_s: Option<f64>,
+}
+
+/// The greatest values since the reference.
+#[derive(Debug, Clone, Copy, Default)]
+struct Greatest {
+    relaxation: f64,
+    centre_rim_ratio: Option<f64>,
+    imprint_change: Option<f64>,
+}
+
+/// The evidence, with its memory and scratch.
+#[derive(Debug, Clone)]
+pub(super) struct Evidence {
+    settings: EvidenceSettings,
+    pitch_px: f64,
+    pitch_mm: Option<f64>,
+    gel: GelMotion,
+    pattern: Pattern,
+    /// The pattern of the frame before.
+    before: Vec<Seen>,
+    slide: Slide,
+    sliding: SlidingWatch,
+    field: Field,
+    reference_seq: u64,
+    reference_px: Vec<Vec2>,
+    reference_pattern: Vec<Seen>,
+    /// Whether something touches and the reference is known.
+    begun: bool,
+    /// Whether the reference is the rest frame itself, which comes first.
+    starts_in_contact: bool,
+    area_px2: f64,
+    settled_frames_count: u32,
+    greatest: Greatest,
+    pub(super) report: Option<EvidenceReport>,
+}
+
+impl Evidence {
+    pub(super) fn new(sensor: &Sensor, settings: &EvidenceSettings, imprint: &Imprint, rest: &Rest) -> Self {
+        let rest_px: Vec<Vec2> = rest.markers.iter().map(|m| m.position).collect();
+        let pattern = Pattern::new(sensor, &rest_px, imprint.seen());
+        Evidence {
+            settings: *settings,
+            pitch_px: sensor.pitch_px,
+            pitch_mm: sensor.pitch_mm,
+            sliding: SlidingWatch::new(SlidingSettings {
+                least_px: settings.slide_pitch * sensor.pitch_px * if sensor.skin == Skin::Fabric { 2.0 } else { 1.0 },
+                along_fraction: settings.carried_fraction,
+                sheared_px: settings.sheared_pitch * sensor.pitch_px,
+                jump_change: settings.jump_change,
+            }),
+            before: pattern.now.clone(),
+            gel: GelMotion::new(&rest_px, sensor.rectified_px(), sensor.pitch_px),
+            slide: Slide::new(&pattern, sensor.pitch_px),
+            field: Field::new(rest_px.len()),
+            reference_seq: rest.seq,
+            reference_pattern: pattern.now.clone(),
+            reference_px: rest_px,
+            begun: false,
+            starts_in_contact: rest.kind == RestKind::InContact,
+            area_px2: 0.0,
+            settled_frames_count: 0,
+            greatest: Greatest::default(),
+            pattern,
+            report: None,
+        }
+    }
+
+    /// Takes a frame whose markers are known. `area_px2`: that of the contact, zero without.
+    pub(super) fn take(&mut self, frame: &Frame<'_>, imprint: &Imprint, area_px2: f64, markers: &[Marker]) {
+        self.report = None;
+        if !self.settings.used {
+            return;
+        }
+        if area_px2 <= 0.0 && !self.starts_in_contact {
+            (self.begun, self.settled_frames_count, self.area_px2) = (false, 0, 0.0);
+            self.pattern.learn_rest(imprint);
+            return;
+        }
+        self.gel.take(markers);
+        self.pattern.take(imprint, &self.gel);
+        if !self.begun && self.settles(area_px2) {
+            self.restart(frame.seq, markers);
+        }
+        if self.begun {
+            self.weigh(frame, markers);
+        }
+        self.before.copy_from_slice(&self.pattern.now);
+    }
+
+    /// Whether the object slides as a whole.
+    pub(super) fn slides(&self) -> bool {
+        self.report.is_some_and(|report| report.slides)
+    }
+
+    /// The evidence of a frame that has a reference.
+    fn weigh(&mut self, frame: &Frame<'_>, markers: &[Marker]) {
+        self.field.take(&self.reference_px, markers, self.pitch_px);
+        let imprint_change = self.pattern.change(&self.reference_pattern);
+        self.slide.take(&self.pattern);
+        let (relaxation, centre_rim_ratio) = (self.field.relaxation, self.field.centre_rim_ratio);
+        let most = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::max);
+        self.greatest = Greatest {
+            relaxation: self.greatest.relaxation.max(relaxation),
+            centre_rim_ratio: most(self.greatest.centre_rim_ratio, centre_rim_ratio),
+            imprint_change: most(self.greatest.imprint_change, imprint_change),
+        };
+        let Greatest { relaxation: r, centre_rim_ratio: c, imprint_change: i } = self.greatest;
+        let sliding = self.gel_in_contact(markers).and_then(|(shift_px, turn_rad)| {
+            let slide = &self.slide;
+            let three = |shift: Vec2, turn_rad: f64| [shift.x, shift.y, turn_rad * slide.arm_px];
+            let change = self.pattern.change(&self.before).unwrap_or(0.0);
+            let over_gel = three(slide.shift_px, slide.turn_rad);
+            self.sliding.take(over_gel, three(shift_px, turn_rad), change, frame.time_ns)
+        });
+        let slide_pitch_per_s = sliding.and_then(|s| s.speed_px_per_s).map(|px| px / self.pitch_px);
+        self.report = Some(EvidenceReport {
+            reference_seq: self.reference_seq,
+            relaxation,
+            centre_rim_ratio,
+            imprint_change,
+            imprint_age_frames: 0,
+            slide_score: self.settings.slide_score(r, c, i),
+            slide_px: self.slide.shift_px,
+            slide_rad: self.slide.turn_rad,
+            slides: sliding.is_some(),
+            slide_pitch_per_s,
+            slide_mm_per_s: slide_pitch_per_s.zip(self.pitch_mm).map(|(pitch, mm)| pitch * mm),
+        });
+    }
+
+    /// Shift in px and turn of the gel in contact since the reference; None with too few markers there.
+    fn gel_in_contact(&self, markers: &[Marker]) -> Option<(Vec2, f64)> {
+        let seen = markers.iter().zip(&self.reference_px).filter(|(m, _)| m.in_contact && m.whole && m.matched);
+        if seen.clone().count() < CONTACT_MARKERS_COUNT {
+            return None;
+        }
+        let motion = fit_rigid(seen.map(|(m, &reference)| (reference, m.now)))?;
+        Some((motion.translation, motion.rotation_rad))
+    }
+
+    /// Whether the contact has settled. Nothing is known of how a recording that starts in contact came to it: its first
+    /// frame counts.
+    fn settles(&mut self, area_px2: f64) -> bool {
+        let grown = area_px2 > (1.0 + self.settings.settle_fraction) * self.area_px2;
+        self.settled_frames_count = if grown { 0 } else { self.settled_frames_count + 1 };
+        if grown {
+            self.area_px2 = area_px2;
+        }
+        self.starts_in_contact || self.settled_frames_count >= self.settings.settle_frames_count
+    }
+
+    /// Counts from this frame.
+    fn restart(&mut self, seq: u64, markers: &[Marker]) {
+        self.begun = true;
+        self.reference_seq = seq;
+        self.reference_px.iter_mut().zip(markers).for_each(|(reference, m)| *reference = m.now);
+        self.reference_pattern.copy_from_slice(&self.pattern.now);
+        self.field.restart();
+        self.slide.restart(&self.pattern);
+        self.sliding.restart();
+        self.before.copy_from_slice(&self.pattern.now);
+        self.greatest = Greatest::default();
+    }
+}

@@ -1,0 +1,85 @@
+//! What the lengths of the markers' displacement say of sliding: relaxation, and how evenly the contact is carried along.
+//!
+//! ```text
+//!   |u|  ___/\        relaxation: the gel springs back        |u|   o O O o    sticking: the middle is carried further
+//!      _/    \___     once the object slides over it               o O O O o   than the rim; sliding: far more so
+//! ```
+
+use crate::monitor::report::Marker;
+use crate::plane::Vec2;
+
+/// Share of the markers whose displacement stays below the one that stands for the field: one marker in ten may be wrong.
+const FIELD_PERCENTILE: f64 = 0.90;
+
+/// Added to the greatest displacement, in pitches: ten times the noise of a marker, so that noise is no relaxation.
+const STILL_PITCH: f64 = 0.02;
+
+/// Markers that are moved by less than this share of the 95th percentile do not belong to what is carried along.
+const CARRIED_FRACTION: f64 = 0.35;
+
+/// What the displacement since the reference says.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Field {
+    lengths: Vec<f64>,
+    carried: Vec<(f64, f64)>,
+    /// Greatest 90th percentile since the reference, px.
+    most_px: f64,
+    /// That percentile now, px.
+    pub(super) now_px: f64,
+    pub(super) relaxation: f64,
+    pub(super) centre_rim_ratio: Option<f64>,
+}
+
+impl Field {
+    pub(super) fn new(markers_count: usize) -> Self {
+        Field {
+            lengths: Vec::with_capacity(markers_count),
+            carried: Vec::with_capacity(markers_count),
+            ..Field::default()
+        }
+    }
+
+    /// Displacement counts anew.
+    pub(super) fn restart(&mut self) {
+        (self.most_px, self.now_px, self.relaxation, self.centre_rim_ratio) = (0.0, 0.0, 0.0, None);
+    }
+
+    /// Takes a frame: where each marker was in the reference frame, and where it is.
+    pub(super) fn take(&mut self, reference_px: &[Vec2], markers: &[Marker], pitch_px: f64) {
+        let still_px = STILL_PITCH * pitch_px;
+        let seen = || markers.iter().zip(reference_px).filter(|(m, _)| m.matched);
+        self.lengths.clear();
+        self.lengths.extend(seen().map(|(m, &reference)| (m.now - reference).length()));
+        self.lengths.sort_unstable_by(f64::total_cmp);
+        self.now_px = percentile(&self.lengths, FIELD_PERCENTILE);
+        self.most_px = self.most_px.max(self.now_px);
+        self.relaxation = (self.most_px - self.now_px) / (self.most_px + still_px);
+        let high_px = percentile(&self.lengths, 0.95);
+        self.centre_rim_ratio = None;
+        if high_px < still_px {
+            return;
+        }
+        let carried = || seen().filter(|(m, r)| (m.now - **r).length() > CARRIED_FRACTION * high_px);
+        let (mut centre, mut count) = (Vec2::ZERO, 0.0);
+        for (_, &reference) in carried() {
+            centre += reference;
+            count += 1.0;
+        }
+        centre = centre / count;
+        self.carried.clear();
+        self.carried.extend(carried().map(|(m, &r)| ((r - centre).length(), (m.now - r).length())));
+        self.carried.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let third = (self.carried.len() / 3).max(1);
+        let mean = |some: &[(f64, f64)]| some.iter().map(|(_, moved)| moved).sum::<f64>() / some.len() as f64;
+        let (inner, outer) = (&self.carried[..third], &self.carried[self.carried.len() - third..]);
+        self.centre_rim_ratio = Some(mean(inner) / mean(outer));
+    }
+}
+
+/// The value below which a share of the sorted ones lies, between two of them where it falls there.
+fn percentile(sorted: &[f64], share: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
+    let at = share * last as f64;
+    let below = at as usize;
+    sorted[below] + (at - below as f64) * (sorted[(below + 1).min(last)] - sorted[below])
+}

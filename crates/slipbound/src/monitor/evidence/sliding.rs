@@ -1,0 +1,185 @@
+//! Whether the object slides as a whole: it goes on over the gel, and the gel is no longer carried along.
+//!
+//! ```text
+//!   sticking:  object ---->   gel ---->      creeping at the rim:  object ---->   gel -->      sliding:  object ---->   gel .
+//!              over the gel: nothing                               less than the gel moves               all of it over the gel
+//! ```
+//!
+//! Motion of the object over the gel is that of its imprint; motion of the gel that of the markers in contact.
+
+/// Motion along x, along y, and turn times arm, px.
+pub(super) type Motion3 = [f64; 3];
+
+/// Frames that are looked back at: at 30 Hz a slide of 0.25 mm/s is seen with a pitch of 1.5 mm.
+const BACK_FRAMES_COUNT: usize = 24;
+
+/// Settings of the verdict, in px and shares.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SlidingSettings {
+    /// The imprint must have moved this far over the gel.
+    pub(super) least_px: f64,
+    /// While it did, the gel may have gone along by at most this share of it.
+    pub(super) along_fraction: f64,
+    /// The gel must be sheared this far towards where the object slides: a rolling contact moves, too, but does not pull.
+    pub(super) sheared_px: f64,
+    /// A pattern that changes by this much from one frame to the next has jumped.
+    pub(super) jump_change: f64,
+}
+
+/// One frame.
+#[derive(Debug, Clone, Copy, Default)]
+struct Step {
+    over_gel: Motion3,
+    of_gel: Motion3,
+    time_ns: Option<u64>,
+}
+
+/// A slide that goes on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Sliding {
+    /// Its speed, px/s; None where frames have no time or the imprint has jumped further than can be followed.
+    pub(super) speed_px_per_s: Option<f64>,
+}
+
+/// The last frames.
+#[derive(Debug, Clone)]
+pub(super) struct SlidingWatch {
+    settings: SlidingSettings,
+    steps: [Step; BACK_FRAMES_COUNT],
+    count: usize,
+    /// Frames that the slide last took for the least motion; None while nothing slides.
+    pace_frames: Option<usize>,
+}
+
+impl SlidingWatch {
+    pub(super) fn new(settings: SlidingSettings) -> Self {
+        SlidingWatch { settings, steps: [Step::default(); BACK_FRAMES_COUNT], count: 0, pace_frames: None }
+    }
+
+    /// Counts anew.
+    pub(super) fn restart(&mut self) {
+        (self.count, self.pace_frames) = (0, None);
+    }
+
+    /// Takes a frame: how far the imprint is over the gel and how far the gel is sheared, both since the reference, and how
+    /// much the pattern has changed since the last frame.
+    pub(super) fn take(
+        &mut self,
+        over_gel: Motion3,
+        of_gel: Motion3,
+        change: f64,
+        time_ns: Option<u64>,
+    ) -> Option<Sliding> {
+        let now = Step { over_gel, of_gel, time_ns };
+        let sliding = self.look_back(&now).or_else(|| self.jump(&now, change));
+        self.steps[self.count % BACK_FRAMES_COUNT] = now;
+        self.count += 1;
+        if sliding.is_none() {
+            self.pace_frames = None;
+        }
+        sliding
+    }
+
+    /// The shortest time back over which the imprint has moved far enough says whether the gel went along.
+    fn look_back(&mut self, now: &Step) -> Option<Sliding> {
+        // A slide that stops is not said for longer than it would take to come on.
+        let most = self.pace_frames.map_or(BACK_FRAMES_COUNT, |pace| 2 * pace + 3);
+        for back in 1..=most.min(self.count).min(BACK_FRAMES_COUNT) {
+            let then = self.steps[(self.count - back) % BACK_FRAMES_COUNT];
+            let over = minus(now.over_gel, then.over_gel);
+            let length_px = length(over);
+            if length_px < self.settings.least_px {
+                continue;
+            }
+            let ahead = over.map(|part| part / length_px);
+            let along_px = dot(minus(now.of_gel, then.of_gel), ahead);
+            let sheared = dot(now.of_gel, ahead) >= self.settings.sheared_px;
+            if !sheared || along_px > self.settings.along_fraction * length_px {
+                return None;
+            }
+            self.pace_frames = Some(back);
+            let seconds = now.time_ns.zip(then.time_ns).map(|(a, b)| a.saturating_sub(b) as f64 * 1e-9);
+            return Some(Sliding { speed_px_per_s: seconds.filter(|s| *s > 0.0).map(|s| length_px / s) });
+        }
+        None
+    }
+
+    /// An imprint that is nowhere near where it was, on a gel that is sheared and stands still.
+    fn jump(&mut self, now: &Step, change: f64) -> Option<Sliding> {
+        let then = self.steps[self.count.checked_sub(1)? % BACK_FRAMES_COUNT];
+        let still = length(minus(now.of_gel, then.of_gel)) <= self.settings.least_px;
+        let jumped =
+            change >= self.settings.jump_change && still && length(now.of_gel) >= 2.0 * self.settings.sheared_px;
+        jumped.then(|| {
+            self.pace_frames = Some(1);
+            Sliding { speed_px_per_s: None }
+        })
+    }
+}
+
+fn minus(a: Motion3, b: Motion3) -> Motion3 {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+fn dot(a: Motion3, b: Motion3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn length(a: Motion3) -> f64 {
+    dot(a, a).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SETTINGS: SlidingSettings =
+        SlidingSettings { least_px: 3.0, along_fraction: 0.25, sheared_px: 1.5, jump_change: 0.5 };
+
+    /// Whether each frame says that it slides; the object moves by `step_px` a frame, and this share of it is carried by
+    /// the gel.
+    fn said(carried: impl Fn(usize) -> f64, step_px: f64, frames: usize) -> Vec<bool> {
+        let mut watch = SlidingWatch::new(SETTINGS);
+        let (mut over, mut gel) = (0.0, 0.0);
+        (0..frames)
+            .map(|i| {
+                gel += carried(i) * step_px;
+                over += (1.0 - carried(i)) * step_px;
+                watch.take([over, 0.0, 0.0], [gel, 0.0, 0.0], 0.0, Some(i as u64 * 100_000_000)).is_some()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn sticking_and_creeping_are_no_slide_and_a_slide_is_said_after_the_least_motion() {
+        assert!(said(|_| 1.0, 1.0, 40).iter().all(|slides| !slides));
+        assert!(said(|_| 0.5, 1.0, 40).iter().all(|slides| !slides), "half of it is still carried");
+        let slide = said(|i| if i < 10 { 1.0 } else { 0.0 }, 1.0, 40);
+        assert_eq!(slide.iter().position(|slides| *slides), Some(12), "3 px over the gel");
+        assert!(slide[12..].iter().all(|slides| *slides));
+    }
+
+    #[test]
+    fn rolling_pulls_at_nothing_and_a_stop_is_noticed() {
+        assert!(said(|_| 0.0, 1.0, 40).iter().all(|slides| !slides), "the gel is not sheared");
+        let mut watch = SlidingWatch::new(SETTINGS);
+        let at = |i: usize| if i < 20 { i as f64 } else { 20.0 };
+        let said: Vec<bool> =
+            (0..60).map(|i| watch.take([at(i), 0.0, 0.0], [5.0, 0.0, 0.0], 0.0, None).is_some()).collect();
+        let last = said.iter().rposition(|slides| *slides).expect("it slid");
+        assert!(said[4] && last < 30, "{last}");
+    }
+
+    #[test]
+    fn the_speed_is_that_of_the_imprint_and_a_jump_has_none() {
+        let mut watch = SlidingWatch::new(SETTINGS);
+        let mut speed = None;
+        for i in 0..10 {
+            speed = watch.take([0.0, 0.5 * i as f64, 0.0], [0.0, 4.0, 0.0], 0.0, Some(i * 50_000_000));
+        }
+        assert_eq!(speed, Some(Sliding { speed_px_per_s: Some(10.0) }));
+        watch.restart();
+        watch.take([0.0; 3], [4.0, 0.0, 0.0], 0.0, None);
+        assert_eq!(watch.take([0.1; 3], [4.1, 0.0, 0.0], 0.8, None), Some(Sliding { speed_px_per_s: None }));
+    }
+}
