@@ -197,10 +197,9 @@ pub fn watch(
         frame.time_ns = Some(frame.seq * 1_000_000_000 / FRAME_RATE_HZ);
         for desk in &mut desks {
             let report = desk.see(&frame, told)?;
-            if let Some((name, look)) = &mut onlooker {
-                if desk.detectors.iter().any(|(entry, ..)| entry.name == *name) {
-                    look(&frame, &report, &desk.monitor);
-                }
+            let is_shown = |name: &str| desk.detectors.iter().any(|(entry, ..)| entry.name == name);
+            if let Some((_, look)) = onlooker.as_mut().filter(|(name, _)| is_shown(name)) {
+                look(&frame, &report, &desk.monitor);
             }
             if frame.seq + 1 == load_from_frame {
                 desk.restart(frame.seq, watch.restarts);
