@@ -288,3 +288,6 @@ impl Pool {
         Some(Estimate { value, sd: value * (used.sd / used.value.max(0.05)).min(1.0), age_frames: 0 })
     }
 }
+
+#[cfg(test)]
+mod tests;

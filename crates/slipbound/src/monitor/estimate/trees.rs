@@ -68,7 +68,7 @@ impl Trees {
     }
 
     /// None when a line is not as described above.
-    fn parse(text: &str) -> Option<Trees> {
+    pub fn parse(text: &str) -> Option<Trees> {
         let mut trees = Trees::default();
         let mut into = None;
         for line in text.lines().filter(|line| !line.starts_with('#')) {
@@ -98,6 +98,14 @@ impl Trees {
             into.as_mut()?.trees.push(tree);
         }
         Some(trees)
+    }
+}
+
+#[cfg(test)]
+impl Trees {
+    /// Trees of each ensemble.
+    pub fn counts(&self) -> [usize; 4] {
+        [&self.grip, &self.grip_error, &self.alone, &self.alone_error].map(|ensemble| ensemble.trees.len())
     }
 }
 

@@ -1,0 +1,202 @@
+//! The parts of step 5 on fields made by hand; against simulated physics: `slipbound-lab/tests/estimates.rs`.
+
+use super::field::{Given, Point, features, fit};
+use super::window::{Sample, Window};
+use super::*;
+use crate::sensor::Shear;
+use crate::sensor::tests::smooth;
+
+/// A finger of 12 x 9 markers at 30 px, whose stiffness is 0.1 N per marker and pitch.
+fn finger(scale: f64) -> (Sensor, Vec<Marker>) {
+    let mut sensor = smooth();
+    sensor.pitch_px *= scale;
+    sensor.shear = Some(Shear { stiffness_n_per_pitch: 0.1, provenance: "made".into() });
+    let place = |i: u32| Vec2::new(15.0 + 30.0 * f64::from(i % 12), 15.0 + 30.0 * f64::from(i / 12)) * scale;
+    let marker = |id| Marker {
+        id,
+        rest: place(id),
+        reference: place(id),
+        now: place(id),
+        matched: true,
+        whole: true,
+        in_reference: true,
+        in_contact: false,
+        inner: false,
+        slip: Vec2::ZERO,
+        over: false,
+    };
+    (sensor, (0..108).map(marker).collect())
+}
+
+const AREA_PX2: f64 = 25_000.0;
+
+/// Seconds of a disc in contact: a push along x that grows to `far_pitch`, whose rim beyond `stick` of the radius lags to
+/// half of it.
+fn push(scale: f64, grip_n: Option<f64>, far_pitch: f64, stick: f64) -> Estimator {
+    let (sensor, mut markers) = finger(scale);
+    let middle = Vec2::new(180.0, 135.0) * scale;
+    let mut estimator = Estimator::new(&sensor, &markers, false);
+    for frame in 0..30u64 {
+        let share = (frame.max(10) - 10) as f64 / 19.0;
+        for m in &mut markers {
+            let depth = (m.rest - middle).length() / (90.0 * scale);
+            m.in_contact = depth < 1.0;
+            let follows = if depth < stick {
+                1.0
+            } else if depth < 1.0 {
+                0.5
+            } else {
+                0.0
+            };
+            m.now = m.rest + Vec2::new(far_pitch * share * follows * sensor.pitch_px, 0.0);
+        }
+        let grip = grip_n.map(|force_n| GripSample { force_n });
+        estimator.see(Some(frame * 33_333_333), grip, AREA_PX2 * scale * scale, &markers);
+    }
+    estimator
+}
+
+#[test]
+fn the_shipped_table_is_whole_and_a_torn_one_is_refused() {
+    let text = include_str!("trees.txt");
+    let trees = Trees::parse(text).expect("the table");
+    assert!(trees.counts().iter().all(|count| *count >= 30), "{:?}", trees.counts());
+    assert!(Trees::parse(&text[..text.len() - 40]).is_none(), "cut");
+    assert!(Trees::parse(&text.replacen(':', ":x", 1)).is_none(), "a threshold that is no number");
+    assert!(Trees::parse(&text.replacen("ensemble grip ", "ensemble grasp ", 1)).is_none());
+}
+
+#[test]
+fn twice_the_pixels_change_no_feature() {
+    let (small, large) = (push(1.0, Some(10.0), 0.6, 0.6), push(2.0, Some(10.0), 0.6, 0.6));
+    let (small, large) = (small.features.expect("a contact"), large.features.expect("a contact"));
+    for (name, (a, b)) in FEATURE_NAMES.iter().zip(small.iter().zip(large)) {
+        assert!((a - b).abs() <= 1e-6 * (1.0 + a.abs()), "{name}: {a} and {b}");
+    }
+}
+
+#[test]
+fn the_load_is_the_sum_over_all_markers() {
+    let estimator = push(1.0, Some(10.0), 0.6, 1.0);
+    let pressed = estimator.points.len() as f64;
+    let shear_n = estimator.estimates.shear_n.expect("stiffness known");
+    assert!((shear_n.value - 0.1 * 0.6 * pressed).abs() < 1e-9, "{shear_n:?} of {pressed} markers");
+    assert!(estimator.estimates.torque_nmm.expect("pitch known").value.abs() < 1e-6);
+    assert!(estimator.estimates.friction.is_some());
+}
+
+#[test]
+fn more_load_leaves_less_margin() {
+    let margin =
+        |grip_n, far_pitch, stick| push(1.0, grip_n, far_pitch, stick).estimates.margin.expect("a contact").value;
+    let (light, heavy) = (margin(0.4), margin(1.2));
+    assert!(light > heavy + 0.1, "{light} and {heavy}");
+    let features = push(1.0, None, 0.6, 0.4).features.expect("a contact");
+    assert!(features[GEOMETRIC_COUNT..].iter().all(|value| *value == 0.0), "no grip, no load over grip: {features:?}");
+}
+
+#[test]
+fn a_harder_grip_holds_what_has_slipped_where_it_is() {
+    let (_, mut markers) = finger(1.0);
+    let mut estimator = push(1.0, Some(10.0), 0.6, 0.4);
+    let middle = Vec2::new(180.0, 135.0);
+    let residual = |estimator: &Estimator| estimator.features.expect("a contact")[0];
+    let before = residual(&estimator);
+    for m in &mut markers {
+        let depth = (m.rest - middle).length() / 90.0;
+        m.in_contact = depth < 1.0;
+        let follows = if depth < 0.4 {
+            1.0
+        } else if depth < 1.0 {
+            0.5
+        } else {
+            0.0
+        };
+        m.now = m.rest + Vec2::new(0.6 * follows * 30.0, 0.0);
+    }
+    for frame in 30..50u64 {
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 10.0 }), AREA_PX2, &markers);
+    }
+    assert!((residual(&estimator) - before).abs() < 0.05 * before, "the same grip forgets nothing");
+    for frame in 50..60u64 {
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 14.0 }), AREA_PX2, &markers);
+    }
+    assert!(residual(&estimator) < 0.2 * before, "{} of {before}", residual(&estimator));
+    let shear_n = estimator.estimates.shear_n.expect("known").value;
+    assert!(shear_n > 0.1 * 0.3 * estimator.points.len() as f64, "the load stays: {shear_n}");
+}
+
+#[test]
+fn a_squeeze_is_no_load_and_grows_with_the_grip() {
+    let (sensor, mut markers) = finger(1.0);
+    let middle = Vec2::new(180.0, 135.0);
+    let mut estimator = Estimator::new(&sensor, &markers, false);
+    for frame in 0..60u64 {
+        // 10 N, then in steps of 1 N to 20 N.
+        let force_n = 10.0 + (frame.max(30) - 30).min(10) as f64;
+        let spread = 0.03 * libm::pow(force_n / 10.0, 0.85);
+        for m in &mut markers {
+            m.in_contact = (m.rest - middle).length() < 90.0;
+            m.now = m.rest + (m.rest - middle) * spread;
+        }
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n }), AREA_PX2, &markers);
+    }
+    let margin = estimator.estimates.margin.expect("settled").value;
+    assert!(margin > 0.85, "{margin}");
+    assert!(estimator.estimates.shear_n.expect("known").value < 0.05);
+}
+
+#[test]
+fn the_fit_goes_on_from_those_that_stuck() {
+    // Two thirds slip together: from nothing the fit follows them, going on it stays with those that stick.
+    let point = |i: u32| {
+        let rest = Vec2::new(f64::from(i % 6) * 30.0, f64::from(i / 6) * 30.0);
+        let moved = if i % 3 == 0 { 20.0 } else { 2.0 };
+        Point { id: i, rest, displacement: Vec2::new(moved, 0.0), ..Point::default() }
+    };
+    let points: Vec<Point> = (0..36).map(point).collect();
+    let stuck = RigidMotion { reference: Vec2::ZERO, translation: Vec2::new(19.5, 0.0), rotation_rad: 0.0 };
+    let goes_on = fit(&points, Some(&stuck), 30.0).expect("points");
+    assert!((goes_on.displacement(Vec2::ZERO).x - 20.0).abs() < 1.0, "{goes_on:?}");
+    let anew = fit(&points, None, 30.0).expect("points");
+    assert!((anew.displacement(Vec2::new(75.0, 130.0)).x - 2.0).abs() < 1.0, "{anew:?}");
+}
+
+#[test]
+fn a_window_knows_a_change_only_once_it_is_full() {
+    let mut window = Window::new();
+    for i in 0..14u32 {
+        let grip_n = Some(if i < 6 { 10.0 + f64::from(i) } else { 16.0 });
+        window.push(Sample { at_s: f64::from(i) / 30.0, grip_n, ..Sample::default() });
+        let change = window.change(|s| s.grip_n);
+        assert_eq!(change.is_some(), i >= 5, "frame {i}");
+        if i == 5 {
+            assert_eq!(change, Some((3.0, 12.5)));
+        }
+    }
+    assert_eq!(window.change(|s| s.grip_n), Some((0.0, 16.0)));
+    assert!(window.oldest().expect("some").at_s > 0.15, "what is older than 0.18 s is forgotten");
+}
+
+#[test]
+fn a_patch_at_the_border_is_called_cut() {
+    let point =
+        |i: u32| Point { id: i, rest: Vec2::new(f64::from(i) * 10.0, 5.0), radius: f64::from(i), ..Point::default() };
+    let mut points: Vec<Point> = (0..10).map(point).collect();
+    let given = Given {
+        pitch_px: 30.0,
+        area_px2: 900.0,
+        skirt_px: 38.0,
+        force_px3: Vec2::ZERO,
+        moment_px4: 0.0,
+        stiffness_over_grip_per_px3: None,
+        inside: (Vec2::new(25.0, 0.0), Vec2::new(1000.0, 1000.0)),
+        before: None,
+        stiffest_px2: 0.0,
+    };
+    let still = RigidMotion { reference: Vec2::ZERO, translation: Vec2::ZERO, rotation_rad: 0.0 };
+    let learned = features(&mut points, &still, &given, &mut [0.0; 10]);
+    let cut = FEATURE_NAMES.iter().position(|name| *name == "cut").expect("named");
+    assert!((learned.features[cut] - 0.3).abs() < 1e-12, "{:?}", learned.features);
+    assert!(learned.features.iter().all(|value| value.is_finite()));
+}
