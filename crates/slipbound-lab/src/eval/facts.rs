@@ -5,6 +5,9 @@ use crate::world::World;
 use slipbound::monitor::SlipKind;
 use slipbound::plane::Vec2;
 
+/// Stick ratio up to which hardly a cell sticks.
+const STICKS_HARDLY: f64 = 0.05;
+
 /// What is true of a frame, without the markers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Facts {
@@ -26,7 +29,8 @@ pub struct Facts {
     pub slip_mm: Vec2,
     /// Root mean square distance of the cells in contact from their middle, mm.
     pub arm_mm: f64,
-    /// Whether the object slides as a whole.
+    /// Whether the object slides as a whole: friction does 99 % of the work it could, or hardly a cell sticks. On a bend
+    /// friction lags behind the motion and does less work, though everything slides.
     pub slides: bool,
 }
 
@@ -43,7 +47,8 @@ pub(super) fn facts(world: &World, frame: u64) -> Facts {
         pose: truth.pose,
         slip_mm: truth.slip.mean_mm,
         arm_mm: arm_mm(world),
-        slides: truth.friction_used_fraction.is_some_and(|used| used >= GROSS_FRICTION_FRACTION),
+        slides: truth.friction_used_fraction.is_some_and(|used| used >= GROSS_FRICTION_FRACTION)
+            || truth.stick_ratio.is_some_and(|stick_ratio| stick_ratio <= STICKS_HARDLY),
     }
 }
 

@@ -29,12 +29,18 @@ const FRAMES_AFTER_GROSS: u64 = 36;
 /// Furthest that a hand goes before gross slip, mm: what a strong grip on a small face needs.
 const MOST_MM: f64 = 8.0;
 
-/// From this speed on a hand goes round a circle of this radius about the middle of the pad: straight on it would leave it.
+/// From this speed on a hand goes straight for a while, until the object slides, and then round a circle of this radius:
+/// straight on it would leave the pad. On the circle friction lags behind the motion, so it must begin to slide before.
 const ROUND_FROM_MM_PER_S: f64 = 10.0;
-const ROUND_RADIUS_MM: f64 = 2.5;
+const ROUND_AFTER_MM: f64 = 3.0;
+const ROUND_RADIUS_MM: f64 = 2.0;
+
+/// Largest grip, N, and friction in such a slide: more would shear a small face as far as the circle is wide, and it would not slide.
+const ROUND_MOST_N: f64 = 15.0;
+const ROUND_MOST_MU: f64 = 0.8;
 
 /// How far before the middle of the pad a straight slide begins, mm.
-const BEFORE_MM: f64 = 2.0;
+const BEFORE_MM: f64 = 2.5;
 
 /// Speed from which `gross` is asked for within two frames, and the sliding within which it is below that.
 const FAST_FROM_MM_PER_S: f64 = 5.0;
@@ -61,6 +67,8 @@ fn path(trial: &Trial, speed_mm_per_s: f64, direction_rad: f64) -> Result<LoadPr
         let by = ahead * way_mm;
         legs.push(Leg::shear(by.x, by.y, way_mm / speed_mm_per_s));
     } else {
+        let by = ahead * ROUND_AFTER_MM;
+        legs.push(Leg::shear(by.x, by.y, ROUND_AFTER_MM / speed_mm_per_s));
         let piece_s = 0.5 / FRAME_RATE_HZ as f64;
         let turn_rad = speed_mm_per_s * piece_s / ROUND_RADIUS_MM;
         for piece in 0..(way_mm / (speed_mm_per_s * piece_s)).ceil() as u32 {
@@ -89,15 +97,19 @@ impl Slides {
         let speed_mm_per_s = SPEEDS_MM_PER_S[(number % speeds_count) as usize];
         let object = &OBJECTS[(number / speeds_count % 10) as usize];
         let mut random = stream(self.seed, 3 << 32 | number);
-        let force_n = random.between(FORCE_N.0, FORCE_N.1);
-        let mu = MU.0 * (MU.1 / MU.0).powf(random.fraction());
-        let direction_rad = random.between(0.0, std::f64::consts::TAU);
+        let is_round = speed_mm_per_s >= ROUND_FROM_MM_PER_S;
+        let force_n = random.between(FORCE_N.0, if is_round { ROUND_MOST_N } else { FORCE_N.1 });
+        let most_mu = if is_round { ROUND_MOST_MU } else { MU.1 };
+        let mu = MU.0 * (most_mu / MU.0).powf(random.fraction());
+        let direction_rad = match is_round {
+            // Along an edge of the pad: the circle fits on it that way.
+            true => std::f64::consts::FRAC_PI_2 * (random.next_u64() % 4) as f64,
+            false => random.between(0.0, std::f64::consts::TAU),
+        };
         let turn_deg = random.between(-2.0, 2.0);
         let ahead = Vec2::new(direction_rad.cos(), direction_rad.sin());
-        let at_mm = match speed_mm_per_s < ROUND_FROM_MM_PER_S {
-            true => -ahead * BEFORE_MM,
-            false => -ahead.turned() * ROUND_RADIUS_MM,
-        };
+        let aside_mm = if is_round { ROUND_RADIUS_MM } else { 0.0 };
+        let at_mm = -ahead * BEFORE_MM - ahead.turned() * aside_mm;
         let trial = Trial::parse(&format!(
             "press?object={}&force_n={force_n:.3}&mu={mu:.4}&turn_deg={turn_deg:.3}&at_x_mm={:.3}&at_y_mm={:.3}\
              &grid=fast&seed={}",
