@@ -87,8 +87,7 @@ fn the_load_is_the_sum_over_all_markers() {
 
 #[test]
 fn more_load_leaves_less_margin() {
-    let margin =
-        |grip_n, far_pitch, stick| push(1.0, grip_n, far_pitch, stick).estimates.margin.expect("a contact").value;
+    let margin = |far_pitch| push(1.0, Some(10.0), far_pitch, 0.7).estimates.margin.expect("a contact").value;
     let (light, heavy) = (margin(0.4), margin(1.2));
     assert!(light > heavy + 0.1, "{light} and {heavy}");
     let features = push(1.0, None, 0.6, 0.4).features.expect("a contact");
