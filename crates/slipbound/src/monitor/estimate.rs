@@ -79,6 +79,8 @@ pub(super) struct Estimator {
 struct Pool {
     log_sum: f64,
     weight: f64,
+    /// Whether the grip has changed under load: what is known of the friction is from before, and slip counts anew.
+    remembered: bool,
 }
 
 impl Estimator {
@@ -213,6 +215,7 @@ impl Estimator {
             (sample.load_px3, sample.rigid_px) = (learned.load_px3, learned.rigid_px);
         }
         if self.reference.regripped(self.grip_n) {
+            self.friction.remember();
             for point in &self.points {
                 self.reference.count_anew(point.id, point.residual());
             }
@@ -246,11 +249,14 @@ impl Estimator {
 
     fn estimate(&mut self, features: &Features, force_px3: Vec2, moment_px4: f64, load_px3: f64) {
         let said = if self.knows_grip() { self.trees.with_grip(features) } else { self.trees.alone(features) };
-        let used = Estimate { value: said.used.clamp(0.0, 1.2), sd: said.used_sd, age_frames: 0 };
+        let mut used = Estimate { value: said.used.clamp(0.0, 1.2), sd: said.used_sd, age_frames: 0 };
         let stick = Estimate { value: said.stick.clamp(0.0, 1.0), sd: said.stick_sd, age_frames: 0 };
         if let (Some(k), Some(grip_n)) = (self.stiffness_n_per_px3, self.grip_n.filter(|n| *n > 0.0)) {
             let per_grip = k * load_px3 / grip_n;
             self.estimates.friction = self.friction.see(per_grip, &used);
+            if let Some(friction) = self.estimates.friction.filter(|_| self.friction.remembered) {
+                used.value = used.value.max(per_grip / friction.value).min(1.2);
+            }
         }
         if let Some((k, mm)) = self.stiffness_n_per_px3.zip(self.mm_per_px) {
             let force_n = k * force_px3.length();
@@ -268,6 +274,11 @@ impl Estimator {
 const LOAD_SD: f64 = 0.08;
 
 impl Pool {
+    /// The grip has changed under load.
+    fn remember(&mut self) {
+        self.remembered = self.weight > 0.0;
+    }
+
     /// Takes what a frame says of the friction: load over grip over used fraction. A frame that uses more of it knows
     /// it better. None while no frame has said anything.
     fn see(&mut self, per_grip: f64, used: &Estimate) -> Option<Estimate> {
@@ -277,6 +288,10 @@ impl Pool {
             // The last dozen of equally good frames count: what the first ones said is soon outweighed.
             let kept = (self.weight * 0.92).min(12.0 * weight);
             let log = libm::log(per_grip / used.value);
+            // A contact that is gripped anew shows less slip than its load has made: it can tell of less friction, not of
+            // more.
+            let weight = if self.remembered && log * self.weight > self.log_sum { 0.0 } else { weight };
+            let kept = if weight > 0.0 { kept } else { self.weight };
             let mean = if self.weight > 0.0 { self.log_sum / self.weight } else { 0.0 };
             self.log_sum = mean * kept + log * weight;
             self.weight = kept + weight;
