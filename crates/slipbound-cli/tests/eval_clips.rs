@@ -17,7 +17,9 @@ fn shown(path: &Path) -> String {
 
 /// Three clips that begin with the object held: one slides, two do not.
 fn clips(folder: &Path) {
-    for (name, object, distance) in [("a_1", "bottle_cap", "4"), ("a_2", "bottle_cap", "0.2"), ("b_1", "scissors", "0.2")] {
+    for (name, object, distance) in
+        [("a_1", "bottle_cap", "4"), ("a_2", "bottle_cap", "0.2"), ("b_1", "scissors", "0.2")]
+    {
         let recording = folder.with_extension("made").join(name);
         let scene = format!(
             "shear?object={object}&camera=gelsight_mini&force_n=10&mu=0.5&distance_mm={distance}&speed_mm_per_s=10&grid=fast"
@@ -68,11 +70,16 @@ fn labels_shuffled_or_absent_change_nothing_but_the_truth() {
     assert_eq!(labelled.len(), 3);
     assert_eq!(without_truth(&labelled), without_truth(&shuffled));
     assert_eq!(without_truth(&labelled), without_truth(&absent));
-    assert_eq!((&labelled[0]["truth"], &shuffled[0]["truth"], &absent[0]["truth"]), (&true.into(), &false.into(), &Value::Null));
+    assert_eq!(
+        (&labelled[0]["truth"], &shuffled[0]["truth"], &absent[0]["truth"]),
+        (&true.into(), &false.into(), &Value::Null)
+    );
     // The comparison sees a leak.
     let leak = |records: &[Value]| {
         let mut records = records.to_vec();
-        records.iter_mut().for_each(|r| r["score"] = (r["score"].as_f64().unwrap_or(0.0) + f64::from(r["truth"] == true)).into());
+        records
+            .iter_mut()
+            .for_each(|r| r["score"] = (r["score"].as_f64().unwrap_or(0.0) + f64::from(r["truth"] == true)).into());
         without_truth(&records)
     };
     assert_ne!(leak(&labelled), leak(&shuffled));

@@ -168,7 +168,8 @@ mod tests {
     use super::*;
     use serde_json::Value;
     use slipbound::monitor::{
-        ContactReport, EvidenceReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind, SlipState, SlipSummary,
+        ContactReport, EvidenceReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind, SlipState,
+        SlipSummary,
     };
     use slipbound::plane::Vec2;
 

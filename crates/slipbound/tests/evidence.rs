@@ -25,8 +25,8 @@ fn judge(
     let painter = Painter::new(size, pitch_px, 9.0 * scale, skin, 0.5, 4);
     let mut builder = RestBuilder::new(&painter.sensor, settings, size).expect("valid");
     builder.add(&frame(&painter.paint(&painter.rest, None, 0), size, 0)).expect("bright");
-    let mut monitor =
-        SlipMonitor::new(&painter.sensor, settings, builder.build(RestKind::Unloaded).expect("markers")).expect("valid");
+    let mut monitor = SlipMonitor::new(&painter.sensor, settings, builder.build(RestKind::Unloaded).expect("markers"))
+        .expect("valid");
     let middle = Vec2::new(size.width as f64, size.height as f64) / 2.0;
     (0..frames + SETTLE_FRAMES)
         .map(|i| {

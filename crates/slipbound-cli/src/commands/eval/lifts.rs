@@ -203,9 +203,8 @@ impl Lifts {
 
 /// Right and wrong, and the area under the curve, of the records whose truth is known.
 pub fn row(name: &str, records: &[&TrialRecord]) -> Vec<Cell> {
-    let scores = |truth: bool| -> Vec<f64> {
-        records.iter().filter(|r| r.truth == Some(truth)).map(|r| r.score).collect()
-    };
+    let scores =
+        |truth: bool| -> Vec<f64> { records.iter().filter(|r| r.truth == Some(truth)).map(|r| r.score).collect() };
     let wrong = records.iter().filter(|r| r.is_right() == Some(false)).count() as u64;
     vec![
         name.into(),

@@ -162,7 +162,15 @@ impl Protocol for Wriggles {
                 "Did the object slip out? Highest causal score of both fingers in {window} frames, from 0.5 s of contact on. Alarms: a score over the \
                  detector's threshold; ours by its states (incipient or gross) in the last column. Nothing fitted."
             ),
-            &["detector", "grasps", "wrong", "right %", "AUC", "alarm on held grasps %", "alarm by state on held grasps %"],
+            &[
+                "detector",
+                "grasps",
+                "wrong",
+                "right %",
+                "AUC",
+                "alarm on held grasps %",
+                "alarm by state on held grasps %",
+            ],
         );
         for entry in &DETECTORS {
             let some: Vec<&TrialRecord> = records.iter().filter(|r| r.detector == entry.name).collect();

@@ -182,4 +182,3 @@ impl Pattern {
 fn in_view(view: Option<&Mask>, at: Vec2) -> bool {
     view.is_none_or(|view| view.get(at.x.round() as isize, at.y.round() as isize))
 }
-

@@ -63,7 +63,13 @@ impl SlidingWatch {
 
     /// Takes a frame: how far the imprint is over the gel and how far the gel is sheared, both since the reference, and how
     /// much the pattern has changed since the last frame.
-    pub(super) fn take(&mut self, over_gel: Motion3, of_gel: Motion3, change: f64, time_ns: Option<u64>) -> Option<Sliding> {
+    pub(super) fn take(
+        &mut self,
+        over_gel: Motion3,
+        of_gel: Motion3,
+        change: f64,
+        time_ns: Option<u64>,
+    ) -> Option<Sliding> {
         let now = Step { over_gel, of_gel, time_ns };
         let sliding = self.look_back(&now).or_else(|| self.jump(&now, change));
         self.steps[self.count % BACK_FRAMES_COUNT] = now;
@@ -102,7 +108,8 @@ impl SlidingWatch {
     fn jump(&mut self, now: &Step, change: f64) -> Option<Sliding> {
         let then = self.steps[self.count.checked_sub(1)? % BACK_FRAMES_COUNT];
         let still = length(minus(now.of_gel, then.of_gel)) <= self.settings.least_px;
-        let jumped = change >= self.settings.jump_change && still && length(now.of_gel) >= 2.0 * self.settings.sheared_px;
+        let jumped =
+            change >= self.settings.jump_change && still && length(now.of_gel) >= 2.0 * self.settings.sheared_px;
         jumped.then(|| {
             self.pace_frames = Some(1);
             Sliding { speed_px_per_s: None }
