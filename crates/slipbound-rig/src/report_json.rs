@@ -170,13 +170,8 @@ mod tests {
     use super::*;
     use serde_json::Value;
     use slipbound::monitor::{
-<<<<<<< HEAD
         ContactReport, Estimate, Estimates, EvidenceReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind,
         SlipState, SlipSummary,
-=======
-        ContactReport, EvidenceReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind, SlipState,
-        SlipSummary,
->>>>>>> h-lifts
     };
     use slipbound::plane::Vec2;
 
