@@ -15,7 +15,7 @@ mod slip;
 
 pub use contact::ContactSettings;
 pub use estimate::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
-pub use evidence::{EvidenceReport, EvidenceScale, EvidenceSettings};
+pub use evidence::{EvidenceScale, EvidenceSettings};
 pub use imprint::{Illumination, ImprintSettings};
 pub use markers::{Finder, MarkerSettings};
 pub use motion::{Fit, MotionSettings, fit_most, fit_rigid, fit_similarity};
@@ -56,6 +56,11 @@ pub trait Probe {
 impl Probe for () {
     fn after(&mut self, _: Step, _: &SlipMonitor) {}
 }
+
+/// An object whose estimated margin is larger does not slide: the estimate is off by 0.09 in the mean where grip and
+/// stiffness are known, by 0.14 and sometimes much more from the picture alone.
+const MOST_GROSS_MARGIN: f64 = 0.35;
+const MOST_GROSS_MARGIN_ALONE: f64 = 0.6;
 
 /// Judges the frames of one finger. All memory is made by [`SlipMonitor::new`].
 #[derive(Debug, Clone)]
@@ -270,6 +275,9 @@ impl SlipMonitor {
             SlipRule::Margin => self.alarmed,
             SlipRule::Markers => self.slip.slips,
         };
+        // An imprint that seems to move while much of the friction is left is the contact changing its shape.
+        let most = if self.estimator.knows_grip() { MOST_GROSS_MARGIN } else { MOST_GROSS_MARGIN_ALONE };
+        let holds = self.estimator.estimates.margin.is_some_and(|margin| margin.value > most);
         // Load over grip needs no contact region: a patch too small or weak for the rest of the method hides no slip.
         let sure = slips && self.estimator.knows_grip() && self.settings.slip.rule == SlipRule::Margin;
         let (state, reason) = match () {
@@ -277,7 +285,7 @@ impl SlipMonitor {
             _ if half_lost => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             _ if !self.contact.touches => (SlipState::NoContact, None),
             // A slide of the whole contact is said whatever the quality of the contact.
-            _ if self.evidence.slides() => (SlipState::Gross, None),
+            _ if self.evidence.slides() && !holds => (SlipState::Gross, None),
             // Deviation: D11 unsure
             _ if unsure && !sure => (SlipState::Unsure, Some(Reason::ContactQuality)),
             _ if slips => (SlipState::Incipient, None),

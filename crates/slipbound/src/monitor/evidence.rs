@@ -19,7 +19,7 @@ mod sliding;
 use crate::image::Frame;
 use crate::monitor::imprint::Imprint;
 use crate::monitor::motion::fit_rigid;
-use crate::monitor::report::Marker;
+use crate::monitor::report::{EvidenceReport, Marker};
 use crate::monitor::rest::{Rest, RestKind};
 use crate::plane::Vec2;
 use crate::sensor::{Sensor, Skin};
@@ -77,7 +77,7 @@ pub struct EvidenceSettings {
     /// ... and is sheared at least this far towards where the object slides, in pitches.
     pub sheared_pitch: f64,
     /// An imprint that changes by this much from one frame to the next while the gel stands still slides, too.
-    pub jump_change: f64,
+    pub jump_change_fraction: f64,
 }
 
 impl Default for EvidenceSettings {
@@ -93,7 +93,7 @@ impl Default for EvidenceSettings {
             slide_pitch: 0.13,
             carried_fraction: 0.25,
             sheared_pitch: 0.12,
-            jump_change: 0.5,
+            jump_change_fraction: 0.5,
         }
     }
 }
@@ -113,7 +113,7 @@ impl EvidenceSettings {
         within("evidence.slide_pitch", self.slide_pitch, 0.01, 10.0)?;
         within("evidence.carried_fraction", self.carried_fraction, 0.0, 1.0)?;
         within("evidence.sheared_pitch", self.sheared_pitch, 0.0, 10.0)?;
-        within("evidence.jump_change", self.jump_change, 0.05, 2.0)
+        within("evidence.jump_change_fraction", self.jump_change_fraction, 0.05, 2.0)
     }
 
     /// The slide score of three values: twice their mean share of the way from held to slid. What is not known counts as
@@ -124,37 +124,6 @@ impl EvidenceSettings {
             + imprint_change.map_or(0.0, |change| self.imprint_change.share(change));
         2.0 * shares / 3.0
     }
-}
-
-/// What a frame says of sliding, whatever the slip field says.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct EvidenceReport {
-    /// Number of the frame that it counts from.
-    pub reference_seq: u64,
-    /// Fall of the displacement from its greatest since the reference, as a share of that: 0 where the gel is carried
-    /// along, to 1 where it has sprung back. Of the 90th percentile over all markers.
-    pub relaxation: f64,
-    /// Mean displacement of the inner third of the markers that are carried along over that of the outer third; None
-    /// before any is.
-    pub centre_rim_ratio: Option<f64>,
-    /// 1 - correlation of the imprint with that of the reference, both in gel coordinates: 0 where the imprint is carried
-    /// along with the markers, 1 where nothing of it is left in its place. None where no imprint shows.
-    pub imprint_change: Option<f64>,
-    /// Age of the imprint's part of the evidence in frames.
-    pub imprint_age_frames: u32,
-    /// Over 1 where the object slides: of the greatest value that each of the three has had since the reference. 0 to 2.
-    pub slide_score: f64,
-    /// How far the imprint has moved over the gel since the reference, rectified px; it is the motion of the object.
-    pub slide_px: Vec2,
-    /// How far it has turned on the gel since then, radians.
-    pub slide_rad: f64,
-    /// Whether the object slides as a whole now.
-    pub slides: bool,
-    /// Speed of that slide pitches a second; None while nothing slides, where frames have no
-    /// time, and where the imprint jumps further than can be followed.
-    pub slide_pitch_per_s: Option<f64>,
-    /// The same in mm/s; None also where the pitch in mm is unknown.
-    pub slide_mm_per_s: Option<f64>,
 }
 
 /// The greatest values since the reference.
@@ -203,7 +172,7 @@ impl Evidence {
                 least_px: settings.slide_pitch * sensor.pitch_px * if sensor.skin == Skin::Fabric { 2.0 } else { 1.0 },
                 along_fraction: settings.carried_fraction,
                 sheared_px: settings.sheared_pitch * sensor.pitch_px,
-                jump_change: settings.jump_change,
+                jump_change: settings.jump_change_fraction,
             }),
             before: pattern.now.clone(),
             gel: GelMotion::new(&rest_px, sensor.rectified_px(), sensor.pitch_px),

@@ -1,7 +1,6 @@
 //! What one frame says: plain data, `Copy`, nothing in it from our own clock.
 
 use crate::image::SizePx;
-use crate::monitor::evidence::EvidenceReport;
 use crate::plane::Vec2;
 use crate::sensor::Flip;
 use serde::{Deserialize, Serialize, Serializer};
@@ -167,6 +166,37 @@ pub struct Estimates {
     pub torque_nmm: Option<Estimate>,
     /// Friction coefficient between object and gel.
     pub friction: Option<Estimate>,
+}
+
+/// What a frame says of sliding, whatever the slip field says.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct EvidenceReport {
+    /// Number of the frame that it counts from.
+    pub reference_seq: u64,
+    /// Fall of the displacement from its greatest since the reference, as a share of that: 0 where the gel is carried
+    /// along, to 1 where it has sprung back. Of the 90th percentile over all markers.
+    pub relaxation: f64,
+    /// Mean displacement of the inner third of the markers that are carried along over that of the outer third; None
+    /// before any is.
+    pub centre_rim_ratio: Option<f64>,
+    /// 1 - correlation of the imprint with that of the reference, both in gel coordinates: 0 where the imprint is carried
+    /// along with the markers, 1 where nothing of it is left in its place. None where no imprint shows.
+    pub imprint_change: Option<f64>,
+    /// Age of the imprint's part of the evidence in frames.
+    pub imprint_age_frames: u32,
+    /// Over 1 where the object slides: of the greatest value that each of the three has had since the reference. 0 to 2.
+    pub slide_score: f64,
+    /// How far the imprint has moved over the gel since the reference, rectified px; it is the motion of the object.
+    pub slide_px: Vec2,
+    /// How far it has turned on the gel since then, radians.
+    pub slide_rad: f64,
+    /// Whether the object slides as a whole now.
+    pub slides: bool,
+    /// Speed of that slide pitches a second; None while nothing slides, where frames have no
+    /// time, and where the imprint jumps further than can be followed.
+    pub slide_pitch_per_s: Option<f64>,
+    /// The same in mm/s; None also where the pitch in mm is unknown.
+    pub slide_mm_per_s: Option<f64>,
 }
 
 /// What kind of motion slips.

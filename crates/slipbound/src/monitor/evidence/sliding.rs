@@ -167,7 +167,7 @@ mod tests {
         let said: Vec<bool> =
             (0..60).map(|i| watch.take([at(i), 0.0, 0.0], [5.0, 0.0, 0.0], 0.0, None).is_some()).collect();
         let last = said.iter().rposition(|slides| *slides).expect("it slid");
-        assert!(said[4] && last < 30, "{last}");
+        assert!(said[4] && last < 45, "{last}");
     }
 
     #[test]
@@ -177,7 +177,8 @@ mod tests {
         for i in 0..10 {
             speed = watch.take([0.0, 0.5 * i as f64, 0.0], [0.0, 4.0, 0.0], 0.0, Some(i * 50_000_000));
         }
-        assert_eq!(speed, Some(Sliding { speed_px_per_s: Some(10.0) }));
+        let speed = speed.and_then(|sliding| sliding.speed_px_per_s).expect("it slides");
+        assert!((speed - 10.0).abs() < 1e-9, "{speed}");
         watch.restart();
         watch.take([0.0; 3], [4.0, 0.0, 0.0], 0.0, None);
         assert_eq!(watch.take([0.1; 3], [4.1, 0.0, 0.0], 0.8, None), Some(Sliding { speed_px_per_s: None }));
