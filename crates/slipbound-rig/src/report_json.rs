@@ -268,7 +268,7 @@ mod tests {
             + r#""markers":{"detected":65,"matched":64,"lost":1,"inner":20},"reference_seq":3,"grip_n":10,"#
             + r#""motion":{"reference_px":[1,0],"translation_px":[0,2.5],"translation_mm":null,"rotation_rad":null,"icr_px":null},"#
             + r#""shear":{"translation_px":[2,-1],"translation_mm":null,"rotation_rad":0.125},"#
-            + r#""slip":{"markers_over":9,"markers_needed":8,"threshold_pitch":0.2961,"max_pitch":0.3334,"max_mm":null,"kind":"both","direction_rad":-1.5},"#
+            + r#""slip":{"markers_over":9,"markers_needed":8,"threshold_pitch":0.2961,"max_pitch":0.3334,"max_mm":null,"kind":"both","direction_rad":-1.5},"stick_ratio":null,"margin":{"value":0.4322,"sd":0.08,"age_frames":0},"shear_n":null,"torque_nmm":null,"friction":null,"#
             + r#""evidence":{"reference_seq":2,"relaxation":0.25,"centre_rim_ratio":null,"imprint_change":0.5,"imprint_age_frames":0,"#
             + r#""slide_score":0.75,"slide_px":[3,0.5],"slide_rad":0.01,"slides":true,"slide_pitch_per_s":1.5,"slide_mm_per_s":null}}"#;
         assert_eq!(lines()[1], expected);
