@@ -150,7 +150,7 @@ fn the_fit_goes_on_from_those_that_stuck() {
     // Two thirds slip together: from nothing the fit follows them, going on it stays with those that stick.
     let point = |i: u32| {
         let rest = Vec2::new(f64::from(i % 6) * 30.0, f64::from(i / 6) * 30.0);
-        let moved = if i % 3 == 0 { 20.0 } else { 2.0 };
+        let moved = if i.is_multiple_of(3) { 20.0 } else { 2.0 };
         Point { id: i, rest, displacement: Vec2::new(moved, 0.0), ..Point::default() }
     };
     let points: Vec<Point> = (0..36).map(point).collect();
