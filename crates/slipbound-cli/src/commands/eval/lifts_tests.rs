@@ -12,9 +12,9 @@ fn clips(random: &mut Random) -> Vec<Example<'static>> {
                 object,
                 slips,
                 latch: Latch {
-                    relaxation: 0.5 * base + random.between(0.0, 0.25),
-                    centre_rim_ratio: Some(1.8 + base + random.between(-0.5, 0.5)),
-                    imprint_change: Some(0.1 + 0.4 * base + random.between(-0.1, 0.2)),
+                    relaxation: 0.5 * base + random.between(0.0, 0.7),
+                    centre_rim_ratio: Some(1.8 + base + random.between(-0.9, 0.9)),
+                    imprint_change: Some(0.1 + 0.4 * base + random.between(-0.1, 0.6)),
                 },
             });
         }
@@ -61,8 +61,7 @@ fn shuffled_training_labels_centre_on_chance_and_the_true_ones_beat_them() {
     let truly = area(&clips, &left_out_scores(&clips, &labels));
     let areas = shuffled_areas(&clips, &mut random, left_out_scores);
     let mean = areas.iter().sum::<f64>() / areas.len() as f64;
-    // Three scales are all that is fitted: one shuffle in five finds the sign of each and does as well, none does better.
-    let beaten = areas.iter().filter(|area| **area <= truly).count();
+    let beaten = areas.iter().filter(|area| **area < truly).count();
     assert!((mean - 0.5).abs() < 0.1, "mean of shuffles {mean}");
     assert!(beaten >= 198, "{truly} beats {beaten} of 200");
 
