@@ -12,7 +12,7 @@ const NONE_PITCH: f64 = 0.05;
 const THRESHOLD_RATIO: f64 = 1.4;
 
 /// Score: mean displacement of the third of the markers in contact nearest to its middle over that of the outermost
-/// third, each with [`NONE_PITCH`] added.
+/// third, each with 0.05 pitch added.
 #[derive(Debug, Clone, Default)]
 pub struct CentreRim {
     reference: Reference,

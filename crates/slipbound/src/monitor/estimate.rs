@@ -131,7 +131,7 @@ impl Estimator {
         self.stiffness_n_per_px3.is_some() && self.grip_n.is_some_and(|n| n > 0.0)
     }
 
-    /// Nothing touches, or the frame could not be judged.
+    /// Nothing touches.
     pub fn clear(&mut self) {
         self.reference.clear();
         self.window.clear();

@@ -14,11 +14,13 @@ pub fn cell_contrast(grey: Gray<'_>, cell_px: usize, sums: &mut [u32], out: &mut
             let row = grey.row(y);
             let below = grey.row((y + 1).min(size.height - 1));
             for (column, sum) in sums[..columns].iter_mut().enumerate() {
-                let from = column * cell_px;
-                for x in from..from + cell_px {
-                    let right = row[(x + 1).min(size.width - 1)];
-                    *sum += u32::from(row[x].abs_diff(right)) + u32::from(row[x].abs_diff(below[x]));
-                }
+                let (from, to) = (column * cell_px, (column + 1) * cell_px);
+                // The last pixel of a row has none to its right.
+                let right = &row[from + 1..(to + 1).min(size.width)];
+                let steps = |of: &[u8], with: &[u8]| -> u32 {
+                    of.iter().zip(with).map(|(a, b)| u32::from(a.abs_diff(*b))).sum()
+                };
+                *sum += steps(&row[from..to], right) + steps(&row[from..to], &below[from..to]);
             }
         }
         for (out, &sum) in out.iter_mut().zip(sums.iter()) {

@@ -145,9 +145,7 @@ impl Pattern {
     fn blur(&mut self) {
         let (columns, reach) = (self.picture.columns, self.kernel.len() - 1);
         let add = |to: &mut [Seen], from: &[Seen], tap: f32| {
-            for (t, f) in to.iter_mut().zip(from) {
-                t.iter_mut().zip(f).for_each(|(t, f)| *t += tap * f);
-            }
+            to.as_flattened_mut().iter_mut().zip(from.as_flattened()).for_each(|(t, f)| *t += tap * f);
         };
         for (row, out) in self.now.chunks_exact(columns).zip(self.rows_blurred.chunks_exact_mut(columns)) {
             out.fill([0.0; 3]);
