@@ -92,9 +92,7 @@ pub(crate) fn cover_radius_px(sensor: &Sensor) -> f64 {
 pub(crate) fn smooth(values: &mut [[f32; 4]], scratch: &mut [[f32; 4]], columns: usize) {
     let rows = values.len() / columns;
     let add = |to: &mut [[f32; 4]], from: &[[f32; 4]], tap: f32| {
-        for (t, f) in to.iter_mut().zip(from) {
-            t.iter_mut().zip(f).for_each(|(t, f)| *t += tap * f);
-        }
+        to.as_flattened_mut().iter_mut().zip(from.as_flattened()).for_each(|(t, f)| *t += tap * f);
     };
     const TAPS: [(usize, f32); 2] = [(1, 4.0), (2, 1.0)];
     for (y, out) in scratch.chunks_exact_mut(columns).enumerate() {

@@ -13,6 +13,7 @@ mod field;
 mod gel;
 mod pattern;
 mod picture;
+mod planes;
 mod slide;
 mod sliding;
 
@@ -26,7 +27,8 @@ use crate::sensor::{Sensor, Skin};
 use crate::setting::{SettingError, within};
 use field::Field;
 use gel::GelMotion;
-use pattern::{Pattern, Seen};
+use pattern::Pattern;
+use planes::Planes;
 use serde::{Deserialize, Serialize};
 use slide::Slide;
 use sliding::{SlidingSettings, SlidingWatch};
@@ -143,13 +145,13 @@ pub(super) struct Evidence {
     gel: GelMotion,
     pattern: Pattern,
     /// The pattern of the frame before.
-    before: Vec<Seen>,
+    before: Planes,
     slide: Slide,
     sliding: SlidingWatch,
     field: Field,
     reference_seq: u64,
     reference_px: Vec<Vec2>,
-    reference_pattern: Vec<Seen>,
+    reference_pattern: Planes,
     /// Whether something touches and the reference is known.
     begun: bool,
     /// Whether the reference is the rest frame itself, which comes first.
@@ -163,7 +165,8 @@ pub(super) struct Evidence {
 impl Evidence {
     pub(super) fn new(sensor: &Sensor, settings: &EvidenceSettings, imprint: &Imprint, rest: &Rest) -> Self {
         let rest_px: Vec<Vec2> = rest.markers.iter().map(|m| m.position).collect();
-        let pattern = Pattern::new(sensor, &rest_px, imprint.seen());
+        let gel = GelMotion::new(&rest_px, sensor.rectified_px(), sensor.pitch_px);
+        let pattern = Pattern::new(sensor, &rest_px, imprint.seen(), &gel);
         Evidence {
             settings: *settings,
             pitch_px: sensor.pitch_px,
@@ -175,7 +178,7 @@ impl Evidence {
                 jump_change: settings.jump_change_fraction,
             }),
             before: pattern.now.clone(),
-            gel: GelMotion::new(&rest_px, sensor.rectified_px(), sensor.pitch_px),
+            gel,
             slide: Slide::new(&pattern, sensor.pitch_px),
             field: Field::new(rest_px.len()),
             reference_seq: rest.seq,
@@ -210,7 +213,7 @@ impl Evidence {
         if self.begun {
             self.weigh(frame, markers);
         }
-        self.before.copy_from_slice(&self.pattern.now);
+        self.before.copy_from(&self.pattern.now);
     }
 
     /// Whether the object slides as a whole.
@@ -221,7 +224,7 @@ impl Evidence {
     /// The evidence of a frame that has a reference.
     fn weigh(&mut self, frame: &Frame<'_>, markers: &[Marker]) {
         self.field.take(&self.reference_px, markers, self.pitch_px);
-        let imprint_change = self.pattern.change(&self.reference_pattern);
+        let imprint_change = self.pattern.now.change(&self.reference_pattern);
         self.slide.take(&self.pattern);
         let (relaxation, centre_rim_ratio) = (self.field.relaxation, self.field.centre_rim_ratio);
         let most = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::max);
@@ -234,7 +237,7 @@ impl Evidence {
         let sliding = self.gel_in_contact(markers).and_then(|(shift_px, turn_rad)| {
             let slide = &self.slide;
             let three = |shift: Vec2, turn_rad: f64| [shift.x, shift.y, turn_rad * slide.arm_px];
-            let change = self.pattern.change(&self.before).unwrap_or(0.0);
+            let change = self.pattern.now.change(&self.before).unwrap_or(0.0);
             let over_gel = three(slide.shift_px, slide.turn_rad);
             self.sliding.take(over_gel, three(shift_px, turn_rad), change, frame.time_ns)
         });
@@ -280,11 +283,11 @@ impl Evidence {
         self.begun = true;
         self.reference_seq = seq;
         self.reference_px.iter_mut().zip(markers).for_each(|(reference, m)| *reference = m.now);
-        self.reference_pattern.copy_from_slice(&self.pattern.now);
+        self.reference_pattern.copy_from(&self.pattern.now);
         self.field.restart();
         self.slide.restart(&self.pattern);
         self.sliding.restart();
-        self.before.copy_from_slice(&self.pattern.now);
+        self.before.copy_from(&self.pattern.now);
         self.greatest = Greatest::default();
     }
 }

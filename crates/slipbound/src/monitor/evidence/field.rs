@@ -21,7 +21,9 @@ const CARRIED_FRACTION: f64 = 0.35;
 #[derive(Debug, Clone, Default)]
 pub(super) struct Field {
     lengths: Vec<f64>,
+    /// Distance from the middle of what is carried along, and displacement.
     carried: Vec<(f64, f64)>,
+    distances: Vec<f64>,
     /// Greatest 90th percentile since the reference, px.
     most_px: f64,
     /// That percentile now, px.
@@ -35,6 +37,7 @@ impl Field {
         Field {
             lengths: Vec::with_capacity(markers_count),
             carried: Vec::with_capacity(markers_count),
+            distances: Vec::with_capacity(markers_count),
             ..Field::default()
         }
     }
@@ -50,11 +53,10 @@ impl Field {
         let seen = || markers.iter().zip(reference_px).filter(|(m, _)| m.matched);
         self.lengths.clear();
         self.lengths.extend(seen().map(|(m, &reference)| (m.now - reference).length()));
-        self.lengths.sort_unstable_by(f64::total_cmp);
-        self.now_px = percentile(&self.lengths, FIELD_PERCENTILE);
+        self.now_px = percentile(&mut self.lengths, FIELD_PERCENTILE);
         self.most_px = self.most_px.max(self.now_px);
         self.relaxation = (self.most_px - self.now_px) / (self.most_px + still_px);
-        let high_px = percentile(&self.lengths, 0.95);
+        let high_px = percentile(&mut self.lengths, 0.95);
         self.centre_rim_ratio = None;
         if high_px < still_px {
             return;
@@ -68,18 +70,39 @@ impl Field {
         centre = centre / count;
         self.carried.clear();
         self.carried.extend(carried().map(|(m, &r)| ((r - centre).length(), (m.now - r).length())));
-        self.carried.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        self.distances.clear();
+        self.distances.extend(self.carried.iter().map(|&(distance, _)| distance));
         let third = (self.carried.len() / 3).max(1);
-        let mean = |some: &[(f64, f64)]| some.iter().map(|(_, moved)| moved).sum::<f64>() / some.len() as f64;
-        let (inner, outer) = (&self.carried[..third], &self.carried[self.carried.len() - third..]);
-        self.centre_rim_ratio = Some(mean(inner) / mean(outer));
+        let last = self.carried.len() - third;
+        let inner_px = *self.distances.select_nth_unstable_by(third - 1, f64::total_cmp).1;
+        let outer_px = *self.distances.select_nth_unstable_by(last, f64::total_cmp).1;
+        let mean = |belongs: &dyn Fn(f64) -> bool| {
+            let some = || self.carried.iter().filter(|(distance, _)| belongs(*distance)).map(|(_, moved)| moved);
+            some().sum::<f64>() / some().count() as f64
+        };
+        self.centre_rim_ratio = Some(mean(&|distance| distance <= inner_px) / mean(&|distance| distance >= outer_px));
     }
 }
 
-/// The value below which a share of the sorted ones lies, between two of them where it falls there.
-fn percentile(sorted: &[f64], share: f64) -> f64 {
-    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
+/// The value below which a share of them lies, between two of them where it falls there. Puts them in another order.
+fn percentile(values: &mut [f64], share: f64) -> f64 {
+    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
     let at = share * last as f64;
-    let below = at as usize;
-    sorted[below] + (at - below as f64) * (sorted[(below + 1).min(last)] - sorted[below])
+    let (_, &mut below, above) = values.select_nth_unstable_by(at as usize, f64::total_cmp);
+    let next = above.iter().copied().min_by(f64::total_cmp).unwrap_or(below);
+    below + (at - at.floor()) * (next - below)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_percentile_lies_between_two_values() {
+        let mut values = [3.0, 0.0, 4.0, 1.0, 2.0];
+        for (share, value) in [(0.0, 0.0), (0.5, 2.0), (0.9, 3.6), (1.0, 4.0)] {
+            assert!((percentile(&mut values, share) - value).abs() < 1e-12, "{share}");
+        }
+        assert_eq!(percentile(&mut [], 0.5), 0.0);
+    }
 }

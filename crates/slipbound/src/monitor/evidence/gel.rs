@@ -30,7 +30,16 @@ pub(super) struct GelMotion {
     /// Of each node, where its weights start; one more than there are nodes.
     starts: Vec<u32>,
     weights: Vec<(u32, f32)>,
-    displacement_px: Vec<Vec2>,
+    of_markers_px: Vec<[f32; 2]>,
+    displacement_px: Vec<[f32; 2]>,
+}
+
+/// Where a point of the gel lies between four nodes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GelPlace {
+    node: u32,
+    right: f32,
+    down: f32,
 }
 
 impl GelMotion {
@@ -45,27 +54,53 @@ impl GelMotion {
             add_weights(node, rest_px, REACH_PITCH * pitch_px, &mut weights);
             starts.push(weights.len() as u32);
         }
-        GelMotion { columns, step_px, starts, weights, displacement_px: vec![Vec2::ZERO; columns * rows] }
+        GelMotion {
+            columns,
+            step_px,
+            starts,
+            weights,
+            of_markers_px: vec![[0.0; 2]; rest_px.len()],
+            displacement_px: vec![[0.0; 2]; columns * rows],
+        }
     }
 
     /// Takes over where the markers are.
     pub(super) fn take(&mut self, markers: &[Marker]) {
+        for (moved, marker) in self.of_markers_px.iter_mut().zip(markers) {
+            let now_from_rest = marker.now_from_rest();
+            *moved = [now_from_rest.x as f32, now_from_rest.y as f32];
+        }
         for (node, range) in self.displacement_px.iter_mut().zip(self.starts.windows(2)) {
             let weights = &self.weights[range[0] as usize..range[1] as usize];
-            *node = weights.iter().fold(Vec2::ZERO, |sum, &(marker, weight)| {
-                sum + markers[marker as usize].now_from_rest() * f64::from(weight)
+            *node = weights.iter().fold([0.0; 2], |[x, y], &(marker, weight)| {
+                let [dx, dy] = self.of_markers_px[marker as usize];
+                [x + weight * dx, y + weight * dy]
             });
         }
     }
 
-    /// How far the point of the gel that rests at `at` has moved, px.
-    pub(super) fn at(&self, at: Vec2) -> Vec2 {
+    /// The place of the point of the gel that rests at `at`.
+    pub(super) fn place(&self, at: Vec2) -> GelPlace {
         let (x, y) = (at.x.max(0.0) / self.step_px, at.y.max(0.0) / self.step_px);
         let rows = self.displacement_px.len() / self.columns;
         let (column, row) = ((x as usize).min(self.columns - 2), (y as usize).min(rows - 2));
-        let (fx, fy) = (x - column as f64, y - row as f64);
-        let node = |right: usize, down: usize| self.displacement_px[(row + down) * self.columns + column + right];
-        (node(0, 0) * (1.0 - fx) + node(1, 0) * fx) * (1.0 - fy) + (node(0, 1) * (1.0 - fx) + node(1, 1) * fx) * fy
+        GelPlace {
+            node: (row * self.columns + column) as u32,
+            right: (x - column as f64) as f32,
+            down: (y - row as f64) as f32,
+        }
+    }
+
+    /// How far the point at a place has moved along x and y, px.
+    pub(super) fn at(&self, place: GelPlace) -> [f32; 2] {
+        let first = place.node as usize;
+        let (above, below) =
+            (&self.displacement_px[first..first + 2], &self.displacement_px[first + self.columns..][..2]);
+        std::array::from_fn(|k| {
+            let upper = above[0][k] + place.right * (above[1][k] - above[0][k]);
+            let lower = below[0][k] + place.right * (below[1][k] - below[0][k]);
+            upper + place.down * (lower - upper)
+        })
     }
 }
 

@@ -34,7 +34,7 @@ enum Carrier {
     /// Colours of camera cells; one tap a rectified cell, none where both are the same.
     Colour { taps: Vec<Tap>, camera: Vec<Shade>, camera_columns: usize, ln: Vec<f32> },
     /// Contrast of the weave.
-    Weave { sums: Vec<u32>, contrast: Vec<f32>, ln: Vec<f32> },
+    Weave { sums: Vec<u16>, contrast: Vec<f32>, ln: Vec<f32> },
 }
 
 /// The picture; owns its scratch.
@@ -43,6 +43,7 @@ pub(super) struct Picture {
     pub(super) cell_px: usize,
     pub(super) columns: usize,
     pub(super) rows: usize,
+    cells_per_px: f32,
     carrier: Carrier,
     pub(super) shades: Vec<Shade>,
 }
@@ -55,7 +56,7 @@ impl Picture {
             .map(|i| libm::logf(i as f32 / STEPS_PER_LEVEL + DARK_LEVELS))
             .collect();
         let carrier = match sensor.skin {
-            Skin::Fabric => Carrier::Weave { sums: vec![0; columns], contrast: vec![0.0; columns * rows], ln },
+            Skin::Fabric => Carrier::Weave { sums: vec![0; size.width], contrast: vec![0.0; columns * rows], ln },
             Skin::Smooth => {
                 let (camera_columns, camera_rows) = (sensor.image_px.width / cell_px, sensor.image_px.height / cell_px);
                 Carrier::Colour {
@@ -66,7 +67,14 @@ impl Picture {
                 }
             }
         };
-        Picture { cell_px, columns, rows, carrier, shades: vec![[0.0; 2]; columns * rows] }
+        Picture {
+            cell_px,
+            columns,
+            rows,
+            cells_per_px: 1.0 / cell_px as f32,
+            carrier,
+            shades: vec![[0.0; 2]; columns * rows],
+        }
     }
 
     /// Takes the shades of the frame taken last.
@@ -93,15 +101,15 @@ impl Picture {
     }
 
     /// The shade at a place of the rectified image, between four cells; None beyond the outermost.
-    pub(super) fn at(&self, place_px: Vec2) -> Option<Shade> {
-        let cell = |px: f64| (px + 0.5) / self.cell_px as f64 - 0.5;
-        let (x, y) = (cell(place_px.x), cell(place_px.y));
-        if !(x >= 0.0 && y >= 0.0 && x < (self.columns - 1) as f64 && y < (self.rows - 1) as f64) {
+    pub(super) fn at(&self, [x_px, y_px]: [f32; 2]) -> Option<Shade> {
+        let cell = |px: f32| (px + 0.5) * self.cells_per_px - 0.5;
+        let (x, y) = (cell(x_px), cell(y_px));
+        if !(x >= 0.0 && y >= 0.0 && x < (self.columns - 1) as f32 && y < (self.rows - 1) as f32) {
             return None;
         }
         let (column, row) = (x as usize, y as usize);
         let at = row * self.columns + column;
-        Some(mix(&self.shades, self.columns, at, (x - column as f64) as f32, (y - row as f64) as f32))
+        Some(mix(&self.shades, self.columns, at, x - column as f32, y - row as f32))
     }
 
     /// Centre of a cell in px.

@@ -4,7 +4,8 @@
 //!   now - key  =  - gradient . (shift + turn x arm)      least squares over all cells; key taken anew after a small shift
 //! ```
 
-use super::pattern::{Pattern, Seen};
+use super::pattern::Pattern;
+use super::planes::{Planes, sum_of};
 use crate::plane::Vec2;
 
 /// The key frame is taken anew when the imprint has moved this far against it, in pitches: beyond, the pattern is no
@@ -21,7 +22,8 @@ const RIDGE: f64 = 0.02;
 /// Motion of the imprint over the gel since the reference.
 #[derive(Debug, Clone)]
 pub(super) struct Slide {
-    key: Vec<Seen>,
+    key: Planes,
+    sums: RowSums,
     key_shift_px: Vec2,
     key_turn_rad: f64,
     key_px: f64,
@@ -35,6 +37,7 @@ impl Slide {
     pub(super) fn new(pattern: &Pattern, pitch_px: f64) -> Self {
         Slide {
             key: pattern.now.clone(),
+            sums: RowSums::new(pattern.columns()),
             key_shift_px: Vec2::ZERO,
             key_turn_rad: 0.0,
             key_px: KEY_PITCH * pitch_px,
@@ -51,7 +54,7 @@ impl Slide {
     }
 
     fn take_key(&mut self, pattern: &Pattern) {
-        self.key.copy_from_slice(&pattern.now);
+        self.key.copy_from(&pattern.now);
         (self.key_shift_px, self.key_turn_rad) = (self.shift_px, self.turn_rad);
     }
 
@@ -62,69 +65,154 @@ impl Slide {
         self.shift_px = self.key_shift_px + shift_px;
         self.turn_rad = self.key_turn_rad + turn_rad;
         let far = shift_px.length().max(turn_rad.abs() * arm_px) > self.key_px;
-        if far || pattern.change(&self.key).is_some_and(|change| change > KEY_CHANGE) {
+        if far || pattern.now.change(&self.key).is_some_and(|change| change > KEY_CHANGE) {
             self.take_key(pattern);
         }
     }
 
     /// Shift in px and turn of the pattern against the key, and the mean arm of what it was found by.
-    fn against_key(&self, pattern: &Pattern) -> Option<(Vec2, f64, f64)> {
-        let columns = pattern.columns();
-        let (now, key) = (&pattern.now, &self.key);
-        let (mut centre, mut arm, mut energy) = (Vec2::ZERO, 0.0, 0.0);
-        each(now, key, columns, |at, slope, _| {
-            let weight = slope.iter().map(|g| g.length_squared()).sum::<f64>();
-            centre += at * weight;
-            energy += weight;
-        });
-        if energy <= 0.0 {
+    fn against_key(&mut self, pattern: &Pattern) -> Option<(Vec2, f64, f64)> {
+        let sums = self.sums.over(&pattern.now, &self.key);
+        let weight = sums.xx + sums.yy;
+        if weight <= 0.0 {
             return None;
         }
-        centre = centre / energy;
-        each(now, key, columns, |at, slope, _| {
-            arm += (at - centre).length_squared() * slope.iter().map(|g| g.length_squared()).sum::<f64>();
-        });
-        let arm = (arm / energy).sqrt().max(1.0);
-        // Unknowns: shift along x and y in cells, turn times arm.
-        let (mut a, mut b) = ([[0.0f64; 3]; 3], [0.0f64; 3]);
-        each(now, key, columns, |at, slope, step| {
-            let across = (at - centre).turned() / arm;
-            for k in 0..2 {
-                let row = [slope[k].x, slope[k].y, slope[k].dot(across)];
-                for i in 0..3 {
-                    b[i] -= row[i] * step[k];
-                    for j in 0..3 {
-                        a[i][j] += row[i] * row[j];
-                    }
-                }
-            }
-        });
+        // The turn is about the middle of what is seen; its unknown is times the arm, a length like the shift's.
+        let centre = sums.at / weight;
+        let arm = (sums.at_squared / weight - centre.length_squared()).max(1.0).sqrt();
+        let middle = centre.turned();
+        let turn_x = (sums.xt - middle.x * sums.xx - middle.y * sums.xy) / arm;
+        let turn_y = (sums.yt - middle.x * sums.xy - middle.y * sums.yy) / arm;
+        let turn_turn =
+            (sums.tt - middle.x * (sums.xt + arm * turn_x) - middle.y * (sums.yt + arm * turn_y)) / (arm * arm);
+        let turn_step = (sums.ts - middle.x * sums.xs - middle.y * sums.ys) / arm;
+        let mut a = [[sums.xx, sums.xy, turn_x], [sums.xy, sums.yy, turn_y], [turn_x, turn_y, turn_turn]];
         let strongest = a[0][0].max(a[1][1]).max(a[2][2]);
         (0..3).for_each(|i| a[i][i] += RIDGE * strongest);
-        let [x, y, turn] = solve(a, b)?;
+        let [x, y, turn] = solve(a, [-sums.xs, -sums.ys, -turn_step])?;
         let cell_px = pattern.cell_px() as f64;
         Some((Vec2::new(x, y) * cell_px, turn / arm, arm * cell_px))
     }
 }
 
-/// Calls for every cell that both patterns see with its neighbours: its place in cells, the slope of their mean for both
-/// shades, and the step from key to now.
-fn each(now: &[Seen], key: &[Seen], columns: usize, mut with: impl FnMut(Vec2, [Vec2; 2], [f64; 2])) {
-    let rows = now.len() / columns;
-    let seen = |i: usize| now[i][2] * key[i][2] > 0.0;
-    for row in 1..rows.saturating_sub(1) {
-        for column in 1..columns.saturating_sub(1) {
-            let i = row * columns + column;
-            if !(seen(i) && seen(i - 1) && seen(i + 1) && seen(i - columns) && seen(i + columns)) {
-                continue;
-            }
-            let sum = |j: usize, k: usize| f64::from(now[j][k] + key[j][k]);
-            let slope = std::array::from_fn(|k| {
-                Vec2::new(sum(i + 1, k) - sum(i - 1, k), sum(i + columns, k) - sum(i - columns, k)) / 4.0
-            });
-            let step = std::array::from_fn(|k| f64::from(now[i][k] - key[i][k]));
-            with(Vec2::new(column as f64, row as f64), slope, step);
+/// Sums over all cells that both patterns see with their neighbours, of the slope (x, y) of their mean, of its moment
+/// t = slope . (place turned by 90 degrees), and of the step s from key to now. Lengths in cells; places from the middle.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    xx: f64,
+    xy: f64,
+    yy: f64,
+    xt: f64,
+    yt: f64,
+    tt: f64,
+    xs: f64,
+    ys: f64,
+    ts: f64,
+    /// Place, weighted by the square of the slope.
+    at: Vec2,
+    at_squared: f64,
+}
+
+/// Scratch of one row of cells.
+#[derive(Debug, Clone)]
+struct RowSums {
+    /// Column from the middle.
+    column: Vec<f32>,
+    /// 1 where both see the cell and its neighbours.
+    whole: Vec<f32>,
+    x: Vec<f32>,
+    y: Vec<f32>,
+    step: Vec<f32>,
+    /// Slope along y times column, and column times the square of the slope.
+    y_column: Vec<f32>,
+    weight_column: Vec<f32>,
+}
+
+impl RowSums {
+    fn new(columns: usize) -> Self {
+        let inner = columns.saturating_sub(2);
+        let zeros = vec![0.0; inner];
+        let middle = (columns as f32 - 1.0) / 2.0;
+        RowSums {
+            column: (0..inner).map(|i| (i + 1) as f32 - middle).collect(),
+            whole: zeros.clone(),
+            x: zeros.clone(),
+            y: zeros.clone(),
+            step: zeros.clone(),
+            y_column: zeros.clone(),
+            weight_column: zeros,
         }
+    }
+
+    fn over(&mut self, now: &Planes, key: &Planes) -> Sums {
+        let mut sums = Sums::default();
+        let inner = self.column.len();
+        let columns = inner + 2;
+        let rows = now.seen.len() / columns;
+        let middle_row = (rows as f64 - 1.0) / 2.0;
+        for row in 1..rows.saturating_sub(1) {
+            // The cell itself, its left, right, upper and lower neighbour.
+            let starts = [0, -1, 1, -(columns as isize), columns as isize]
+                .map(|away| (row * columns + 1).wrapping_add_signed(away));
+            let lines = |plane| neighbours(plane, starts, inner);
+            self.whole.fill(1.0);
+            for seen in [&now.seen, &key.seen].into_iter().flat_map(|plane| lines(plane)) {
+                self.whole.iter_mut().zip(seen).for_each(|(whole, seen)| *whole *= seen);
+            }
+            let from_middle = row as f64 - middle_row;
+            for (now, key) in now.shades.iter().zip(&key.shades) {
+                self.slopes(lines(now), lines(key));
+                sums.add(self, from_middle);
+            }
+        }
+        sums
+    }
+
+    fn slopes(&mut self, now: [&[f32]; 5], key: [&[f32]; 5]) {
+        let inner = self.whole.len();
+        let [now, key] = [now, key].map(|lines| lines.map(|line| &line[..inner]));
+        let (x, y, step) = (&mut self.x[..inner], &mut self.y[..inner], &mut self.step[..inner]);
+        for i in 0..inner {
+            let whole = self.whole[i];
+            let sum = |side: usize| now[side][i] + key[side][i];
+            x[i] = 0.25 * whole * (sum(2) - sum(1));
+            y[i] = 0.25 * whole * (sum(4) - sum(3));
+            step[i] = whole * (now[0][i] - key[0][i]);
+        }
+        for (i, column) in self.column.iter().enumerate() {
+            self.y_column[i] = self.y[i] * column;
+            self.weight_column[i] = (self.x[i] * self.x[i] + self.y[i] * self.y[i]) * column;
+        }
+    }
+}
+
+/// Stretches of a plane of this length.
+fn neighbours(plane: &[f32], starts: [usize; 5], length: usize) -> [&[f32]; 5] {
+    starts.map(|start| &plane[start..start + length])
+}
+
+impl Sums {
+    /// Adds a row, `row` cells below the middle.
+    fn add(&mut self, of: &RowSums, row: f64) {
+        let dot = |a: &[f32], b: &[f32]| sum_of(a, b, |a, b| a * b);
+        let (xx, xy, yy) = (dot(&of.x, &of.x), dot(&of.x, &of.y), dot(&of.y, &of.y));
+        // t = y column - x row.
+        let (xc, yc) = (dot(&of.x, &of.y_column), dot(&of.y, &of.y_column));
+        let cc = dot(&of.y_column, &of.y_column);
+        let (xs, ys, cs) = (dot(&of.x, &of.step), dot(&of.y, &of.step), dot(&of.y_column, &of.step));
+        self.xx += xx;
+        self.xy += xy;
+        self.yy += yy;
+        self.xt += xc - row * xx;
+        self.yt += yc - row * xy;
+        self.tt += cc - 2.0 * row * xc + row * row * xx;
+        self.xs += xs;
+        self.ys += ys;
+        self.ts += cs - row * xs;
+        let weight = xx + yy;
+        let weight_column = sum_of(&of.weight_column, &of.weight_column, |weight, _| weight);
+        self.at += Vec2::new(weight_column, weight * row);
+        self.at_squared += dot(&of.weight_column, &of.column) + weight * row * row;
     }
 }
 
