@@ -1,7 +1,7 @@
 //! The overlay of a finger drawn by numbers: every sign is there in its colour, and nowhere else.
 
 use slipbound::image::{Frame, Gray, Pixels, SizePx};
-use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipRule, SlipState};
 use slipbound::plane::Vec2;
 use slipbound_rig::overlay::{Overlay, OverlayWriter};
 use slipbound_rig::sensors;
@@ -39,9 +39,11 @@ fn frame(pixels: &[u8], seq: u64) -> Frame<'_> {
 }
 
 /// A monitor that has just seen the patch turn by 0.12 rad while its rim, but for the inner 55 px, stays behind.
+/// Slip by the paper's rule, which says of single markers that they slip.
 fn slipping() -> (SlipMonitor, Vec<u8>, SlipReport) {
     let sensor = sensors::load("gelsight_mini_wide").expect("built in");
-    let settings = Settings::default();
+    let mut settings = Settings::default();
+    settings.slip.rule = SlipRule::Markers;
     let mut builder = RestBuilder::new(&sensor, &settings, SIZE).expect("valid");
     let rest = imprint(false, |_| Vec2::ZERO);
     builder.add(&frame(&rest, 0)).expect("bright");

@@ -173,6 +173,23 @@ fn a_margin_follows_the_load_at_once_and_lets_go_slowly() {
 }
 
 #[test]
+fn a_loaded_contact_that_cannot_be_judged_is_gripped_harder_within_bounds_and_one_that_nobody_sees_is_not() {
+    let settings = MarginSettings { stiffness_mpa_per_mm: 0.05, ..MarginSettings::default() };
+    let forces = |margin: f64, then: SlipState| {
+        let known = HandReport { margin: Some(margin), ..hand(SlipState::Stick) };
+        let hands: Vec<HandReport> = (0..10).map(|_| known).chain((0..60).map(|_| hand(then))).collect();
+        let told = commands(Law::Margin(settings), GripLimits::default(), &hands);
+        (told[9].force_n, told[39].force_n, told[69].force_n)
+    };
+    let (before_n, after_n, last_n) = forces(0.4, SlipState::Unsure);
+    assert!((after_n - before_n - 5.0).abs() < 0.5 && (last_n / before_n - 1.5).abs() < 0.01, "{after_n} {last_n}");
+    for (margin, then) in [(0.9, SlipState::Unsure), (0.4, SlipState::Unjudged), (0.4, SlipState::NoContact)] {
+        let (before_n, after_n, last_n) = forces(margin, then);
+        assert_eq!((after_n, last_n), (before_n, before_n), "{margin} {then:?}");
+    }
+}
+
+#[test]
 fn a_margin_without_a_known_gel_is_refused_and_says_what_to_do() {
     let settings = TaskSettings { controller: ControllerKind::Margin, ..TaskSettings::default() };
     let error = settings.task(TaskKind::Screw, None).err().expect("refused");

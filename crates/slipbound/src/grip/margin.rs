@@ -7,6 +7,9 @@
 //!   f < target - slack : P falls by `release_n_per_s`, not below the floor
 //! ```
 //!
+//! A finger that touches but cannot be judged while it is loaded is a reason to grip harder, slowly and by so much at most: see
+//! [`MarginSettings::unsure_n_per_s`].
+//!
 //! f is the estimate of the monitor (step 5). The force f P at which the object would slide is averaged over
 //! [`MarginSettings::average_ns`]; above [`MarginSettings::urgent_fraction`] a single frame counts. It needs the stiffness of the gel (see
 //! [`Shear`](crate::sensor::Shear)) and the grip force; without the first the law is refused, without the second the
@@ -18,6 +21,9 @@ use crate::monitor::SlipState;
 use crate::port::GripperState;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
+
+/// A contact whose margin was smaller when last known is loaded.
+const LOADED_MARGIN: f64 = 0.8;
 
 /// Settings of [`Margin`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -37,6 +43,10 @@ pub struct MarginSettings {
     pub raise_n_per_s: f64,
     /// Rate of letting go, N per finger and second; 0 never lets go.
     pub release_n_per_s: f64,
+    /// Rate of rise while a contact that was last seen loaded gives no margin, N per finger and second; 0 waits.
+    pub unsure_n_per_s: f64,
+    /// So much more than the grip at which that began is the most of it, as a share.
+    pub unsure_most_fraction: f64,
 }
 
 impl Default for MarginSettings {
@@ -49,6 +59,8 @@ impl Default for MarginSettings {
             slack_fraction: 0.1,
             raise_n_per_s: 120.0,
             release_n_per_s: 5.0,
+            unsure_n_per_s: 10.0,
+            unsure_most_fraction: 0.5,
         }
     }
 }
@@ -62,7 +74,9 @@ impl MarginSettings {
         within("margin.average_ns", self.average_ns as f64, 0.0, 1e9)?;
         within("margin.slack_fraction", self.slack_fraction, 0.0, self.target_fraction)?;
         within("margin.raise_n_per_s", self.raise_n_per_s, 0.1, 10_000.0)?;
-        within("margin.release_n_per_s", self.release_n_per_s, 0.0, 1000.0)
+        within("margin.release_n_per_s", self.release_n_per_s, 0.0, 1000.0)?;
+        within("margin.unsure_n_per_s", self.unsure_n_per_s, 0.0, 1000.0)?;
+        within("margin.unsure_most_fraction", self.unsure_most_fraction, 0.0, 10.0)
     }
 
     /// The same with the stiffness of the finger where the settings have none. Refused when nobody knows it.
@@ -90,6 +104,8 @@ pub struct Margin {
     /// Average of the least force that holds, N: the one at which the object would slide.
     least_n: Option<f64>,
     margin: Option<f64>,
+    /// Grip when the margin of a loaded contact was lost, N.
+    unsure_from_n: Option<f64>,
     alarms_count: u32,
     slipping: bool,
     wants_more: bool,
@@ -107,6 +123,7 @@ impl Margin {
             last_ns: None,
             least_n: None,
             margin: None,
+            unsure_from_n: None,
             alarms_count: 0,
             slipping: false,
             wants_more: false,
@@ -123,6 +140,18 @@ impl Margin {
         let average_n = before_n + share * (now_n - before_n);
         self.least_n = Some(average_n);
         if used >= self.settings.urgent_fraction { now_n.max(average_n) } else { average_n }
+    }
+
+    /// Nothing says how much of the friction is used. What was loaded when last seen may slip by now; what nobody sees at all
+    /// (no frames, no contact) says nothing.
+    fn without_margin(&mut self, hand: &HandReport, seconds: f64) -> GripDecision {
+        let was_loaded = self.margin.is_some_and(|margin| margin < LOADED_MARGIN);
+        if hand.state == SlipState::Unsure && was_loaded {
+            let from_n = *self.unsure_from_n.get_or_insert(self.force_n);
+            let most_n = (from_n * (1.0 + self.settings.unsure_most_fraction)).min(self.limits.most_n);
+            self.force_n = (self.force_n + self.settings.unsure_n_per_s * seconds).min(most_n).max(self.force_n);
+        }
+        GripDecision { force_n: self.force_n, arm: ArmMotion::Go }
     }
 
     fn count_alarm(&mut self, hand: &HandReport) {
@@ -145,8 +174,9 @@ impl GripController for Margin {
         // An object that slides uses all there is, whatever the load says.
         let used = hand.margin.map(|margin| 1.0 - margin).map(|used| if gross { used.max(1.0) } else { used });
         let (Some(used), Some(pressed_n)) = (used.or(gross.then_some(1.0)), pressed_n) else {
-            return GripDecision { force_n: self.force_n, arm: ArmMotion::Go };
+            return self.without_margin(hand, seconds);
         };
+        self.unsure_from_n = None;
         let target = self.settings.target_fraction;
         let least_n = self.least_n(used, pressed_n, seconds);
         let used = least_n / pressed_n;

@@ -18,6 +18,7 @@ mod features;
 mod field;
 mod load;
 mod reference;
+mod squeeze;
 mod trees;
 mod window;
 
@@ -45,6 +46,10 @@ const GRIP_S: f64 = 0.1;
 const FRAME_S: f64 = 1.0 / 30.0;
 /// A load over the grip force from which the object is being pulled, whatever grip and area do.
 const LOADED_FRACTION: f64 = 0.2;
+
+/// Friction is taken to be at least this: wet or oily glass on silicone. On something still more slippery slip is told of
+/// later, at 0.2 / mu of the load.
+const LEAST_FRICTION: f64 = 0.2;
 
 /// Step 5, with its memory of the contact.
 #[derive(Debug, Clone)]
@@ -253,6 +258,8 @@ impl Estimator {
         let stick = Estimate { value: said.stick.clamp(0.0, 1.0), sd: said.stick_sd, age_frames: 0 };
         if let (Some(k), Some(grip_n)) = (self.stiffness_n_per_px3, self.grip_n.filter(|n| *n > 0.0)) {
             let per_grip = k * load_px3 / grip_n;
+            // Rolling and settling make a rim lag, too; but what hardly pulls does not slide.
+            used.value = used.value.min(per_grip / LEAST_FRICTION);
             self.estimates.friction = self.friction.see(per_grip, &used);
             if let Some(friction) = self.estimates.friction.filter(|_| self.friction.remembered) {
                 used.value = used.value.max(per_grip / friction.value).min(1.2);
