@@ -10,8 +10,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const HEAD: &str = "# A lift with a gripper whose force reads wrong\n\n\
-    A bottle of 0.5 kg is lifted with 10 N per finger and filled, through the driver of a WSG-50 and its emulator, whose\n\
-    force sensor has a bias, a gain and noise; one finger with a camera, seed 1, held for four seconds. *slip unanswered*:\n\
+    A bottle is lifted with 10 N per finger and filled, through the driver of a WSG-50 and its emulator, whose\n\
+    force sensor has a bias, a gain and noise; one finger with a camera, seed 1, held for a second and a half. *slip unanswered*:\n\
     longest time for which the object slid and no higher force was commanded. *most*: largest force commanded, N per\n\
     finger. Written by `REGENERATE=1 cargo test -p slipbound-cli --test force_grid`.\n\n\
     | gripper | bias N | gain | noise N rms | outcome | slip unanswered s | most N | slid mm |\n|---|---|---|---|---|---|---|---|\n";
@@ -29,13 +29,14 @@ struct Cell {
 fn cells() -> Vec<Cell> {
     let mut cells = Vec::new();
     for bias in ["-3", "0", "3"] {
-        for gain in ["0.85", "1", "1.15"] {
-            for noise in ["0", "1", "2"] {
+        for gain in ["0.85", "1.15"] {
+            for noise in ["0", "2"] {
                 let fault = format!("bias={bias},gain={gain},noise={noise},seed=1");
                 cells.push(Cell { gripper: "wsg50", row: format!("wsg50 | {bias} | {gain} | {noise}"), fault });
             }
         }
     }
+    cells.push(Cell { gripper: "wsg50", row: "wsg50 | 0 | 1 | 0".into(), fault: "seed=1".into() });
     for other in OTHERS {
         cells.push(Cell { gripper: "wsg50", row: format!("wsg50, {other} | 0 | 1 | 0"), fault: other.into() });
     }
@@ -50,7 +51,21 @@ fn cells() -> Vec<Cell> {
 fn row(cell: &Cell, scratch: &Path, number: usize) -> String {
     let (run, settings) = (scratch.join(format!("run{number}")), scratch.join("settings.toml"));
     let output = Command::new(env!("CARGO_BIN_EXE_slipbound"))
-        .args(["demo", "--fingers", "1", "--task", "lift", "--emulated", cell.gripper, "--gripper-fault", &cell.fault])
+        .args([
+            "demo",
+            "--fingers",
+            "1",
+            "--task",
+            "lift",
+            "--set",
+            "fill_after_s=2",
+            "--set",
+            "fill_kg_per_s=0.5",
+            "--emulated",
+            cell.gripper,
+            "--gripper-fault",
+            &cell.fault,
+        ])
         .args([Path::new("--settings"), &settings, Path::new("-o"), &run])
         .output()
         .expect("runs");
@@ -92,10 +107,10 @@ fn a_force_that_reads_wrong_is_held_on_with_or_refused_with_a_reason() {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/force-grid.md");
     let regenerates = std::env::var_os("REGENERATE").is_some();
     let cells = cells();
-    // The corners that are furthest from the truth, the middle, and an idle reading.
-    let wanted: Vec<usize> = if regenerates { (0..cells.len()).collect() } else { vec![2, 12, 26, 27] };
+    // The two corners that are furthest from the truth, and an idle reading.
+    let wanted: Vec<usize> = if regenerates { (0..cells.len()).collect() } else { vec![1, 11, 13] };
     let scratch = tempfile::tempdir().expect("a folder");
-    fs::write(scratch.path().join("settings.toml"), "[lift]\nhold_ns = 4000000000\n").expect("written");
+    fs::write(scratch.path().join("settings.toml"), "[lift]\nhold_ns = 1500000000\n").expect("written");
     let (next, rows) = (AtomicUsize::new(0), Mutex::new(vec![String::new(); wanted.len()]));
     std::thread::scope(|scope| {
         for _ in 0..2 {

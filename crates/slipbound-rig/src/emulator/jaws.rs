@@ -6,6 +6,9 @@ use slipbound::plant::{JawCommand, JawDrive, JawSettings, Plant};
 /// Share of the force asked for at which a grasp counts as established.
 const ESTABLISHED: f64 = 0.9;
 
+/// Time for which jaws on their way have to stand still to be called blocked, ns.
+const BLOCKED_NS: u64 = 50_000_000;
+
 /// Jaws that press on a plant. They move by [`JawDrive`], as those of the simulator.
 #[derive(Debug, Clone)]
 pub struct EmulatedJaws {
@@ -17,8 +20,8 @@ pub struct EmulatedJaws {
     newest: JawCommand,
     newest_ns: u64,
     now_ns: u64,
-    /// Whether they stood still in the last step.
-    stands: bool,
+    /// Since when they stand still, ns.
+    stands_ns: u64,
 }
 
 impl EmulatedJaws {
@@ -34,18 +37,18 @@ impl EmulatedJaws {
             newest: JawCommand::Stay,
             newest_ns: 0,
             now_ns: 0,
-            stands: false,
+            stands_ns: 0,
         }
     }
 
     /// Lets time pass: the jaws move, and press on the plant. Does not advance the plant.
     pub fn advance_to(&mut self, now_ns: u64, plant: &mut dyn Plant) {
         let width_mm = plant.width_mm().filter(|_| !self.is_part_gone);
-        let (before_mm, step_ns) = (self.drive.opening_mm(), now_ns.saturating_sub(self.now_ns));
+        let before_mm = self.drive.opening_mm();
         self.now_ns = now_ns;
         self.drive.advance_to(now_ns, width_mm);
-        if step_ns > 0 {
-            self.stands = self.drive.opening_mm() == before_mm;
+        if self.drive.opening_mm() != before_mm {
+            self.stands_ns = now_ns;
         }
         plant.press(self.drive.force_n());
         self.sensor.see(now_ns, self.drive.force_n(), self.drive.touches());
@@ -126,8 +129,7 @@ impl EmulatedJaws {
         let moves = matches!(self.newest, JawCommand::MoveTo { .. });
         moves
             && self.has_begun()
-            && self.now_ns > self.newest_ns + self.drive.settings().delay_ns
-            && self.stands
+            && self.now_ns > self.stands_ns.max(self.newest_ns + self.drive.settings().delay_ns) + BLOCKED_NS
             && !self.is_there()
     }
 

@@ -198,7 +198,7 @@ fn a_driver_stays_quiet_about_what_others_asked_for() {
         driver.tick(i * 20 * MS);
         driver.receive(i * 20 * MS, b"SPEED=12.5\nTEMP=31.0\n");
     }
-    assert_eq!(garbled(&mut driver), []);
+    assert!(garbled(&mut driver).is_empty());
     for i in 500..1600u64 {
         driver.tick(i * 20 * MS);
         driver.receive(i * 20 * MS, b"what is this\n");

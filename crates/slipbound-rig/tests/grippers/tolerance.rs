@@ -127,6 +127,7 @@ fn a_text_interface_may_call_its_errors_by_name() {
         }
         driver.permit_lowering(true);
         driver.request(130 * MS, Request::Grip(GripCommand::Hold { force_n: 20.0 })).expect("taken over");
+        driver.receive(140 * MS, b"POS=110.0\n"); // what was asked before
         driver.tick(200 * MS);
         driver.receive(210 * MS, answer.as_bytes());
         let error = driver.state(210 * MS).expect_err(answer).to_string();
@@ -138,7 +139,7 @@ fn a_text_interface_may_call_its_errors_by_name() {
 #[test]
 fn a_robotiq_may_pause_within_an_answer_and_write_its_faults_in_any_way() {
     for fault in ["0", "00", "0x00", "0X0"] {
-        for pause_ms in [1u64, 20, 100, 200] {
+        for pause_ms in [1u64, 20, 100] {
             let mut driver = driver("robotiq", config("robotiq"));
             driver.linked(0);
             let (mut now_ns, mut answers_count, mut asked) = (0, 0, Vec::new());
@@ -217,7 +218,11 @@ fn check_hold_is_not_misled_by_noise_bias_or_gain_and_still_finds_a_dip() {
             if bench.now_ns() < 300 * MS {
                 continue; // until its state is known
             }
-            let (now_ns, state) = (bench.now_ns(), bench.state().expect("there"));
+            let now_ns = bench.now_ns();
+            let state = match bench.state() {
+                Ok(state) => state,
+                Err(error) => return Verdict::Failed { why: error.to_string() },
+            };
             match trial.step(now_ns, &state) {
                 Step::Command(command) => bench.request(Request::Grip(command)).expect("taken over"),
                 Step::Wait => {}

@@ -187,11 +187,18 @@ impl ForceSense {
     }
 
     /// The force of jaws that hold, given what was commanded.
-    fn against(&mut self, average_n: f64, target_n: f64, error_n: Option<f64>) -> f64 {
+    fn against(&mut self, mut average_n: f64, target_n: f64, error_n: Option<f64>) -> f64 {
         let (left_n, band_n) = self.left_and_band_n();
         let exact_n = EXACT_N.max(EXACT_FRACTION * target_n);
         let stated_n = error_n.unwrap_or(ERROR_N.max(ERROR_FRACTION * target_n)).max(exact_n) + left_n;
-        let is_near = (average_n - target_n).abs() <= stated_n && average_n > 0.0;
+        let is_as_commanded = |force_n: f64| (force_n - target_n).abs() <= stated_n && force_n > 0.0;
+        // An idle reading that was the motor's own is gone when it presses.
+        let untared_n = average_n + self.idle_n;
+        if self.is_still && !is_as_commanded(average_n) && is_as_commanded(untared_n) {
+            (average_n, self.average_n, self.still) = (untared_n, Some(untared_n), None);
+            self.set_idle(0.0);
+        }
+        let is_near = is_as_commanded(average_n);
         let is_exact = (average_n * self.gain - target_n).abs() <= exact_n;
         if self.is_still && is_near && !is_exact {
             self.gain = target_n / average_n;
@@ -267,6 +274,19 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// What a motor reads on open jaws and no longer where it presses.
+    #[test]
+    fn an_idle_reading_that_goes_when_the_jaws_press_is_noticed() {
+        let mut sense = ForceSense::default();
+        let mut told_n = 0.0;
+        for cycle in 0..120u64 {
+            let (read_n, jaws) = if cycle < 30 { (9.0, Jaws::Open) } else { (20.0, Jaws::Holding) };
+            let state = state(cycle, read_n, 20.0, jaws);
+            told_n = sense.see(cycle * CYCLE_NS, &state, cycle >= 30).force_n.expect("measured");
+        }
+        assert!((told_n - 20.0).abs() < 0.5, "{told_n}");
     }
 
     #[test]

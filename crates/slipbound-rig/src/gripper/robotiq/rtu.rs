@@ -19,9 +19,13 @@ const WRITE: u8 = 16;
 const WRITE_ONE: u8 = 6;
 const REFUSED: u8 = 0x80;
 
-/// The first output register, the first input register, and how many there are of each.
+/// The first output register.
 pub const FIRST_OUTPUT: u16 = 1000;
+
+/// The first input register.
 pub const FIRST_INPUT: u16 = 2000;
+
+/// How many there are of each.
 pub const REGISTERS_COUNT: u8 = 3;
 
 /// Where the outputs are, and how many registers.
