@@ -103,11 +103,11 @@ impl Gcl {
             ("MOVE", [opening_mm, rest @ ..]) if rest.len() <= 1 => {
                 return self.weiss.begin(Task::Move { opening_mm: *opening_mm, speed: speed_or(rest.first()) });
             }
-            ("GRIP", [rest @ ..]) if rest.len() <= 3 => {
+            ("GRIP", rest) if rest.len() <= 3 => {
                 let force_n = rest.first().copied().unwrap_or(self.weiss.limit_n);
                 return self.grip(force_n, rest.get(1..).unwrap_or_default());
             }
-            ("RELEASE", [rest @ ..]) if rest.len() <= 2 => {
+            ("RELEASE", rest) if rest.len() <= 2 => {
                 let distance_mm = rest.first().copied().unwrap_or(RELEASE_MM);
                 let opening_mm = self.weiss.jaws.opening_mm() + distance_mm;
                 let opening_mm =
