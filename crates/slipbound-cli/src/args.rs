@@ -35,7 +35,7 @@ pub struct Args {
 pub enum Command {
     /// Let a simulated hand screw a cap onto a bottle, or do another task of the paper
     #[command(after_help = EXIT_CODES)]
-    Demo(Demo),
+    Demo(Box<Demo>),
     /// Judge every frame of a recording or a simulated scene
     #[command(after_help = EXIT_CODES)]
     Watch(Watch),

@@ -186,12 +186,17 @@ pub struct Tally {
     pub score: RunScore,
     /// What the task was doing last; None before the first command.
     pub phase: Option<Phase>,
+    /// The first lower force that the gripper refused.
+    pub refused_lowering: Option<String>,
     /// What is true now, set by the thread of the simulated world.
     pub truth: Arc<Mutex<Option<HandTruth>>>,
 }
 
 impl CycleObserver for Tally {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
+        if self.refused_lowering.is_none() {
+            self.refused_lowering = view.refused_lowering.map(str::to_owned);
+        }
         let truth = self.truth.lock().unwrap_or_else(PoisonError::into_inner);
         match (view.cycle(), truth.as_ref()) {
             (Some(cycle), truth) => {

@@ -56,5 +56,6 @@ pub mod sheet;
 pub mod source;
 pub mod timings;
 pub mod wrist;
+pub mod written;
 
 pub use config::sensors;

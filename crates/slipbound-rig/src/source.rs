@@ -40,7 +40,7 @@ pub use riff::Rate;
 use slipbound::port::FrameSource;
 use std::fs::{self, File};
 use std::io::{self, BufReader, ErrorKind, Read, Seek};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Opens an image folder, a pattern, an image or a video file.
 pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
@@ -62,6 +62,11 @@ pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
 /// with it.
 pub fn decode_image(into: &mut slipbound::port::FrameBuffer) -> Result<(), String> {
     picture::decode(into)
+}
+
+/// The image files that `open` would read, in their order; none where it would read a video.
+pub fn image_files(uri: &str) -> Vec<PathBuf> {
+    folder::image_files(uri)
 }
 
 /// Whether `open` would read image files named by a pattern or one by one.

@@ -111,6 +111,11 @@ impl FingerPipeline {
         self.monitor.as_deref()
     }
 
+    /// What it was doing in its rest frame; None before that is known.
+    pub fn rest_kind(&self) -> Option<RestKind> {
+        self.rest_kind
+    }
+
     /// The newest frame.
     pub fn frame(&self) -> &FrameBuffer {
         &self.frame

@@ -9,7 +9,7 @@ use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::Settings;
 use slipbound::port::Gripper as _;
-use slipbound::task::{ControllerKind, Ending, Phase, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, Ending, Missing, Phase, TaskKind, TaskSettings};
 use slipbound_rig::gripper::clamp_to_gripper;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::realtime::{self, MonitorWorkers};
@@ -23,6 +23,18 @@ const READ_AHEAD_COUNT: usize = 8;
 
 /// What a hold without an end is given for its time, ns: eleven days.
 const WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
+
+/// Longest time between two cycles where frames come as from a camera, ns.
+const LONGEST_CYCLE_NS: u64 = 100_000_000;
+
+/// Why a task that ended while it was still taking hold has failed.
+pub(super) fn never_began(missing: Option<Missing>, refused_lowering: Option<&str>) -> anyhow::Error {
+    let why = missing.map_or("it was still taking hold", Missing::in_words);
+    match refused_lowering {
+        Some(refused) => anyhow!("the work never began: {why}; {refused}"),
+        None => anyhow!("the work never began: {why}"),
+    }
+}
 
 /// The arguments of `slipbound run`.
 #[derive(Debug, clap::Args)]
@@ -147,6 +159,8 @@ impl Hardware {
             other => Failure::Work(other.into()),
         })?;
         let period_ns = (1e9 / self.rate_hz) as u64;
+        // What is played slowly is silent between two frames as it should be.
+        let longest_cycle_ns = LONGEST_CYCLE_NS.max(period_ns + period_ns / 2);
         let mut due_ns = now_ns();
         let mut is_due = || {
             let now_ns = now_ns();
@@ -157,11 +171,20 @@ impl Hardware {
             is_due
         };
         let mut observer = (output.queued(self.record), Tally::default());
-        let ran = realtime::run(&mut control, &mut gripper, wrist.as_mut(), &stop, &mut is_due, &mut observer);
+        let ran = realtime::run_at_least_every(
+            longest_cycle_ns,
+            &mut control,
+            &mut gripper,
+            wrist.as_mut(),
+            &stop,
+            &mut is_due,
+            &mut observer,
+        );
+        let missing = control.task().missing();
         let held_n = gripper.poll().ok().and_then(|state| state.pressed_n());
         drop(gripper);
         let (queued, tally) = observer;
-        self.end(name == "hold", ran.map_err(Into::into), held_n, queued.finish(), tally)
+        self.end(name == "hold", ran.map_err(Into::into), held_n, missing, queued.finish(), tally)
     }
 
     /// Says how it went.
@@ -170,13 +193,14 @@ impl Hardware {
         is_hold: bool,
         ran: anyhow::Result<()>,
         held_n: Option<f64>,
+        missing: Option<Missing>,
         mut output: RunOutput,
         tally: Tally,
     ) -> Result<Outcome, Failure> {
         if let Err(e) = &ran {
             output.note(now_ns(), &format!("{e:#}"));
         }
-        let Tally { mut score, phase, .. } = tally;
+        let Tally { mut score, phase, refused_lowering, .. } = tally;
         if ran.is_ok() && is_hold && matches!(phase, Some(Phase::Working | Phase::Waiting)) {
             score.ending = Some(Ending::Held); // to the end of the source
         }
@@ -195,6 +219,7 @@ impl Hardware {
                 let expected = "expected bright frames of the open hand to begin with, got too few in";
                 Err(anyhow!("{expected} {}", self.sources.join(" and ")).into())
             }
+            None if phase == Some(Phase::Grasping) => Err(never_began(missing, refused_lowering.as_deref()).into()),
             Some(ending) if !ending.is_success() => Err(anyhow!("{}", ending.evidence()).into()),
             _ => Ok(outcome),
         }

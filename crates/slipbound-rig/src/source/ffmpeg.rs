@@ -4,9 +4,9 @@
 //! thread and the bit-exact flags make the pixels the same on every run of one version of the program.
 
 use super::avi::stamp;
+use super::picture::checked_size;
 use super::riff::{Survey, Video};
 use super::{Error, Rate};
-use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
 use std::ffi::OsString;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read};
@@ -16,9 +16,6 @@ use std::thread::JoinHandle;
 
 /// How much of the end of the program's messages is kept.
 const STDERR_BYTES: usize = 2000;
-/// Width and height beyond which a picture is taken for damaged: the largest a sensor file may state.
-const MAX_SIDE_PX: usize = 8192;
-
 /// The frames of a video as `ffmpeg` decodes them. The program is ended and reaped when this is dropped.
 #[derive(Debug)]
 pub struct Ffmpeg {
@@ -215,10 +212,10 @@ fn read_ppm(from: &mut impl BufRead, into: &mut FrameBuffer) -> io::Result<bool>
         *number = std::str::from_utf8(&text).ok().and_then(|t| t.parse().ok()).ok_or_else(|| wrong(&text))?;
     }
     let [width, height, white] = words;
-    if white != 255 || width == 0 || height == 0 || width > MAX_SIDE_PX || height > MAX_SIDE_PX {
+    if white != 255 {
         return Err(io::Error::other(format!("a picture of {width}x{height} with white at {white}")));
     }
-    into.size = SizePx::new(width, height);
+    into.size = checked_size(width, height).map_err(io::Error::other)?;
     into.format = PixelFormat::Rgb;
     into.pixels.resize(3 * into.size.area(), 0);
     from.read_exact(&mut into.pixels)?;
@@ -242,6 +239,7 @@ fn word(from: &mut impl Read) -> io::Result<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slipbound::image::SizePx;
 
     #[test]
     fn ppm_pictures_follow_each_other() {

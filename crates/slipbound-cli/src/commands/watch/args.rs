@@ -32,6 +32,9 @@ pub struct Watch {
     /// Write how many microseconds each step took, one JSON object a line
     #[arg(long, value_name = "FILE")]
     pub(super) timings: Option<PathBuf>,
+    /// Overwrite files that this program did not write (never a frame that is read)
+    #[arg(long)]
+    pub(super) force: bool,
     /// What the finger is called in the report
     #[arg(long, value_name = "NAME", default_value = "finger")]
     pub(super) finger: String,
