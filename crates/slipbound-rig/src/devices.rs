@@ -1,5 +1,9 @@
 //! Cameras and serial lines of this computer, and the grippers that are known.
 
+mod camera_node;
+
+pub use camera_node::CameraNode;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -17,29 +21,6 @@ pub const GRIPPERS: [(&str, &str); 6] = [
 const LIST: &str = "/sys/class/tty";
 /// How far above a terminal its USB device may be.
 const LEVELS_MOST: usize = 6;
-
-/// A camera that streams pictures.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CameraNode {
-    /// The node, as in `/dev/video0`.
-    pub path: PathBuf,
-    /// The camera's own name.
-    pub name: String,
-    /// The serial number of its USB device; None where it has none.
-    pub serial: Option<String>,
-    /// Vendor and product of its USB device, four hexadecimal digits each.
-    pub usb_id: Option<(String, String)>,
-    /// The kinds of its pictures, four letters each.
-    pub formats: Vec<String>,
-}
-
-impl CameraNode {
-    /// Path, name and serial number.
-    pub fn described(&self) -> String {
-        let serial = self.serial.as_ref().map_or(String::new(), |serial| format!(" serial {serial}"));
-        format!("{} {}{serial}", self.path.display(), self.name)
-    }
-}
 
 /// Every camera that streams pictures, by number, and which ones may not be opened, with the reason; none where there is no
 /// Video4Linux2.

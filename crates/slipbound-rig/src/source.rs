@@ -1,4 +1,4 @@
-//! Recordings as [`FrameSource`]s: `open("uri")` finds out which.
+//! Recordings and cameras as [`FrameSource`]s: `open("uri")` finds out which.
 //!
 //! ```text
 //!   folder/   'grasp_*.png'   frame.jpg            video.avi (MJPG)        any other video
@@ -9,6 +9,15 @@
 //! |---|---|---|---|
 //! | folder, pattern, image | place in the natural order of the names | none | unknown |
 //! | video | place in the file, dropped frames counted | number times the header's frame rate | assumed |
+//!
+//! | `run.mcap` | as it was recorded | as it was recorded, else the message's | as it was recorded, else container |
+//! | `-` (standard input), named pipe, through `ffmpeg` | place | none | unknown |
+//! | `http://` Motion JPEG | place | the server's stamp, else arrival | device, host |
+//! | `v4l2:` camera | the driver's, gaps counted | the driver's stamp | device |
+//! | `rtsp://` and others, through `ffmpeg` | place | arrival | host |
+//!
+//! The last three are live ([`is_live`]): a [`Camera`] says what was negotiated and counts what becomes of its frames; on a
+//! thread of its own ([`Newest`]) the newest frame wins.
 //!
 //! The rate in a video's header is often not the rate it was recorded at: nobody measured it, so the clock says
 //! `assumed`. A picture that cannot be decoded whole is [`Next::Torn`](slipbound::port::Next) and the recording
@@ -43,6 +52,7 @@ pub use ffmpeg_live::FfmpegLive;
 pub use folder::Folder;
 pub use mjpeg_http::MjpegHttp;
 pub use newest::{Arrivals, Awaited, Newest};
+pub use picture::decode as decode_image;
 pub use read_ahead::{AheadFrame, ReadAhead, most_common_size};
 pub use riff::Rate;
 
@@ -87,8 +97,12 @@ pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
         return open_mcap(Path::new(path), topic);
     }
     let path = Path::new(uri);
+    if uri == ffmpeg::STDIN {
+        return Ok(Box::new(Ffmpeg::open_pipe(path)?));
+    }
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => Ok(Box::new(Folder::open(path)?)),
+        Ok(there) if is_pipe(&there) => Ok(Box::new(Ffmpeg::open_pipe(path)?)),
         Ok(_) if folder::has_image_name(path) => Ok(Box::new(Folder::single(path))),
         Ok(_) => open_video(path),
         // A file whose own name holds such signs was found above.
@@ -119,10 +133,14 @@ fn open_mcap(path: &Path, _topic: Option<&str>) -> Result<Box<dyn FrameSource + 
     Err(Error::Mcap { path: path.to_owned(), why: "this build has no MCAP files (feature `mcap`)".into() })
 }
 
-/// Decodes `into.encoded`, a JPEG or PNG picture, into `into.pixels`; the text of the failure says what is wrong
-/// with it.
-pub fn decode_image(into: &mut slipbound::port::FrameBuffer) -> Result<(), String> {
-    picture::decode(into)
+#[cfg(unix)]
+fn is_pipe(there: &fs::Metadata) -> bool {
+    std::os::unix::fs::FileTypeExt::is_fifo(&there.file_type())
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_there: &fs::Metadata) -> bool {
+    false
 }
 
 /// Whether `open` would read image files named by a pattern or one by one.

@@ -61,7 +61,7 @@ fn record(path: &Path, count: u64, is_judged: impl Fn(u64) -> bool) -> Vec<Given
     while tapped.next(&mut frame).expect("goes on") != Next::End {
         let seq = frame.seq;
         if is_judged(seq) {
-            let mut marked = MarkedSource::new(Script { seqs: vec![seq] }, 0, recorder.inlet());
+            let mut marked = MarkedSource::new(Script { seqs: vec![seq] }, 0, recorder.inlet(), true);
             let next = marked.next(&mut frame).expect("goes on");
             judged.push(given(&next, &frame));
             writeln!(report, "{{\"seq\":{seq}}}").and_then(|()| report.flush()).expect("hands in");

@@ -1,6 +1,7 @@
 //! Frames out of an MCAP file: of our own recordings, of Foxglove's, of ROS 2.
 
-use super::{Fate, FrameRecord, frame_topic, pictures};
+use super::frame_record::{Fate, FrameRecord, camera_topic, frame_topic};
+use super::pictures;
 use crate::source::Error;
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -45,7 +46,7 @@ impl McapSource {
         let survey = Survey::of(path)?;
         let mut topics = survey.topics;
         if let Some(wanted) = wanted {
-            topics.retain(|name| name == wanted || *name == super::camera_topic(wanted));
+            topics.retain(|name| name == wanted || *name == camera_topic(wanted));
         }
         let names: Vec<String> = topics.iter().cloned().collect();
         let topic = match (names.len(), survey.broken) {

@@ -1,6 +1,7 @@
 //! Writes a recording, on a thread of its own.
 
-use super::{Fate, FrameRecord, camera_topic, foxglove};
+use super::foxglove;
+use super::frame_record::{Fate, FrameRecord, camera_topic};
 use crate::link::now_ns;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, WriteOptions, Writer};

@@ -1,7 +1,7 @@
 //! Frames on their way past a recorder.
 
+use super::frame_record::{Fate, FrameRecord};
 use super::recorder::{Inlet, Item, log_ns};
-use super::{Fate, FrameRecord};
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use std::io::{self, Write};
 
@@ -50,12 +50,13 @@ pub struct MarkedSource<S> {
     source: S,
     finger: usize,
     inlet: Inlet,
+    waits: bool,
 }
 
 impl<S> MarkedSource<S> {
-    /// Marks the frames of the finger with this number.
-    pub fn new(source: S, finger: usize, inlet: Inlet) -> Self {
-        MarkedSource { source, finger, inlet }
+    /// Marks the frames of the finger with this number. `waits` as in [`TappedSource::new`].
+    pub fn new(source: S, finger: usize, inlet: Inlet, waits: bool) -> Self {
+        MarkedSource { source, finger, inlet, waits }
     }
 }
 
@@ -69,7 +70,11 @@ impl<S: FrameSource> FrameSource for MarkedSource<S> {
         };
         let (seq, time_ns, clock) = (into.seq, into.time_ns, into.clock);
         let record = FrameRecord { seq, time_ns, clock, fate: Fate::Judged, torn, is_kept: true };
-        self.inlet.offer(Item::Taken { finger: self.finger, record });
+        let item = Item::Taken { finger: self.finger, record };
+        match self.waits {
+            true => self.inlet.send(item),
+            false => drop(self.inlet.offer(item)), // counted there
+        }
         Ok(next)
     }
 

@@ -14,6 +14,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;
 
+/// What standard input is called.
+pub(super) const STDIN: &str = "-";
+
 /// How much of the end of the program's messages is kept.
 const STDERR_BYTES: usize = 2000;
 /// Width and height beyond which a picture is taken for damaged: the largest a sensor file may state.
@@ -58,6 +61,16 @@ impl Ffmpeg {
                 (rate, count, None)
             }
         };
+        Ok(Ffmpeg { path: path.to_owned(), rate, frames_count, lacks, running: Some(running), seq: 0 })
+    }
+
+    /// Starts the program on what cannot be read twice: standard input (`-`) or a named pipe. There is no time.
+    pub(super) fn open_pipe(path: &Path) -> Result<Self, Error> {
+        let running = start(path, EVERY_FRAME_ONCE[0]).map_err(|source| match source.kind() {
+            ErrorKind::NotFound => Error::FfmpegMissing { path: path.to_owned(), codec: "a pipe".into() },
+            _ => Error::FfmpegStart { path: path.to_owned(), source },
+        })?;
+        let (rate, frames_count, lacks) = (None, None, None);
         Ok(Ffmpeg { path: path.to_owned(), rate, frames_count, lacks, running: Some(running), seq: 0 })
     }
 
@@ -149,7 +162,8 @@ fn file_argument(path: &Path) -> OsString {
 }
 
 fn start(path: &Path, every_frame_once: &str) -> io::Result<Running> {
-    Running::start(&["-flags", "+bitexact"], &file_argument(path), every_frame_once)
+    let input = if path.as_os_str() == STDIN { "pipe:0".into() } else { file_argument(path) };
+    Running::start(&["-flags", "+bitexact"], &input, every_frame_once)
 }
 
 impl Running {
@@ -163,7 +177,7 @@ impl Running {
         .args(["-map", "0:v:0", every_frame_once, "passthrough", "-an", "-sn", "-dn"])
         .args(["-sws_flags", "bitexact+accurate_rnd+full_chroma_int", "-pix_fmt", "rgb24"])
         .args(["-threads", "1", "-flags", "+bitexact", "-c:v", "ppm", "-f", "image2pipe", "-"])
-        .stdin(Stdio::null())
+        .stdin(if input == "pipe:0" { Stdio::inherit() } else { Stdio::null() })
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()?;

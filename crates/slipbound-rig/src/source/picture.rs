@@ -4,8 +4,8 @@ use super::jpeg;
 use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, PixelFormat};
 
-/// Decodes `into.encoded` into `into.pixels`; the text of the failure says what is wrong with the picture.
-pub(super) fn decode(into: &mut FrameBuffer) -> Result<(), String> {
+/// Decodes `into.encoded`, a JPEG or PNG picture, into `into.pixels`; the text of the failure says what is wrong with it.
+pub fn decode(into: &mut FrameBuffer) -> Result<(), String> {
     let encoded = std::mem::take(&mut into.encoded);
     let done = if encoded.is_empty() {
         Err("empty: zero bytes".into())
