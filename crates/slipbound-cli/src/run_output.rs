@@ -36,7 +36,12 @@ impl RunOutput {
     /// Begins a run in a folder that is new or empty.
     pub fn create(folder: &Path, info: &RunInfo, keeps_frames: bool) -> Result<Self, Failure> {
         let recorder = RunRecorder::create(folder, info, keeps_frames).map_err(Failure::arguments)?;
-        Ok(RunOutput { recorder: Some(recorder), console: Console::new(Terminal::with_status()), lost_count: 0, lost: Vec::new() })
+        Ok(RunOutput {
+            recorder: Some(recorder),
+            console: Console::new(Terminal::with_status()),
+            lost_count: 0,
+            lost: Vec::new(),
+        })
     }
 
     /// Something that no cycle shows.

@@ -103,7 +103,10 @@ mod tests {
         };
         let gripper = line("USB-RS485 Cable").gripper();
         assert_eq!(gripper, Some(("perhaps a Robotiq 2F-85", "robotiq:///dev/ttyUSB0".into())));
-        assert_eq!((line("Arduino Uno").gripper(), line("Arduino Uno").described()), (None, "Arduino Uno serial A1".into()));
+        assert_eq!(
+            (line("Arduino Uno").gripper(), line("Arduino Uno").described()),
+            (None, "Arduino Uno serial A1".into())
+        );
     }
 
     #[test]

@@ -118,7 +118,18 @@ fn a_named_pipe_is_read_to_its_end() {
     let dir = tempfile::tempdir().expect("a folder");
     let (video, pipe) = (dir.path().join("a.mp4"), dir.path().join("pipe"));
     let made = Command::new("ffmpeg")
-        .args(["-v", "error", "-f", "lavfi", "-i", "testsrc=size=64x48:rate=10:duration=1", "-f", "mpegts", "-c:v", "mpeg2video"])
+        .args([
+            "-v",
+            "error",
+            "-f",
+            "lavfi",
+            "-i",
+            "testsrc=size=64x48:rate=10:duration=1",
+            "-f",
+            "mpegts",
+            "-c:v",
+            "mpeg2video",
+        ])
         .arg(&video)
         .status();
     if !made.is_ok_and(|status| status.success()) {

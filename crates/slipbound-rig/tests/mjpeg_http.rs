@@ -98,7 +98,9 @@ fn drain(camera: &mut Camera, frames_count: usize) -> Vec<Result<u8, String>> {
     let (mut seen, mut frame): (Vec<Result<u8, String>>, _) = (Vec::new(), FrameBuffer::default());
     while seen.iter().filter(|next| next.is_ok()).count() < frames_count {
         seen.push(match next(camera, &mut frame) {
-            Next::Frame => Ok((frame.frame().map(|_| frame.pixels[0]).expect("as many pixels as its size says") + 20) / 40),
+            Next::Frame => {
+                Ok((frame.frame().map(|_| frame.pixels[0]).expect("as many pixels as its size says") + 20) / 40)
+            }
             Next::Torn { reason } => Err(reason),
             other => panic!("expected a frame, got {other:?}"),
         });
@@ -153,8 +155,14 @@ fn wrong_lengths_missing_lengths_and_missing_huffman_tables_lose_nothing() {
 fn torn_frames_are_counted_and_never_given_as_frames() {
     let whole = jpeg(1);
     let cut = &whole[..whole.len() * 2 / 3];
-    let script =
-        vec![head(), part(0), part_of(cut, Some(cut.len()), ""), part_of(b"no picture", None, ""), part(2), Step::Wait(5000)];
+    let script = vec![
+        head(),
+        part(0),
+        part_of(cut, Some(cut.len()), ""),
+        part_of(b"no picture", None, ""),
+        part(2),
+        Step::Wait(5000),
+    ];
     let mut camera = open(vec![script]);
     let seen = drain(&mut camera, 2);
     assert!(seen[1].as_ref().is_err_and(|why| why.contains("cut off")), "{seen:?}");

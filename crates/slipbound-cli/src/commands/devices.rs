@@ -47,7 +47,10 @@ fn list(cameras: &[CameraNode], lines: &[SerialLine]) -> Vec<String> {
     if lines.is_empty() {
         out.push("  none found".into());
     }
-    out.push("grippers that are known (docs/grippers.md), by their protocols; those on a network answer at an address".into());
+    out.push(
+        "grippers that are known (docs/grippers.md), by their protocols; those on a network answer at an address"
+            .into(),
+    );
     out.extend(devices::GRIPPERS.iter().map(|(what, address)| format!("  {what}: {address}")));
     out
 }

@@ -43,6 +43,9 @@ pub struct Doctor {
     gripper_config: Option<PathBuf>,
 }
 
+/// Frames and what is to be said of their source; a finding alone when there are none.
+type Looked = Result<(Vec<FrameBuffer>, Vec<Finding>), Finding>;
+
 impl Doctor {
     /// Looks at everything; fails when something is to be mended.
     pub fn run(&self) -> Result<Outcome, Failure> {
@@ -71,7 +74,7 @@ impl Doctor {
     }
 
     /// The frames, and what is to be said of camera, rate and clock; a finding alone when there are none.
-    fn look(&self) -> Result<Result<(Vec<FrameBuffer>, Vec<Finding>), Finding>, Failure> {
+    fn look(&self) -> Result<Looked, Failure> {
         let (mut source, camera) = match recording::open_watched(&self.source, None) {
             Ok(opened) => opened,
             Err(Failure::Work(e) | Failure::Arguments(e)) => {
@@ -97,7 +100,12 @@ impl Doctor {
         };
         let mut findings = vec![good("camera", format!("{}, frames of {}", self.source, first.size))];
         let advice = "a shorter or shielded cable, another USB port, or fewer cameras on one hub";
-        findings.push(judged("whole frames", format!("{torn_count} torn of {}", frames.len()), torn_count == 0, advice));
+        findings.push(judged(
+            "whole frames",
+            format!("{torn_count} torn of {}", frames.len()),
+            torn_count == 0,
+            advice,
+        ));
         if let Some(camera) = &camera {
             findings.push(rate(&camera.tally.counts(), &camera.facts));
             let is_loose = |(_, value): &&(String, String)| value.contains("left to") || value.contains("not locked");

@@ -8,8 +8,8 @@ use anyhow::anyhow;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound_rig::container::{Recorder, TappedSource};
 use slipbound_rig::link::now_ns;
-use slipbound_rig::source::{self, CameraTally};
 use slipbound_rig::sensors;
+use slipbound_rig::source::{self, CameraTally};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -47,7 +47,9 @@ impl Record {
         let recorder = Recorder::create(&self.output, &names, false).map_err(Failure::arguments)?;
         if let Some(sensor) = sensor {
             let text = toml::to_string(&sensor).map_err(|e| Failure::work("sensor", e))?;
-            names.iter().for_each(|n| recorder.attach(&format!("{n}.sensor.toml"), "text/toml", text.clone().into_bytes()));
+            names
+                .iter()
+                .for_each(|n| recorder.attach(&format!("{n}.sensor.toml"), "text/toml", text.clone().into_bytes()));
         }
         let mut terminal = Terminal::with_status();
         let stop = interruption::listen()?;
@@ -58,7 +60,8 @@ impl Record {
                 true => {
                     let camera = source::open_camera(uri).map_err(refused)?;
                     recorder.metadata(&format!("slipbound.camera.{}", names[number]), camera.facts.clone());
-                    let facts: Vec<String> = camera.facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
+                    let facts: Vec<String> =
+                        camera.facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
                     terminal.note(&format!("{}: {}", names[number], facts.join(", ")));
                     (camera.source, Some(camera.tally))
                 }
@@ -77,7 +80,8 @@ impl Record {
             match thread.join() {
                 Ok(Ok((frames, torn))) => {
                     torn_count += torn;
-                    let told = tally.map_or(format!("{frames} frames, {torn} torn"), |tally| tally.counts().to_string());
+                    let told =
+                        tally.map_or(format!("{frames} frames, {torn} torn"), |tally| tally.counts().to_string());
                     terminal.say(&format!("{name}: {told}"))?;
                 }
                 Ok(Err(error)) => drop(failed.get_or_insert(error)),
@@ -107,7 +111,8 @@ impl Record {
             if until_ns.is_some_and(|until_ns| now_ns() >= until_ns) {
                 return;
             }
-            let told: Vec<String> = running.iter().flat_map(|(_, tally)| Some(tally.as_ref()?.counts().to_string())).collect();
+            let told: Vec<String> =
+                running.iter().flat_map(|(_, tally)| Some(tally.as_ref()?.counts().to_string())).collect();
             terminal.status(&told.join(" | "));
             thread::sleep(Duration::from_millis(50));
         }

@@ -43,10 +43,13 @@ pub fn open_watched(source: &str, recorder: Option<&Recorder>) -> Result<(ReadAh
         Some(scene) => simulate(scene)?,
         None => source::open(source).map_err(refused)?,
     };
-    Ok((ReadAhead::new(match inlet {
-        Some(inlet) => marked(TappedSource::new(recording, 0, inlet.clone(), true), Some(inlet), 0, true),
-        None => recording,
-    }), None))
+    Ok((
+        ReadAhead::new(match inlet {
+            Some(inlet) => marked(TappedSource::new(recording, 0, inlet.clone(), true), Some(inlet), 0, true),
+            None => recording,
+        }),
+        None,
+    ))
 }
 
 /// The source whose frames are marked in the recording as they are taken to be judged, if there is a recording. `waits`: for

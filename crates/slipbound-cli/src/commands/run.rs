@@ -192,7 +192,9 @@ impl Hardware {
         if let Some(written) = recorder.map(Recorder::finish) {
             match written.map(|written| written.lost_count + lost_cycles_count) {
                 Ok(0) => {}
-                Ok(count) => output.lost(format!("{count} frames or lines were not recorded: the disk did not keep up")),
+                Ok(count) => {
+                    output.lost(format!("{count} frames or lines were not recorded: the disk did not keep up"))
+                }
                 Err(e) => output.lost(e.to_string()),
             }
         }

@@ -104,7 +104,9 @@ impl Watch {
         }
         let is_lossless = recorder.map_or(Ok(true), |recorder| finish(recorder, &terminal));
         ended.and(closed)?;
-        Ok(if !is_lossless? || summary.torn_count() > 0 { Outcome::DataLost } else { Outcome::Done })
+        // A torn frame that a newer one overtook is lost all the same.
+        let torn_count = summary.torn_count() + camera.map_or(0, |camera| camera.tally.counts().torn_count);
+        Ok(if !is_lossless? || torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
     }
 
     /// What goes with a recording, so that it can be judged again anywhere.

@@ -20,7 +20,8 @@ pub fn read(schema: &str, encoding: &str, message: &[u8], into: &mut FrameBuffer
         (cdr::COMPRESSED | cdr::RAW, "cdr") => cdr::read(schema, message),
         _ => return Err(format!("expected {schema} in protobuf (foxglove) or CDR (ROS 2), got `{encoding}`")),
     };
-    let picture = picture.ok_or_else(|| format!("expected a message {schema}, got {} bytes that are none", message.len()))?;
+    let picture =
+        picture.ok_or_else(|| format!("expected a message {schema}, got {} bytes that are none", message.len()))?;
     if schema == foxglove::COMPRESSED || schema == cdr::COMPRESSED {
         into.encoded.extend_from_slice(picture.bytes);
         decode_image(into)?;

@@ -27,6 +27,7 @@ pub struct McapSource {
     channels: HashMap<u16, (String, String)>,
     /// What is known of every frame of a recording of ours, in its order; None for others' files.
     known: Option<Known>,
+    /// The number after that of the last frame.
     seq: u64,
     is_over: bool,
 }
@@ -57,7 +58,10 @@ impl McapSource {
         let Some(topic) = topic else {
             let expected = pictures::SCHEMAS.join(", ");
             return Err(wrong(match names.as_slice() {
-                [] => format!("expected a topic{} with {expected}, got none", wanted.map_or(String::new(), |w| format!(" {w}"))),
+                [] => format!(
+                    "expected a topic{} with {expected}, got none",
+                    wanted.map_or(String::new(), |w| format!(" {w}"))
+                ),
                 several => format!("expected FILE.mcap#TOPIC with one of {}", several.join(", ")),
             }));
         };
@@ -92,6 +96,7 @@ impl McapSource {
         // Numbers beyond 32 bits have lost their upper half: they never come in one recording.
         let Some(record) = known.frames.get(&u64::from(sequence)) else { return !known.judges };
         (into.seq, into.time_ns, into.clock) = (record.seq, record.time_ns, record.clock);
+        self.seq = into.seq + 1;
         record.fate != Fate::Skipped
     }
 
@@ -132,6 +137,8 @@ impl FrameSource for McapSource {
                 self.is_over = true;
                 if let Some(reason) = self.records.broken.take() {
                     into.encoded.clear();
+                    into.label.clear();
+                    (into.seq, into.time_ns) = (self.seq, None);
                     return Ok(Next::Torn { reason: format!("{}: {reason}", self.path.display()) });
                 }
                 continue;

@@ -27,7 +27,8 @@ const CHUNK_BYTES: u64 = 8 << 20;
 const REPORT_SCHEMA: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/report.schema.json"));
 /// A schema that says no more than that it is an object.
 const OBJECT_SCHEMA: &[u8] = br#"{"type":"object"}"#;
-const FRAME_SCHEMA: &[u8] = br#"{"type":"object","title":"slipbound.Frame","required":["seq","time_ns","clock","fate","torn","is_kept"],
+const FRAME_SCHEMA: &[u8] =
+    br#"{"type":"object","title":"slipbound.Frame","required":["seq","time_ns","clock","fate","torn","is_kept"],
 "properties":{"seq":{"type":"integer"},"time_ns":{"type":["integer","null"]},"clock":{"type":"string"},
 "fate":{"enum":["judged","skipped","recorded"]},"torn":{"type":["string","null"]},"is_kept":{"type":"boolean"}}}"#;
 
@@ -243,7 +244,13 @@ impl Sheet {
             Item::Attachment { name, media_type, bytes } => {
                 let now = log_ns();
                 let media_type = media_type.into();
-                self.writer.attach(&Attachment { log_time: now, create_time: now, name, media_type, data: bytes.into() })
+                self.writer.attach(&Attachment {
+                    log_time: now,
+                    create_time: now,
+                    name,
+                    media_type,
+                    data: bytes.into(),
+                })
             }
             Item::Metadata { name, facts } => self.writer.write_metadata(&Metadata { name, metadata: facts }),
             Item::End => Ok(()),

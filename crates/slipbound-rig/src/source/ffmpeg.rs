@@ -170,21 +170,21 @@ impl Running {
     /// Starts the program on what `input` names, with these options of its own in front.
     pub(super) fn start(options: &[&str], input: &OsStr, every_frame_once: &str) -> io::Result<Running> {
         let mut child = Command::new("ffmpeg")
-        .args(["-nostdin", "-hide_banner", "-loglevel", "error", "-threads", "1"])
-        .args(options)
-        .arg("-i")
-        .arg(input)
-        .args(["-map", "0:v:0", every_frame_once, "passthrough", "-an", "-sn", "-dn"])
-        .args(["-sws_flags", "bitexact+accurate_rnd+full_chroma_int", "-pix_fmt", "rgb24"])
-        .args(["-threads", "1", "-flags", "+bitexact", "-c:v", "ppm", "-f", "image2pipe", "-"])
-        .stdin(if input == "pipe:0" { Stdio::inherit() } else { Stdio::null() })
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()?;
-    let missing = || io::Error::other("no pipe to the program");
-    let stdout = BufReader::with_capacity(1 << 20, child.stdout.take().ok_or_else(missing)?);
-    let stderr = child.stderr.take().ok_or_else(missing)?;
-    Ok(Running { child, stdout, stderr: Some(std::thread::spawn(move || last_words(stderr))) })
+            .args(["-nostdin", "-hide_banner", "-loglevel", "error", "-threads", "1"])
+            .args(options)
+            .arg("-i")
+            .arg(input)
+            .args(["-map", "0:v:0", every_frame_once, "passthrough", "-an", "-sn", "-dn"])
+            .args(["-sws_flags", "bitexact+accurate_rnd+full_chroma_int", "-pix_fmt", "rgb24"])
+            .args(["-threads", "1", "-flags", "+bitexact", "-c:v", "ppm", "-f", "image2pipe", "-"])
+            .stdin(if input == "pipe:0" { Stdio::inherit() } else { Stdio::null() })
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()?;
+        let missing = || io::Error::other("no pipe to the program");
+        let stdout = BufReader::with_capacity(1 << 20, child.stdout.take().ok_or_else(missing)?);
+        let stderr = child.stderr.take().ok_or_else(missing)?;
+        Ok(Running { child, stdout, stderr: Some(std::thread::spawn(move || last_words(stderr))) })
     }
 
     /// Its pictures.

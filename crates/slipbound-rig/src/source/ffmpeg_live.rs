@@ -19,7 +19,16 @@ pub(super) const SCHEMES: [&str; 8] =
 
 /// Options before the address: small buffers, and an end when nothing comes for five seconds.
 const LOW_LATENCY: [&str; 10] = [
-    "-fflags", "nobuffer", "-flags", "low_delay", "-probesize", "65536", "-analyzeduration", "500000", "-max_delay", "100000",
+    "-fflags",
+    "nobuffer",
+    "-flags",
+    "low_delay",
+    "-probesize",
+    "65536",
+    "-analyzeduration",
+    "500000",
+    "-max_delay",
+    "100000",
 ];
 
 /// Wait before the first start anew, and the longest: it doubles.

@@ -226,7 +226,10 @@ fn read_head(socket: &mut TcpStream) -> io::Result<(String, Vec<u8>)> {
             Err(e) => return Err(e),
         }
         if now_ns() > until_ns {
-            return Err(io::Error::other(format!("expected an answer within {} s, got none", SILENT_NS / 1_000_000_000)));
+            return Err(io::Error::other(format!(
+                "expected an answer within {} s, got none",
+                SILENT_NS / 1_000_000_000
+            )));
         }
     }
 }
@@ -247,7 +250,9 @@ fn boundary(head: &str) -> Result<String, String> {
     match (code, value("location")) {
         ("200", _) => {}
         (_, Some(elsewhere)) => return Err(format!("expected a stream, got `{status}`: try {elsewhere}")),
-        ("401", _) => return Err(format!("expected a stream, got `{status}`: streams behind a password are not supported")),
+        ("401", _) => {
+            return Err(format!("expected a stream, got `{status}`: streams behind a password are not supported"));
+        }
         _ => return Err(format!("expected a stream, got `{status}`")),
     }
     let kind = value("content-type").unwrap_or_default();

@@ -189,7 +189,8 @@ impl Multipart {
         let delimiter = self.find_delimiter();
         let unread = self.unread();
         let stated = head.length_bytes.filter(|&length| {
-            delimiter.is_none_or(|at| length <= at) && unread.get(..length).is_some_and(|part| part.ends_with(&JPEG_END))
+            delimiter.is_none_or(|at| length <= at)
+                && unread.get(..length).is_some_and(|part| part.ends_with(&JPEG_END))
         });
         if let Some(length) = stated {
             return Ok(Some(length));

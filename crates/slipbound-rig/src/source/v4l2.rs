@@ -149,7 +149,8 @@ impl Open {
             return Ok(None);
         }
         let (kind, layout) = (self.kind, self.layout);
-        let Some((sequence, read)) = self.stream.take(|picture| (picture.sequence, read(picture, kind, &layout, into)))?
+        let Some((sequence, read)) =
+            self.stream.take(|picture| (picture.sequence, read(picture, kind, &layout, into)))?
         else {
             return Ok(None);
         };
@@ -170,8 +171,7 @@ impl Open {
 /// Takes a picture out of the driver's buffer; in words why it is torn.
 fn read(picture: Picture<'_>, kind: PixelKind, layout: &PictureLayout, into: &mut FrameBuffer) -> Result<(), String> {
     let is_device = picture.flags & sys::STAMP_MASK == sys::STAMP_MONOTONIC && picture.stamp_ns > 0;
-    (into.clock, into.time_ns) =
-        if is_device { (Clock::Device, Some(picture.stamp_ns)) } else { (Clock::Host, None) };
+    (into.clock, into.time_ns) = if is_device { (Clock::Device, Some(picture.stamp_ns)) } else { (Clock::Host, None) };
     into.encoded.clear();
     if picture.flags & sys::DAMAGED != 0 {
         return Err("the driver marked it as damaged".into());

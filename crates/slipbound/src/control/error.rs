@@ -68,7 +68,10 @@ impl fmt::Display for ControlError {
             ControlError::Setting { finger, source } => write!(f, "{finger}: {source}"),
             ControlError::Rest { finger, source } => write!(f, "{finger}: no rest frame: {source}"),
             ControlError::Touched { finger } => {
-                write!(f, "{finger}: expected a finger that nothing touches, got one in contact: free it and start again")
+                write!(
+                    f,
+                    "{finger}: expected a finger that nothing touches, got one in contact: free it and start again"
+                )
             }
             ControlError::Monitor { finger } => write!(f, "{finger}: the thread of its monitor has broken down"),
             ControlError::Fault { fault, waited_ns: 0 } => write!(f, "{fault}"),

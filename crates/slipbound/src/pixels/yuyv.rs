@@ -80,7 +80,8 @@ mod tests {
             for u in (0..=255).step_by(5) {
                 for v in (0..=255).step_by(5) {
                     let got = pixels(&[y, u, y, v], 2, 1, 4).expect("a pair");
-                    let (luma, u, v) = (1.164 * (f64::from(y) - 16.0).max(0.0), f64::from(u) - 128.0, f64::from(v) - 128.0);
+                    let (luma, u, v) =
+                        (1.164 * (f64::from(y) - 16.0).max(0.0), f64::from(u) - 128.0, f64::from(v) - 128.0);
                     let exact = [luma + 1.596 * v, luma - 0.813 * v - 0.391 * u, luma + 2.018 * u];
                     for (got, exact) in got.iter().zip(exact) {
                         assert!((f64::from(*got) - exact.clamp(0.0, 255.0)).abs() <= 1.0, "{y} {u} {v}");

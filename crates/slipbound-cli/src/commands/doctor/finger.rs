@@ -118,7 +118,8 @@ mod tests {
 
     #[test]
     fn white_pictures_and_light_that_moves_are_bad() {
-        let is_good = |frames: &[FrameBuffer]| -> Vec<bool> { lighting(frames).iter().map(|f| f.advice.is_none()).collect() };
+        let is_good =
+            |frames: &[FrameBuffer]| -> Vec<bool> { lighting(frames).iter().map(|f| f.advice.is_none()).collect() };
         assert_eq!(is_good(&[frame(120), frame(121)]), [true, true]);
         assert_eq!(is_good(&[frame(120), frame(255)]), [false, false]);
         assert_eq!(is_good(&[frame(0), frame(0)]), [false, true]);

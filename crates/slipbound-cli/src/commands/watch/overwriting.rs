@@ -13,7 +13,8 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
         _ => None,
     };
     // Of `FILE.mcap#TOPIC` the file.
-    let source = Path::new(slipbound_rig::source::mcap_file(&args.source).map_or(args.source.as_str(), |(file, _)| file));
+    let source =
+        Path::new(slipbound_rig::source::mcap_file(&args.source).map_or(args.source.as_str(), |(file, _)| file));
     let inputs = [
         ("SOURCE", Some(source)),
         ("--rest", rest),

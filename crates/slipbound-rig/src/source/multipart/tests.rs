@@ -62,7 +62,8 @@ fn a_part_with_the_right_length_is_given_before_the_next_delimiter_comes() {
 
 #[test]
 fn boundaries_with_dashes_of_their_own_and_bare_line_feeds_are_understood() {
-    for (boundary, delimiter, end) in [("--cam", "--cam", "\r\n"), ("--cam", "----cam", "\r\n"), ("cam", "--cam", "\n")] {
+    for (boundary, delimiter, end) in [("--cam", "--cam", "\r\n"), ("--cam", "----cam", "\r\n"), ("cam", "--cam", "\n")]
+    {
         let bytes = format!("{delimiter}{end}A: b{end}{end}hello{end}{delimiter}{end}{end}you{end}{delimiter}--");
         let (found, last, _) = parts(boundary, bytes.as_bytes(), &[3]);
         assert_eq!(found, [b"hello".to_vec(), b"you".to_vec()], "{boundary} {delimiter} {end:?}");
@@ -89,7 +90,8 @@ fn heads_parts_and_gaps_without_an_end_are_refused_and_little_is_kept() {
 
 #[test]
 fn time_stamps_are_exact_to_the_nanosecond() {
-    for (text, ns) in [("0", Some(0)), ("3.5", Some(3_500_000_000)), ("1700000000.123456", Some(1_700_000_000_123_456_000))]
+    for (text, ns) in
+        [("0", Some(0)), ("3.5", Some(3_500_000_000)), ("1700000000.123456", Some(1_700_000_000_123_456_000))]
     {
         assert_eq!(seconds_to_ns(text), ns, "{text}");
     }

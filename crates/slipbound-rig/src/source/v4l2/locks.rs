@@ -58,7 +58,9 @@ fn lock_one(device: &Device, name: &str, controls: &Controls, lock: Lock) -> Res
             Err(format!("{name}={} to {}, got {value}", range.least, range.most))
         }
         (Lock::At(value), Some(_)) => {
-            device.set_control(controls.value, value).map_err(|e| format!("a camera that takes {name}={value}: {e}"))?;
+            device
+                .set_control(controls.value, value)
+                .map_err(|e| format!("a camera that takes {name}={value}: {e}"))?;
             Ok(locked(device, controls))
         }
         (_, Some(_)) => Ok(locked(device, controls)),

@@ -116,8 +116,8 @@ impl Options {
 /// Whether pixels are of one colour each, as the sensor has them, of 8 to 16 bits.
 fn is_bayer(four_cc: &[u8; 4]) -> bool {
     let orders = [&b"BA"[..], b"GB", b"GR", b"RG", b"BG", b"BY", b"pB", b"pG", b"pR", b"pg"];
-    let grey_or_colour = [*b"GREY", *b"RGB3", *b"BGR3", *b"RGBP", *b"RGBO", *b"RGBR", *b"RGBQ", *b"BGR4", *b"GRBG"];
-    orders.iter().any(|order| four_cc.starts_with(order)) && (!grey_or_colour.contains(four_cc) || four_cc == b"GRBG")
+    let is_other = four_cc == b"GREY" || four_cc.starts_with(b"RGB") || four_cc.starts_with(b"BGR");
+    !is_other && orders.iter().any(|order| four_cc.starts_with(order))
 }
 
 #[cfg(test)]
@@ -158,7 +158,7 @@ mod tests {
         assert_eq!(grey.kind_of(&[*b"MJPG", *b"GREY"]), Ok(PixelKind::Grey));
         let refused = any.kind_of(&[*b"RGGB", *b"BA81"]).expect_err("Bayer");
         assert!(refused.contains("RGGB, BA81") && refused.contains("raw Bayer"), "{refused}");
-        let refused = any.kind_of(&[*b"NV12", *b"RGB3"]).expect_err("others");
+        let refused = any.kind_of(&[*b"NV12", *b"RGB3", *b"BGR3"]).expect_err("others");
         assert!(!refused.contains("Bayer"), "{refused}");
     }
 }

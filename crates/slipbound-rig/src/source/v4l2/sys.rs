@@ -285,7 +285,8 @@ impl Device {
         let mut parameters = StreamParameters { kind: CAPTURE, ..StreamParameters::zero() };
         self.call(READ | WRITE, 21, &mut parameters).ok()?;
         if let Some(rate_hz) = rate_hz {
-            (parameters.interval_numerator, parameters.interval_denominator) = (1000, (rate_hz * 1000.0).round() as u32);
+            (parameters.interval_numerator, parameters.interval_denominator) =
+                (1000, (rate_hz * 1000.0).round() as u32);
             // What it refuses shows in the rate that is set.
             let _ = self.call(READ | WRITE, 22, &mut parameters);
             self.call(READ | WRITE, 21, &mut parameters).ok()?;
@@ -409,12 +410,14 @@ impl Stream {
             Err(e) if e.kind() == io::ErrorKind::WouldBlock => return Ok(None),
             other => other?,
         }
-        let mapping = self.mappings.get(buffer.index as usize).ok_or_else(|| io::Error::other("a buffer nobody made"))?;
+        let mapping =
+            self.mappings.get(buffer.index as usize).ok_or_else(|| io::Error::other("a buffer nobody made"))?;
         let length = (buffer.bytes_used as usize).min(mapping.length);
         // SAFETY: within the mapping, which outlives `see`. The driver has handed the buffer over and does not write to it
         // before it is queued again below.
         let bytes = unsafe { std::slice::from_raw_parts(mapping.start.as_ptr(), length) };
-        let stamp_ns = (buffer.stamp_s.max(0) as u64).saturating_mul(1_000_000_000) + buffer.stamp_us.max(0) as u64 * 1000;
+        let stamp_ns =
+            (buffer.stamp_s.max(0) as u64).saturating_mul(1_000_000_000) + buffer.stamp_us.max(0) as u64 * 1000;
         let seen = see(Picture { bytes, sequence: buffer.sequence, stamp_ns, flags: buffer.flags });
         self.device.call(READ | WRITE, 15, &mut buffer)?;
         Ok(Some(seen))
