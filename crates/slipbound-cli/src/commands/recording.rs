@@ -37,7 +37,7 @@ pub fn open_watched(source: &str, recorder: Option<&Recorder>) -> Result<(ReadAh
     let inlet = recorder.map(Recorder::inlet);
     if source::is_live(source) {
         let (newest, live) = open_live(source, inlet.as_ref(), 0)?;
-        return Ok((ReadAhead::new(marked(Awaited(newest), inlet, 0, false)), Some(live)));
+        return Ok((ReadAhead::new(Box::new(Awaited(newest))), Some(live)));
     }
     let recording = match scene(source) {
         Some(scene) => simulate(scene)?,
@@ -45,7 +45,7 @@ pub fn open_watched(source: &str, recorder: Option<&Recorder>) -> Result<(ReadAh
     };
     Ok((
         ReadAhead::new(match inlet {
-            Some(inlet) => marked(TappedSource::new(recording, 0, inlet.clone(), true), Some(inlet), 0, true),
+            Some(inlet) => Box::new(TappedSource::new(recording, 0, inlet, true)),
             None => recording,
         }),
         None,

@@ -23,12 +23,11 @@ use silence::Silence;
 use slipbound::events::SlipEvents;
 use slipbound::image::SizePx;
 use slipbound::monitor::{Settings, SlipMonitor};
-use slipbound::port::{FrameBuffer, FrameSource as _, Next};
+use slipbound::port::{FrameBuffer, FrameSource, Next};
 use slipbound::sensor::Sensor;
 use slipbound_rig::container::Recorder;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::report_summary::{ReportSummary, torn};
-use slipbound_rig::source::ReadAhead;
 use slipbound_rig::{config, sensors};
 use std::sync::atomic::Ordering;
 
@@ -87,9 +86,12 @@ impl Watch {
         let mut outputs = Outputs::open(self, origin, &monitor, recorder.as_ref())?;
 
         let mut summary = ReportSummary::new();
+        // Marked as they are judged, not as they are read ahead.
+        let inlet = recorder.as_ref().map(Recorder::inlet);
+        let mut recording = recording::marked(recording, inlet, 0, camera.is_none());
         let mut silence = camera.as_ref().map(|_| Silence::new(self.max_silence_ms));
         let ended =
-            self.judge(&mut recording, &mut monitor, &mut outputs, &mut summary, &mut terminal, silence.as_mut());
+            self.judge(recording.as_mut(), &mut monitor, &mut outputs, &mut summary, &mut terminal, silence.as_mut());
         terminal.clear_bar();
         if matches!(ended, Err(Failure::ReaderLeft)) {
             let _ = recorder.map(Recorder::finish); // nobody is left to tell
@@ -124,7 +126,7 @@ impl Watch {
     /// The loop: a frame in, its report out to every output.
     fn judge(
         &self,
-        recording: &mut ReadAhead,
+        recording: &mut dyn FrameSource,
         monitor: &mut SlipMonitor,
         outputs: &mut Outputs,
         summary: &mut ReportSummary,
@@ -135,12 +137,12 @@ impl Watch {
         let mut events = SlipEvents::new();
         let mut buffer = FrameBuffer::default();
         loop {
+            if silence.is_some() && interrupted.load(Ordering::Relaxed) {
+                // A camera has no other end. What was taken has been judged.
+                return events.end().map_or(Ok(()), |event| terminal.say(&summary.event(&event)));
+            }
             let next = recording.next(&mut buffer);
-            if interrupted.load(Ordering::Relaxed) {
-                if silence.is_some() {
-                    // A camera has no other end.
-                    return events.end().map_or(Ok(()), |event| terminal.say(&summary.event(&event)));
-                }
+            if silence.is_none() && interrupted.load(Ordering::Relaxed) {
                 let frames_count = summary.frames_count();
                 return Err(anyhow!("interrupted after {frames_count} frames; what was judged is kept").into());
             }

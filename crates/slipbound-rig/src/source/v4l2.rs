@@ -31,6 +31,7 @@ use options::{Options, PixelKind};
 use slipbound::image::SizePx;
 use slipbound::pixels::yuyv;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
+use std::fs;
 use std::io;
 use std::sync::Arc;
 use std::thread;
@@ -215,7 +216,10 @@ impl From<io::Error> for Problem {
 /// Finds, sets and starts a camera; what was negotiated and locked.
 fn start(options: &Options) -> Result<(Open, Vec<(String, String)>), Problem> {
     let (cameras, refused) = cameras();
-    let node = choose(&cameras, &options.camera).map_err(|expected| match refused.as_slice() {
+    // A name that udev gave leads to the node.
+    let path = fs::canonicalize(&options.camera).ok().filter(|_| options.camera.starts_with('/'));
+    let wanted = path.map_or(options.camera.clone(), |path| path.display().to_string());
+    let node = choose(&cameras, &wanted).map_err(|expected| match refused.as_slice() {
         [] => Problem::Asked(expected),
         refused => Problem::Asked(format!("{expected}; not readable: {}", refused.join(", "))),
     })?;
