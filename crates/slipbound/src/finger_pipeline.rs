@@ -25,6 +25,7 @@ pub struct FingerPipeline {
     source: Box<dyn FrameSource + Send>,
     sensor: Sensor,
     settings: Settings,
+    refuses_touch: bool,
     rest_finder: Option<RestFinder>,
     rest_kind: Option<RestKind>,
     monitor: Option<Box<SlipMonitor>>,
@@ -82,6 +83,7 @@ impl FingerPipeline {
             source,
             sensor,
             settings,
+            refuses_touch: false,
             rest_finder: None,
             rest_kind: None,
             monitor: None,
@@ -89,6 +91,12 @@ impl FingerPipeline {
             next: Next::Silent,
             report: None,
         }
+    }
+
+    /// The same finger, which fails with [`ControlError::Touched`] when something touches it in its rest frame.
+    #[must_use]
+    pub fn refusing_touch(self) -> Self {
+        FingerPipeline { refuses_touch: true, ..self }
     }
 
     /// What it is called.
@@ -181,6 +189,9 @@ impl FingerPipeline {
             Some(Err(RestError::NoStationaryFrame { .. })) | None => return Ok(()),
             Some(Err(source)) => return Err(ControlError::Rest { finger: finger(), source }),
         };
+        if self.refuses_touch && found.rest.kind() == RestKind::InContact {
+            return Err(ControlError::Touched { finger: finger() });
+        }
         self.rest_kind = Some(found.rest.kind());
         let monitor = SlipMonitor::new(&self.sensor, &self.settings, found.rest);
         self.monitor =

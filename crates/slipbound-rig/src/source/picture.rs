@@ -15,8 +15,8 @@ pub(super) fn checked_size(width_px: usize, height_px: usize) -> Result<SizePx, 
     }
 }
 
-/// Decodes `into.encoded` into `into.pixels`; the text of the failure says what is wrong with the picture.
-pub(super) fn decode(into: &mut FrameBuffer) -> Result<(), String> {
+/// Decodes `into.encoded`, a JPEG or PNG picture, into `into.pixels`; the text of the failure says what is wrong with it.
+pub fn decode(into: &mut FrameBuffer) -> Result<(), String> {
     let encoded = std::mem::take(&mut into.encoded);
     let done = if encoded.is_empty() {
         Err("empty: zero bytes".into())

@@ -13,7 +13,9 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
         Some(RestArgument::Image(path)) => Some(path.as_path()),
         _ => None,
     };
-    let source = Path::new(&args.source);
+    // Of `FILE.mcap#TOPIC` the file.
+    let source =
+        Path::new(slipbound_rig::source::mcap_file(&args.source).map_or(args.source.as_str(), |(file, _)| file));
     let inputs = [
         ("SOURCE", Some(source)),
         ("--rest", rest),
@@ -24,6 +26,7 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
         ("--json", args.json.as_deref().filter(|_| !args.json_on_stdout())),
         ("--timings", args.timings.as_deref()),
         ("--overlay", args.overlay.as_deref()),
+        ("--record", args.record.as_deref()),
     ];
     let mut taken: Vec<(&str, PathBuf)> =
         inputs.into_iter().filter_map(|(name, path)| Some((name, place(path.filter(|p| p.exists())?)?))).collect();
