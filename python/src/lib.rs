@@ -1,11 +1,14 @@
 //! The Python package `slipbound`: arrays in, objects out. No defaults and no logic of the method live here.
 
+mod control;
+mod cycle;
 mod errors;
 mod field;
 mod lab;
 mod monitor;
 mod overlay;
 mod picture;
+mod ports;
 mod report;
 mod sensor;
 mod watch;
@@ -37,6 +40,12 @@ fn _slipbound(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<lab::Simulation>()?;
     m.add_class::<lab::SimulatedFrame>()?;
     m.add_class::<lab::Truth>()?;
+    m.add_class::<control::Loop>()?;
+    m.add_class::<control::HandRun>()?;
+    m.add_class::<cycle::Cycle>()?;
+    m.add_class::<ports::GripperState>()?;
+    m.add_class::<ports::WristState>()?;
+    m.add_class::<ports::WristCommand>()?;
     m.add_function(wrap_pyfunction!(run, m)?)?;
     m.add_function(wrap_pyfunction!(report::full_line, m)?)?;
     m.add_function(wrap_pyfunction!(sensor::sensors_built_in, m)?)?;

@@ -15,7 +15,9 @@ use slipbound::monitor::{
 };
 use slipbound::port::GripSample;
 use slipbound::sensor::Sensor as CoreSensor;
+use std::hint::black_box;
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 /// What a monitor is called in messages.
 const WHAT: &str = "monitor";
@@ -139,6 +141,26 @@ impl Monitor {
         let (report, kept, waiting) = done?;
         state.frames_count += 1;
         Ok(Report { report, kept: Arc::new(kept), finger: "finger".into(), frame: seq, waiting })
+    }
+
+    /// Judges one frame `count` times in Rust alone and answers the ns of each step: what `bench/python.md` compares with.
+    fn _time_steps(&self, py: Python<'_>, frame: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u64>> {
+        let picture = Picture::new(frame, self.order)?;
+        let mut state = exclusive(&self.state, WHAT)?;
+        let Phase::Judging(monitor, _) = &mut state.phase else { return Err(rest_error(NoRest::Empty)) };
+        let mut scratch = Vec::new();
+        let frame = Frame { pixels: picture.pixels(&mut scratch)?, seq: 0, time_ns: None };
+        py.detach(|| {
+            guarded(|| {
+                Ok((0..count)
+                    .map(|_| {
+                        let start = Instant::now();
+                        black_box(monitor.step(&frame, None));
+                        start.elapsed().as_nanos() as u64
+                    })
+                    .collect())
+            })
+        })
     }
 
     /// Takes the markers as they were last seen for the reference from now on, as after a grip step.
