@@ -4,7 +4,7 @@
 >>> env = gymnasium.make("slipbound/HoldBottle-v0")
 >>> observation, _ = env.reset(seed=1)
 >>> observation["image"].shape
-(320, 427, 3)
+(480, 640, 3)
 """
 
 from __future__ import annotations

@@ -117,12 +117,7 @@ impl Cycle {
 
     /// The newest frame of a finger as an array; None before the first.
     #[pyo3(signature = (finger = 0, *, order = "BGR"))]
-    fn image<'py>(
-        &self,
-        py: Python<'py>,
-        finger: usize,
-        order: &str,
-    ) -> PyResult<Option<Bound<'py, PyArrayDyn<u8>>>> {
+    fn image<'py>(&self, py: Python<'py>, finger: usize, order: &str) -> PyResult<Option<Bound<'py, PyArrayDyn<u8>>>> {
         let order = byte_order(order)?;
         let Some(seen) = self.0.fingers.get(finger) else {
             let count = self.0.fingers.len();

@@ -19,6 +19,8 @@ pyo3::import_exception!(slipbound._errors, SourceError);
 pyo3::import_exception!(slipbound._errors, ClosedError);
 pyo3::import_exception!(slipbound._errors, BusyError);
 pyo3::import_exception!(slipbound._errors, InternalError);
+pyo3::import_exception!(slipbound._errors, GripperError);
+pyo3::import_exception!(slipbound._errors, WristError);
 
 /// Runs what could panic; a panic becomes an exception of its own.
 pub fn guarded<R>(work: impl FnOnce() -> PyResult<R>) -> PyResult<R> {

@@ -296,12 +296,7 @@ fn is_one_picture(shape: &[usize]) -> bool {
     matches!(shape, [_, _] | [_, _, 1 | 3])
 }
 
-fn rest_of(
-    sensor: &CoreSensor,
-    settings: &CoreSettings,
-    size: SizePx,
-    frames: &[Frame<'_>],
-) -> PyResult<Rest> {
+fn rest_of(sensor: &CoreSensor, settings: &CoreSettings, size: SizePx, frames: &[Frame<'_>]) -> PyResult<Rest> {
     let builder = RestBuilder::new(sensor, settings, size).map_err(setting)?;
     rest_from(builder, frames).map_err(|(place, error)| match place {
         Some(i) => crate::errors::RestError::new_err(format!("frame {i}: {error}")),

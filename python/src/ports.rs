@@ -2,7 +2,7 @@
 //! drives the loop leaves it then and raises the exception again.
 
 use crate::cycle::Cycle;
-use crate::errors::data;
+use crate::errors::{GripperError as PyGripperError, WristError as PyWristError, data};
 use crate::picture::{Picture, buffer};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -16,9 +16,6 @@ use slipbound::port::{
     WristError, WristErrorKind, WristMotion, WristState as CoreWristState,
 };
 use std::sync::{Arc, Mutex, PoisonError};
-
-pyo3::import_exception!(slipbound._errors, GripperError as PyGripperError);
-pyo3::import_exception!(slipbound._errors, WristError as PyWristError);
 
 /// The first exception of a port.
 #[derive(Clone, Default)]

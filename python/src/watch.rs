@@ -1,8 +1,8 @@
 //! Recordings and simulated scenes as reports, one after the other: `slipbound watch` as an iterator.
 
 use crate::errors::{
-    ClosedError, SettingError, config, exclusive, guarded, internal, rest as rest_error, setting, source as source_error,
-    word,
+    ClosedError, SettingError, config, exclusive, guarded, internal, rest as rest_error, setting,
+    source as source_error, word,
 };
 use crate::field::Kept;
 use crate::picture::{array, byte_order};
@@ -136,7 +136,8 @@ impl Watch {
         let clock = recording.clock();
         let sensor = Arc::new(monitor.sensor().clone());
         let process_id = std::process::id();
-        let open = Open { recording, monitor, frame: FrameBuffer::default(), whole: false, frames_count: 0, process_id };
+        let open =
+            Open { recording, monitor, frame: FrameBuffer::default(), whole: false, frames_count: 0, process_id };
         Ok(Watch { source: uri, finger, sensor, settings, clock, rest_kind, open: Mutex::new(Some(open)) })
     }
 

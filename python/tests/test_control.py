@@ -99,7 +99,7 @@ def test_a_record_of_a_cycle(still, sensor):
     cycle = run(control, 40)[-1]
     record = cycle.to_dict()
     assert record["grip_command"] == {"jaws": "hold", "force_n": cycle.force_n}
-    assert cycle.reports[0].finger == "finger0" and cycle.image().shape == (320, 427, 3)
+    assert cycle.reports[0].finger == "finger0" and cycle.image().shape == (480, 640, 3)
     with pytest.raises(IndexError, match="finger 3 of 1"):
         cycle.image(3)
 

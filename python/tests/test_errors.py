@@ -46,7 +46,7 @@ def test_what_is_no_picture_is_refused(monitor, array, kind, text):
 
 
 def test_odd_sizes_are_unjudged_and_do_not_panic(monitor, sensor):
-    for shape in [(1, 1), (1, 427, 3), (320, 1, 3), (3, 3, 3), (5000, 2), (321, 427, 3)]:
+    for shape in [(1, 1), (1, 640, 3), (480, 1, 3), (3, 3, 3), (5000, 2), (481, 640, 3)]:
         assert monitor.step(np.zeros(shape, np.uint8)).state == "unjudged"
         with pytest.raises(slipbound.Error):
             slipbound.Monitor(sensor, rest=np.zeros(shape, np.uint8))
@@ -54,7 +54,7 @@ def test_odd_sizes_are_unjudged_and_do_not_panic(monitor, sensor):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_is_judged_or_refused(sensor, seed):
-    noise = np.random.default_rng(seed).integers(0, 256, (320, 427, 3), np.uint8)
+    noise = np.random.default_rng(seed).integers(0, 256, (480, 640, 3), np.uint8)
     try:
         monitor = slipbound.Monitor(sensor, rest=noise)
     except slipbound.RestError:

@@ -35,7 +35,7 @@ def test_it_says_when_it_slips(frames, monitor):
 
 def test_layouts_of_an_array_change_no_bit(frames, sensor):
     expected = stepped(new_monitor(frames, sensor), frames)
-    canvas = np.zeros((400, 500, 3), np.uint8)
+    canvas = np.zeros((500, 700, 3), np.uint8)
 
     def crop(image):
         canvas[10 : 10 + image.shape[0], 20 : 20 + image.shape[1]] = image
@@ -78,7 +78,7 @@ def test_rest_is_found_among_the_first_frames(frames, sensor):
 
 def test_frame_of_another_size_is_unjudged_as_in_rust(monitor, frames):
     report = monitor.step(frames[0].image()[:100])
-    assert report.state == "unjudged" and report.reason == "frame size: expected 427x320, got 427x100"
+    assert report.state == "unjudged" and report.reason == "frame size: expected 640x480, got 640x100"
 
 
 def test_a_dict_is_the_json_line(monitor, frames):
