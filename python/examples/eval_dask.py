@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from distributed import Client, LocalCluster
 
@@ -40,8 +41,10 @@ def main() -> None:
     trials = sys.argv[2] if len(sys.argv) > 2 else "8"
     with tempfile.TemporaryDirectory(dir=".") as temporary:
         folder = str(Path(temporary).resolve())
-        cluster = sys.argv[3] if len(sys.argv) > 3 else LocalCluster(n_workers=2, threads_per_worker=1)
-        with Client(cluster) as client:
+        made: Any = LocalCluster
+        connect: Any = Client
+        cluster = sys.argv[3] if len(sys.argv) > 3 else made(n_workers=2, threads_per_worker=1)
+        with connect(cluster) as client:
             numbers = range(1, SHARDS_COUNT + 1)
             folders = client.gather([client.submit(shard, protocol, trials, n, folder) for n in numbers])
         print(command("merge", *folders, "--pictures", "0", "-o", f"{folder}/all"))

@@ -55,15 +55,16 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.render_mode = render_mode
         self._parameters = {"fingers": 1, **parameters}
         self._told = _Told()
-        self._hand = Hand(self.task, controller=self._told, **self._parameters)
+        self._hand = self._new_hand(0)
         width, height = self._hand.sensor().image_px
-        self.action_space = spaces.Box(*(np.float32(force_n) for force_n in FORCES_N), (1,), np.float32)
-        self.observation_space = spaces.Dict(
-            {
-                "image": spaces.Box(0, 255, (height, width, 3), np.uint8),
-                "numbers": spaces.Box(-np.inf, np.inf, (len(NUMBERS),), np.float32),
-            }
-        )
+        self._image_shape = (height, width, 3)
+        parts: dict[str, spaces.Space[Any]] = {
+            "image": spaces.Box(0, 255, self._image_shape, np.uint8),
+            "numbers": spaces.Box(-np.inf, np.inf, (len(NUMBERS),), np.float32),
+        }
+        self.action_space = spaces.Box(FORCES_N[0], FORCES_N[1], (1,), np.float32)
+        space: Any = spaces.Dict(parts)
+        self.observation_space = space
         self._cycle: Cycle | None = None
         self._slid_mm = 0.0
 
@@ -74,7 +75,7 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(1 << 31))
         self._told.force_n = 10.0
-        self._hand = Hand(self.task, controller=self._told, **{**self._parameters, "seed": drawn})
+        self._hand = self._new_hand(drawn)
         self._slid_mm = 0.0
         while True:
             self._cycle = self._hand.cycle()
@@ -96,7 +97,11 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             reward += 100.0 if self._hand.score["succeeded"] else -100.0
         return self._observation(), reward, ended, over and not ended, {"slid_mm": self._slid_mm}
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def _new_hand(self, seed: int) -> Hand:
+        parameters: dict[str, Any] = {**self._parameters, "seed": seed}
+        return Hand(self.task, controller=self._told, **parameters)
+
+    def render(self) -> NDArray[np.uint8] | None:
         """Return what the left finger sees, RGB."""
         return None if self.render_mode is None else self._observation()["image"]
 
@@ -115,8 +120,7 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 numbers[3:6] = (*shear.translation_px, shear.rotation_rad)
             numbers[6] = report.slips
         image = cycle.image(0, order="RGB")
-        box = self.observation_space["image"]  # type: ignore[index]
-        return {"image": np.zeros(box.shape, np.uint8) if image is None else image, "numbers": numbers}
+        return {"image": np.zeros(self._image_shape, np.uint8) if image is None else image, "numbers": numbers}
 
 
 class HoldBottle(_GripEnv):

@@ -77,9 +77,10 @@ def loop(frames, sensor, gripper=None, wrist=None, **options):
 
 
 @pytest.fixture(scope="module")
-def still(frames):
-    """The finger at rest for a second, then what the others see."""
-    return [frames[0]] * 25 + list(frames)
+def still():
+    """The finger at rest for a second, then pressed and pulled."""
+    scene = slipbound.lab.simulate("ramp", object="scissors", force_n=15, rest_frames=30, ramp_s=2, grid="fast", seed=3)
+    return list(scene)
 
 
 def run(control: ControlLoop, count: int):
@@ -124,7 +125,7 @@ class Ramp(Controller):
 
 def test_a_controller_written_in_python(still, sensor):
     control, gripper, _ = loop(still, sensor, controller=Ramp())
-    run(control, 30)
+    run(control, len(still))
     assert gripper.told[-1] > gripper.told[0]
 
 
@@ -156,7 +157,7 @@ def test_an_exception_pauses_the_wrist_keeps_the_force_and_surfaces(still, senso
     control, gripper, wrist = loop(still, sensor, **options)
     before = []
     with pytest.raises(type(error)) as raised:
-        for n in range(50):
+        for n in range(len(still)):
             before = list(gripper.told)
             control.cycle(n * FRAME_NS)
     assert raised.value is error

@@ -38,11 +38,11 @@ from conftest import SCENE
     ],
 )
 def test_what_is_no_picture_is_refused(monitor, array, kind, text):
-    for call in (lambda: monitor.step(array), lambda: slipbound.calibrate(array)):
-        with pytest.raises((kind, TypeError) if array is None or isinstance(array, np.uint8) else kind):
-            call()
     with pytest.raises(kind, match=text):
         monitor.step(array)
+    if not isinstance(array, np.ndarray) or array.ndim != 4:  # several pictures to calibrate from
+        with pytest.raises((kind, TypeError)):
+            slipbound.calibrate(array)
 
 
 def test_odd_sizes_are_unjudged_and_do_not_panic(monitor, sensor):
@@ -200,8 +200,7 @@ def test_ctrl_c_ends_a_watch():
     done = interrupted(
         "import slipbound\n"
         "w = slipbound.watch('sim:press?hold_s=60&grid=fast')\n"
-        "print('ready')\n"
-        "try:\n    for r in w: pass\n"
+        "try:\n    print('ready')\n    for r in w: pass\n"
         "except KeyboardInterrupt:\n    print('interrupted')\n"
     )
     assert done.stdout.strip() == "interrupted", done.stderr
