@@ -142,7 +142,7 @@ def watch(
     --------
     >>> watched = slipbound.watch("sim:ramp?object=scissors&ramp_s=0.3&grid=fast&seed=3")
     >>> watched.sensor.name
-    'gelslim'
+    'gelslim_sim'
     >>> table = watched.to_pandas()
     >>> int(table.frame.iloc[-1]) == len(table) - 1
     True

@@ -137,7 +137,12 @@ impl Loop {
         let raised = Raised::default();
         let mut gripper = PythonGripper { object: gripper, raised: raised.clone() };
         let mut wrist = PythonWrist { object: wrist, raised: raised.clone() };
-        py.detach(|| guarded(|| Ok(control.leave(&mut gripper, &mut wrist))))?;
+        py.detach(|| {
+            guarded(|| {
+                control.leave(&mut gripper, &mut wrist);
+                Ok(())
+            })
+        })?;
         raised.take().map_or(Ok(()), Err)
     }
 }
@@ -198,7 +203,12 @@ impl HandRun {
     fn leave(&self, py: Python<'_>) -> PyResult<()> {
         let mut run = exclusive(&self.run, "hand")?;
         let run = &mut *run;
-        py.detach(|| guarded(|| Ok(run.leave())))
+        py.detach(|| {
+            guarded(|| {
+                run.leave();
+                Ok(())
+            })
+        })
     }
 
     /// What is true now, as a dict; units are in the names.

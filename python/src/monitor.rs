@@ -46,7 +46,7 @@ pub fn time(time_ns: Option<i128>) -> PyResult<Option<u64>> {
 /// Whether the finger at rest is known.
 enum Phase {
     /// It is looked for among the first frames; None before the first of them.
-    Looking(Option<RestFinder>),
+    Looking(Option<Box<RestFinder>>),
     /// It is.
     Judging(Box<SlipMonitor>, Arc<CoreSensor>),
 }
@@ -217,7 +217,7 @@ impl Monitor {
             }
             Phase::Looking(finder) => finder,
         };
-        let new = || RestFinder::new(&self.sensor, &self.settings, frame.pixels.size()).map_err(setting);
+        let new = || RestFinder::new(&self.sensor, &self.settings, frame.pixels.size()).map(Box::new).map_err(setting);
         let mut looking = finder.take().map_or_else(new, Ok)?;
         looking.see(&buffer(frame)).map_err(|e| FrameError::new_err(e.to_string()))?;
         let waiting = if looking.is_full() {
