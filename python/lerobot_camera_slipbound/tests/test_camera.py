@@ -83,7 +83,7 @@ class _Replay(Camera):
         self.simulation = None
 
 
-def test_behind_another_camera(monkeypatch):
+def test_behind_another_camera(monkeypatch, tmp_path):
     import lerobot.cameras.utils
 
     inner = CameraConfig.__subclasses__()[0]
@@ -91,7 +91,9 @@ def test_behind_another_camera(monkeypatch):
     monkeypatch.setattr(inner, "fps", 30, raising=False)
     monkeypatch.setattr(inner, "width", 427, raising=False)
     monkeypatch.setattr(inner, "height", 320, raising=False)
-    config = SlipboundCameraConfig(camera=inner, sensor="gelslim")
+    sensor = tmp_path / "sensor.toml"
+    sensor.write_text(slipbound.lab.simulate(SOURCE.removeprefix("sim:")).sensor.to_toml())
+    config = SlipboundCameraConfig(camera=inner, sensor=str(sensor))
     with SlipboundCamera(config) as camera:
         states = {STATES[int(camera.features["state"])] for _ in range(40) if camera.read() is not None}
     assert "no_contact" in states and "incipient" in states
