@@ -10,7 +10,7 @@
 
 mod rest_finder;
 
-pub use rest_finder::{FoundRest, RestFinder};
+pub use rest_finder::{FoundRest, RestFinder, rest_from};
 
 use crate::control::ControlError;
 use crate::hand::Mounting;

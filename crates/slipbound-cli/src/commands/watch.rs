@@ -187,14 +187,7 @@ impl Watch {
         if let Some(sensor) = recording::simulated_sensor(&self.source)? {
             return Ok((sensor, None));
         }
-        let mut fitting = Vec::new();
-        for name in sensors::names() {
-            let sensor = sensors::load(name).map_err(Failure::arguments)?;
-            if sensor.image_px == frames {
-                fitting.push(sensor);
-            }
-        }
-        match fitting.as_slice() {
+        match sensors::of_frames(frames).map_err(Failure::arguments)?.as_slice() {
             [only] => {
                 let note = format!("no --sensor given: took {} for its frames of {frames}", only.name);
                 Ok((only.clone(), Some(note)))

@@ -4,8 +4,8 @@ use super::args::{RestArgument, Watch};
 use crate::commands::recording;
 use crate::outcome::Failure;
 use anyhow::anyhow;
-use slipbound::finger_pipeline::{FoundRest, RestFinder};
-use slipbound::image::SizePx;
+use slipbound::finger_pipeline::{FoundRest, RestFinder, rest_from};
+use slipbound::image::{Frame, SizePx};
 use slipbound::monitor::{Rest, RestBuilder, RestKind, Settings};
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::Sensor;
@@ -93,17 +93,14 @@ fn build_given(
     args: &Watch,
     argument: &RestArgument,
     frames: &[FrameBuffer],
-    mut builder: RestBuilder,
+    builder: RestBuilder,
 ) -> Result<Rest, Failure> {
-    let looks = frames.iter().flat_map(FrameBuffer::frame).map(|frame| builder.look(&frame));
-    let touched_count = looks.filter(|look| look.touched).count();
-    let kind = if 2 * touched_count > frames.len() { RestKind::InContact } else { RestKind::Unloaded };
-    for buffer in frames {
-        let frame = buffer.frame().map_err(|e| Failure::work(&args.source, e))?;
-        let refused = |e| Failure::Arguments(anyhow!("{argument}: {}: {e}", frame_name(buffer)));
-        builder.add(&frame).map_err(refused)?;
-    }
-    builder.build(kind).map_err(|e| Failure::work(&args.source, e))
+    let all: Result<Vec<Frame<'_>>, _> = frames.iter().map(FrameBuffer::frame).collect();
+    let all = all.map_err(|e| Failure::work(&args.source, e))?;
+    rest_from(builder, &all).map_err(|(place, e)| match place.and_then(|i| frames.get(i)) {
+        Some(frame) => Failure::Arguments(anyhow!("{argument}: {}: {e}", frame_name(frame))),
+        None => Failure::work(&args.source, e),
+    })
 }
 
 fn origin_given(argument: &RestArgument) -> RestOrigin {
