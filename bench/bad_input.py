@@ -53,6 +53,14 @@ TAIL = """
 
 # ---- things to break
 
+def huge():
+    """A PNG that is nothing but a header, of 10.8 GB if it were true."""
+    head = b"IHDR" + struct.pack(">IIBBBBB", 60000, 60000, 8, 2, 0, 0, 0)
+    chunks = [struct.pack(">I", len(head) - 4) + head + struct.pack(">I", zlib.crc32(head)),
+              struct.pack(">I", 0) + b"IDAT" + struct.pack(">I", zlib.crc32(b"IDAT"))]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+
+
 def jpegs():
     """The pictures of testdata/twist.avi."""
     data, at, found = (PROJECT / "testdata" / "twist.avi").read_bytes(), 0, []
@@ -180,6 +188,7 @@ def cases():
          f"run {me}"),
         ("a JPEG of half the size among the others", lambda c: c.put("run/07.jpg", png(213, 160, 128)), f"run {me}"),
         ("a PNG cut at half", lambda c: c.put("run/07.jpg", black[:len(black) // 2]), f"run {me}"),
+        ("a PNG whose header says 60000 x 60000 pixels", lambda c: c.put("run/07.jpg", huge()), f"run {me}"),
         ("a text file named .jpg in the middle", lambda c: c.put("run/07.jpg", "day one\n"), f"run {me}"),
         ("a text file named .jpg alone", lambda c: c.put("notes.jpg", "day one\n"), f"notes.jpg {me}"),
         ("a folder named .jpg among them", lambda c: (c.folder / "run" / "07b.jpg").mkdir(), f"run {me}"),
@@ -222,6 +231,9 @@ def cases():
          "run --sensor mine.toml"),
         ("not text", lambda c: c.put("mine.toml", b"\xff\xfe\0\1"), "run --sensor mine.toml"),
         ("a picture given as sensor", None, "run --sensor run/00.jpg"),
+        ("2 MB of comments", lambda c: c.put("mine.toml", "# none\n" * 300000), "run --sensor mine.toml"),
+        ("a device that never ends, named .toml", lambda c: (c.folder / "mine.toml").symlink_to("/dev/zero"),
+         "run --sensor mine.toml"),
         ("Settings", None, None),
         ("a threshold below zero", lambda c: c.put("s.toml", "[slip]\nthreshold_pitch = -1.0\n"),
          f"run {me} --settings s.toml"),
@@ -250,6 +262,10 @@ def cases():
         ("--json into no folder", None, "run --sensor painted.toml --json no/where.jsonl"),
         ("--json is a folder", None, "run --sensor painted.toml --json run"),
         ("--json onto the source", None, "twist.avi --sensor painted.toml --json twist.avi"),
+        ("--json onto a frame of the source", None, "run --sensor painted.toml --json run/07.jpg --force"),
+        ("--json onto a file of somebody else", lambda c: c.put("notes.txt", "mine"),
+         "run --sensor painted.toml --json notes.txt"),
+        ("a name with escape sequences", None, "$'\\e[31mred' --sensor painted.toml"),
         ("--json onto a full disk", None, "run --sensor painted.toml --json /dev/full"),
         ("--timings into no folder", None, f"run {me} --timings no/where.jsonl"),
         ("--timings and --json the same", None, "run --sensor painted.toml --json r.jsonl --timings ./r.jsonl"),

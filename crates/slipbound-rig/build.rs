@@ -22,4 +22,9 @@ fn main() {
     list.push(']');
     let out = env::var("OUT_DIR").expect("set by cargo");
     fs::write(Path::new(&out).join("sensors.rs"), list).expect("the build folder can be written");
+
+    // The schema of a report goes into every recording.
+    let schema = Path::new(&here).join("../../docs/report.schema.json");
+    println!("cargo::rerun-if-changed={}", schema.display());
+    fs::copy(&schema, Path::new(&out).join("report.schema.json")).expect("the repository has docs/report.schema.json");
 }

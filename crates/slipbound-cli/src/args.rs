@@ -2,11 +2,14 @@
 
 use crate::commands::calibrate::Calibrate;
 use crate::commands::demo::Demo;
+use crate::commands::devices::Devices;
+use crate::commands::doctor::Doctor;
 use crate::commands::emulate::Emulate;
 use crate::commands::eval::Eval;
 use crate::commands::gripper::Gripper;
 use crate::commands::latency::Latency;
 use crate::commands::paper::Paper;
+use crate::commands::record::Record;
 use crate::commands::replay::Replay;
 use crate::commands::run::{Hold, Run};
 use crate::commands::simulate::Simulate;
@@ -35,10 +38,18 @@ pub struct Args {
 pub enum Command {
     /// Let a simulated hand screw a cap onto a bottle, or do another task of the paper
     #[command(after_help = EXIT_CODES)]
-    Demo(Demo),
+    Demo(Box<Demo>),
     /// Judge every frame of a recording or a simulated scene
     #[command(after_help = EXIT_CODES)]
     Watch(Watch),
+    /// List the cameras and serial lines of this computer, and the grippers that are known
+    Devices(Devices),
+    /// Check a camera, its finger and a gripper; what is bad comes with what to do
+    #[command(after_help = EXIT_CODES)]
+    Doctor(Doctor),
+    /// Record what cameras give, as it comes
+    #[command(after_help = EXIT_CODES)]
+    Record(Record),
     /// Run a recorded demo again from its frames and compare every command
     Replay(Replay),
     /// Run tasks in simulation over friction, seeds and controllers, and print the table

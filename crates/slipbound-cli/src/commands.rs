@@ -2,11 +2,14 @@
 
 pub mod calibrate;
 pub mod demo;
+pub mod devices;
+pub mod doctor;
 pub mod emulate;
 pub mod eval;
 pub mod gripper;
 pub mod latency;
 pub mod paper;
+pub mod record;
 mod recording;
 pub mod replay;
 pub mod run;
@@ -23,6 +26,9 @@ use crate::outcome::{Failure, Outcome};
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     match &args.command {
         Command::Demo(demo) => demo.run(),
+        Command::Devices(devices) => devices.run(),
+        Command::Doctor(doctor) => doctor.run(),
+        Command::Record(record) => record.run(),
         Command::Replay(replay) => replay.run(),
         Command::Trials(trials) => trials.run(),
         Command::Eval(eval) => eval.run(),

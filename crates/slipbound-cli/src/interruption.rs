@@ -1,14 +1,18 @@
-//! Ctrl-C: the frame at hand is finished, then the command ends.
+//! Ctrl-C, Ctrl-\, SIGTERM, a closed terminal: the frame at hand is finished, then the command ends.
 
 use crate::outcome::Failure;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A flag that is set when the user presses Ctrl-C. Once a run.
+/// A flag that is set when the user or the system asks for the end. Once a run.
 pub fn listen() -> Result<Arc<AtomicBool>, Failure> {
     let flag = Arc::new(AtomicBool::new(false));
     let raised = flag.clone();
     ctrlc::set_handler(move || raised.store(true, Ordering::Relaxed))
         .map_err(|e| Failure::work("cannot listen for Ctrl-C", e))?;
+    // Quitting would leave no report and dump a core.
+    #[cfg(unix)]
+    signal_hook::flag::register(signal_hook::consts::SIGQUIT, flag.clone())
+        .map_err(|e| Failure::work("cannot listen for SIGQUIT", e))?;
     Ok(flag)
 }

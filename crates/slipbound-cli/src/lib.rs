@@ -11,7 +11,9 @@ mod terminal;
 
 use clap::Parser;
 use outcome::{Failure, Outcome};
+use std::borrow::Cow;
 use std::ffi::OsString;
+use std::io::{self, Write};
 
 /// Does what the arguments ask, the first of which is the program's name, and answers with the exit code: 0 done, 1 failed
 /// on the way, 2 bad arguments, 3 finished, but frames were torn or something could
@@ -20,7 +22,12 @@ pub fn run<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> u8 {
     let args = match args::Args::try_parse_from(args) {
         Ok(args) => args,
         Err(help) => {
-            let _ = help.print(); // a closed terminal is no failure
+            // Our own help has colours; a complaint quotes what was given.
+            let rendered = help.render().to_string();
+            let _ = match terminal::printable(&rendered) {
+                Cow::Borrowed(_) => help.print(),
+                Cow::Owned(text) => write!(io::stderr(), "{text}"),
+            }; // a closed terminal is no failure
             return u8::try_from(help.exit_code()).unwrap_or(2);
         }
     };

@@ -13,7 +13,7 @@ use slipbound::control::{ControlLoop, CycleObserver, CycleView};
 use slipbound::monitor::Settings;
 use slipbound::plant::Plant;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
-use slipbound::task::TaskSettings;
+use slipbound::task::{Missing, TaskSettings};
 use slipbound_lab::faults::CameraFault;
 use slipbound_lab::hand::{HandScene, HandTruth, SimHand};
 use slipbound_lab::lockstep::finger;
@@ -99,7 +99,13 @@ impl Loopback {
     }
 
     /// Runs the loop to its end; the world goes on a second longer, and the truth at its end is in the tally.
-    pub fn run(mut self, stop: &AtomicBool, output: &mut QueuedOutput, tally: &mut Tally) -> anyhow::Result<()> {
+    /// Also what the task waited for at the end, if its work had not begun.
+    pub fn run(
+        mut self,
+        stop: &AtomicBool,
+        output: &mut QueuedOutput,
+        tally: &mut Tally,
+    ) -> (anyhow::Result<()>, Option<Missing>) {
         let truth = tally.truth.clone();
         let set_truth = |now: HandTruth| *truth.lock().unwrap_or_else(PoisonError::into_inner) = Some(now);
         let ran = self.try_run(stop, output, tally, &set_truth);
@@ -112,7 +118,7 @@ impl Loopback {
         self.is_running.store(false, Ordering::Relaxed);
         let panicked = || Err(anyhow!("the simulated world broke down"));
         let ended = self.world.take().map_or(Ok(()), |world| world.join().unwrap_or_else(|_| panicked()));
-        ran.and(ended)
+        (ran.and(ended), self.control.task().missing())
     }
 
     fn try_run(

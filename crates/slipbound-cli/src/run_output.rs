@@ -28,13 +28,20 @@ pub struct RunOutput {
     console: Console,
     /// Cycles lost on the way to the folder.
     lost_count: u64,
+    /// What else was lost.
+    lost: Vec<String>,
 }
 
 impl RunOutput {
     /// Begins a run in a folder that is new or empty.
     pub fn create(folder: &Path, info: &RunInfo, keeps_frames: bool) -> Result<Self, Failure> {
         let recorder = RunRecorder::create(folder, info, keeps_frames).map_err(Failure::arguments)?;
-        Ok(RunOutput { recorder: Some(recorder), console: Console::new(Terminal::with_status()), lost_count: 0 })
+        Ok(RunOutput {
+            recorder: Some(recorder),
+            console: Console::new(Terminal::with_status()),
+            lost_count: 0,
+            lost: Vec::new(),
+        })
     }
 
     /// Something that no cycle shows.
@@ -43,6 +50,11 @@ impl RunOutput {
             recorder.note(now_ns, text);
         }
         self.console.say(&format!("{}  {text}", at(now_ns)));
+    }
+
+    /// Something that was to be written and is not: told at the end.
+    pub fn lost(&mut self, what: String) {
+        self.lost.push(what);
     }
 
     /// A line for the user alone.
@@ -65,12 +77,11 @@ impl RunOutput {
         ending: Option<Ending>,
         last_line: impl FnOnce(&str) -> String,
     ) -> Result<Outcome, Failure> {
-        let RunOutput { recorder, console: Console { mut terminal, .. }, lost_count } = self;
+        let RunOutput { recorder, console: Console { mut terminal, .. }, lost_count, mut lost } = self;
         terminal.clear_bar();
         for row in rows {
             terminal.say(&format!("  {:<28}{:<22}{}", row.name, row.value, row.target))?;
         }
-        let mut lost = Vec::new();
         if lost_count > 0 {
             lost.push(format!("{lost_count} cycles were not written: the disk did not keep up"));
         }
@@ -114,7 +125,7 @@ impl QueuedOutput {
             recorder.map_or((None, 0), |Finished { observer, lost_count }| (observer, lost_count));
         // A blocked terminal loses nothing that is not in the folder.
         let console = self.console.finish(LONGEST_TERMINAL).observer.unwrap_or_else(|| Console::new(Terminal::plain()));
-        RunOutput { recorder, console, lost_count }
+        RunOutput { recorder, console, lost_count, lost: Vec::new() }
     }
 }
 
@@ -186,12 +197,17 @@ pub struct Tally {
     pub score: RunScore,
     /// What the task was doing last; None before the first command.
     pub phase: Option<Phase>,
+    /// The first lower force that the gripper refused.
+    pub refused_lowering: Option<String>,
     /// What is true now, set by the thread of the simulated world.
     pub truth: Arc<Mutex<Option<HandTruth>>>,
 }
 
 impl CycleObserver for Tally {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
+        if self.refused_lowering.is_none() {
+            self.refused_lowering = view.refused_lowering.map(str::to_owned);
+        }
         let truth = self.truth.lock().unwrap_or_else(PoisonError::into_inner);
         match (view.cycle(), truth.as_ref()) {
             (Some(cycle), truth) => {

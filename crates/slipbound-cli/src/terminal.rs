@@ -2,6 +2,7 @@
 
 use crate::outcome::Failure;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::borrow::Cow;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 
 /// Writes the error and its causes to standard error, each once; returns the exit code.
@@ -14,8 +15,19 @@ pub fn complain(e: &anyhow::Error, code: u8) -> u8 {
             text = format!("{text}: {cause}"); // most of our errors contain their cause
         }
     }
-    let _ = writeln!(io::stderr(), "slipbound: {text}"); // a closed standard error is no failure
+    let _ = writeln!(io::stderr(), "slipbound: {}", printable(&text)); // a closed standard error is no failure
     code
+}
+
+/// The text with control characters written out, as `\u{1b}`, but for line ends and tabs: what a file is called or a gripper
+/// answers must not command the terminal.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    let commands = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    if !text.contains(commands) {
+        return Cow::Borrowed(text);
+    }
+    let written = |c: char| if commands(c) { c.escape_default().to_string() } else { c.to_string() };
+    Cow::Owned(text.chars().map(written).collect())
 }
 
 /// Lines for a person, above a progress bar if standard error is a terminal.
@@ -83,7 +95,7 @@ impl Terminal {
 
     /// A line.
     pub fn say(&mut self, line: &str) -> Result<(), Failure> {
-        let to_stderr = self.to_stderr;
+        let (to_stderr, line) = (self.to_stderr, printable(line));
         let written = self.bar.suspend(|| match to_stderr {
             true => writeln!(io::stderr(), "{line}"),
             false => writeln!(io::stdout(), "{line}"),
@@ -97,7 +109,20 @@ impl Terminal {
     /// A line that is not part of the result, on standard error.
     pub fn note(&self, line: &str) {
         self.bar.suspend(|| {
-            let _ = writeln!(io::stderr(), "slipbound: {line}"); // a closed standard error is no failure
+            let _ = writeln!(io::stderr(), "slipbound: {}", printable(line)); // a closed standard error is no failure
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_written_out_and_everything_else_stays() {
+        assert_eq!(printable("\u{1b}[2J\r\u{7}\u{9b}x\0"), "\\u{1b}[2J\\r\\u{7}\\u{9b}x\\u{0}");
+        for plain in ["an image.png", "two\nlines\tand a tab", "\u{3b1}\u{3b2} \u{4e2d}\u{6587}"] {
+            assert_eq!(printable(plain), plain);
+        }
     }
 }

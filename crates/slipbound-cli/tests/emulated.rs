@@ -198,3 +198,36 @@ fn what_run_and_hold_cannot_do_is_said_before_anything_moves() {
         assert!(told(&output).contains(said), "{args:?}: {}", told(&output));
     }
 }
+
+/// What did not begin, or ended empty, is no success: exit code 1 and what was missing.
+#[test]
+fn work_that_never_began_and_hands_that_end_empty_are_failures() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    for (name, args, said) in [
+        ("blind", &["--set", "longest_s=4", "--fault", "lost@0.8"][..], "the work never began: the fingers are blind"),
+        ("empty", &["--emulated", "wsg50", "--gripper-fault", "lose-part@0"], "nothing was found between the fingers"),
+        ("lost", &["--emulated", "wsg50", "--gripper-fault", "lose-part@2500"], "what was held is gone"),
+    ] {
+        let output = demo(&scratch.path().join(name), &[&["--task", "lift"], args].concat());
+        assert_eq!(output.status.code(), Some(1), "{name}: {}", told(&output));
+        assert!(told(&output).contains(said), "{name}: {}", told(&output));
+        assert!(scratch.path().join(name).join("report.html").exists(), "{name}");
+    }
+    // A recording in which the hand stays open: `dry` holds at once, the fingers feel nothing.
+    let open = scratch.path().join("open");
+    let made = demo(&open, &["--task", "lift", "--set", "longest_s=1", "--record"]);
+    assert!(open.join("left").exists(), "{}", told(&made));
+    let hold = |rate_hz: &str| {
+        let from = std::time::Instant::now();
+        let (run, left) = (scratch.path().join(rate_hz), open.join("left"));
+        let args =
+            ["--sensor", "gelslim", "--gripper", "dry", "--rate-hz", rate_hz, "-o", run.to_str().expect("UTF-8")];
+        let output = slipbound(&[&["hold", left.to_str().expect("UTF-8")], &args[..]].concat());
+        assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+        assert!(told(&output).contains("the work never began: "), "{}", told(&output));
+        from.elapsed().as_secs_f64()
+    };
+    // Thirty frames: it plays at the rate that was asked for, below 10 Hz too.
+    let (fast_s, slow_s) = (hold("30"), hold("5"));
+    assert!(slow_s > 5.5, "{fast_s} s and {slow_s} s");
+}

@@ -268,7 +268,7 @@ fn row(what: &str, lifting: &Lifting, since_ns: u64, until_ns: u64, noticed_ms: 
 
 #[test]
 fn a_program_told_to_end_pauses_the_wrist_and_keeps_the_force() {
-    for name in ["-INT", "-TERM"] {
+    for name in ["-INT", "-TERM", "-QUIT"] {
         let (_scratch, mut lifting) = Lifting::start("", "");
         let since_ns = unix_ns();
         signal(&lifting.run, name);

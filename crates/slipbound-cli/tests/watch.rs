@@ -467,3 +467,70 @@ fn the_built_in_fingers_are_listed() {
     assert_eq!(names, ["NAME", "gelsight", "gelsight_mini_near", "gelsight_mini_wide", "gelslim", "gelslim3"]);
     assert!(ended.out.contains("427x320") && ended.out.contains("unknown"));
 }
+
+#[test]
+fn no_input_frame_is_overwritten_and_other_files_only_if_they_are_ours_or_by_force() {
+    let trial = Trial::new(3);
+    let frame = fs::read(trial.path("run/001.jpg")).expect("reads");
+    trial.watch("run", &["--json", "run/001.jpg"]).expect(2, &["--json run/001.jpg", "that of the frame"]);
+    trial.watch("run", &["--json", "run/001.jpg", "--force"]).expect(2, &["that of the frame"]);
+    trial.watch("run/0*.jpg", &["--timings", "run/002.jpg"]).expect(2, &["that of the frame"]);
+    assert_eq!(fs::read(trial.path("run/001.jpg")).expect("reads"), frame);
+    // Beside the frames, under a name of its own, is fine.
+    trial.watch("run", &["--json", "run/report.json"]).expect(0, &[]);
+    trial.watch("run", &["--json", "run/report.json"]).expect(0, &[]);
+
+    trial.write("notes.txt", b"mine");
+    fs::create_dir(trial.path("drawn")).expect("made");
+    trial.write("drawn/000001.png", b"mine");
+    for (args, file) in [
+        (["--json", "notes.txt"], "notes.txt"),
+        (["--timings", "notes.txt"], "notes.txt"),
+        (["--overlay", "drawn"], "drawn/000001.png"),
+    ] {
+        trial.watch("run", &args).expect(2, &["one that slipbound wrote", "--force overwrites it"]);
+        assert_eq!(fs::read(trial.path(file)).expect("reads"), b"mine");
+    }
+    trial.watch("run", &["--json", "notes.txt", "--overlay", "drawn", "--force"]).expect(0, &[]);
+    // All of that is ours now.
+    trial.watch("run", &["--json", "notes.txt", "--overlay", "drawn", "--timings", "t.json"]).expect(0, &[]);
+    trial.watch("run", &["--overlay", "film.avi", "--timings", "t.json"]).expect(0, &[]);
+    trial.watch("run", &["--overlay", "film.avi", "--timings", "t.json"]).expect(0, &[]);
+}
+
+#[test]
+fn hostile_names_and_headers_and_endless_settings_do_no_harm() {
+    let trial = Trial::new(4);
+    // A header of 60000 x 60000, and nothing else: 10.8 GB if it were believed.
+    let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();
+    png.extend([0, 0, 0xEA, 0x60, 0, 0, 0xEA, 0x60, 8, 2, 0, 0, 0]);
+    png.extend(0x0FB0_E215u32.to_be_bytes());
+    png.extend(b"\0\0\0\0IDAT\x35\xAF\x06\x1E");
+    trial.write("run/002.png", &png);
+    trial.watch("run", &[]).expect(3, &["002.png) is torn: PNG"]);
+
+    trial.write("large.toml", "# a comment\n".repeat(200_000).as_bytes());
+    trial.watch("run", &["--settings", "large.toml"]).expect(2, &["expected at most 1048576 bytes of TOML, got more"]);
+    #[cfg(unix)]
+    {
+        let output = trial.command(&["watch", "run", "--sensor", "/dev/zero"]).output().expect("runs");
+        assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    for name in ["\u{1b}[31mred\u{1b}[2J", "two words", "\u{3b1}\u{3b2}"] {
+        let escaped = name.replace('\u{1b}', "\\u{1b}");
+        for arguments in
+            [vec!["watch", name], vec!["watch", "run", "--sensor", name], vec!["watch", "run", "--wrong", name]]
+        {
+            let output = trial.command(&arguments).output().expect("runs");
+            let told = [output.stdout, output.stderr].concat();
+            assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+            assert!(!told.contains(&0x1b), "{}", told.escape_ascii());
+            let text = String::from_utf8(told).expect("UTF-8");
+            assert!(text.contains(&escaped) || arguments.len() == 4, "{arguments:?}: {text}");
+        }
+        // And with a folder of that name: it is read.
+        fs::create_dir(trial.path(name)).expect("made");
+        fs::copy(trial.path("run/000.jpg"), trial.path(name).join("a b\u{1b}[0m.jpg")).expect("copied");
+        trial.watch(name, &[]).expect(0, &[]);
+    }
+}

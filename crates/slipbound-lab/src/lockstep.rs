@@ -19,7 +19,7 @@ use slipbound::monitor::Settings;
 use slipbound::plant::PlantTruth;
 use slipbound::port::{FrameSource, Gripper, Wrist};
 use slipbound::setting::SettingError;
-use slipbound::task::TaskSettings;
+use slipbound::task::{Task, TaskSettings};
 
 /// Frames that the world goes on for after the loop was left: what is held then is held on, or is not, and that shows
 /// within two seconds.
@@ -71,7 +71,7 @@ pub enum LockStepError {
 pub struct LockStep {
     hand: SimHand,
     control: ControlLoop,
-    actuators: Box<dyn Actuators>,
+    actuators: Box<dyn Actuators + Send>,
     score: RunScore,
 }
 
@@ -99,8 +99,19 @@ impl LockStep {
         fault: Option<CameraFault>,
     ) -> Result<Self, SettingError> {
         let hand = SimHand::new(scene)?;
-        let fingers = (0..scene.fingers_count()).map(|i| finger(&hand, i, monitor, fault, Box::new(hand.camera(i))));
         let task = settings.task(scene.task_name().parse()?, hand.sensor(0).shear_stiffness_mpa_per_mm())?;
+        LockStep::around(scene, hand, task, monitor, fault)
+    }
+
+    /// The same around a task of one's own, or one with a controller of one's own. `hand` is that of the scene.
+    pub fn around(
+        scene: &HandScene,
+        hand: SimHand,
+        task: Box<dyn Task + Send>,
+        monitor: &Settings,
+        fault: Option<CameraFault>,
+    ) -> Result<Self, SettingError> {
+        let fingers = (0..scene.fingers_count()).map(|i| finger(&hand, i, monitor, fault, Box::new(hand.camera(i))));
         let control = ControlLoop::new(fingers.collect(), task)?;
         let actuators = Box::new(Direct { gripper: hand.gripper(), wrist: hand.wrist() });
         Ok(LockStep { hand, control, actuators, score: RunScore::default() })
@@ -108,7 +119,7 @@ impl LockStep {
 
     /// The same with gripper and wrist reached in another way: through drivers and emulators, say.
     #[must_use]
-    pub fn with_actuators(self, actuators: Box<dyn Actuators>) -> Self {
+    pub fn with_actuators(self, actuators: Box<dyn Actuators + Send>) -> Self {
         LockStep { actuators, ..self }
     }
 
@@ -147,16 +158,15 @@ impl LockStep {
                 return Ok(());
             }
             if stop() {
-                let (gripper, wrist) = self.actuators.ports();
-                self.control.leave(gripper, wrist);
-                self.advance_after_leaving();
+                self.leave();
                 return Err(ControlError::Interrupted.into());
             }
         }
     }
 
-    /// One cycle of the loop, then 1/30 s of the world. The truth is of the time of the frames.
-    fn cycle(&mut self, observer: &mut dyn CycleObserver) -> Result<CycleOutcome, LockStepError> {
+    /// One cycle of the loop, then 1/30 s of the world, for who drives it cycle by cycle. The truth is of the time of the
+    /// frames. After an error the loop has been left.
+    pub fn cycle(&mut self, observer: &mut dyn CycleObserver) -> Result<CycleOutcome, LockStepError> {
         let (now_ns, truth) = (self.hand.now_ns(), self.hand.truth());
         let mut observer = WithTruth { observer, truth: truth.record() };
         let (gripper, wrist) = self.actuators.ports();
@@ -176,6 +186,13 @@ impl LockStep {
             Some(error) => Err(error.into()),
             None => Ok(outcome?),
         }
+    }
+
+    /// Leaves the hand before its task has ended: the wrist pauses, the grip stays, and the world goes on for two seconds.
+    pub fn leave(&mut self) {
+        let (gripper, wrist) = self.actuators.ports();
+        self.control.leave(gripper, wrist);
+        self.advance_after_leaving();
     }
 
     fn advance_after_leaving(&mut self) {

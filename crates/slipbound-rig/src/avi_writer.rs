@@ -22,6 +22,9 @@ const RIFF_LENGTH_AT: u64 = 4;
 const FRAMES_COUNT_AT: u64 = 48;
 const STREAM_FRAMES_COUNT_AT: u64 = 140;
 const MOVI_LENGTH_AT: u64 = 216;
+/// What stands in the reserved words of our files.
+const SIGNATURE: [u8; 16] = *b"slipbound\0\0\0\0\0\0\0";
+const SIGNATURE_AT: usize = 72;
 /// Where the list of frames begins: index entries count from here.
 const MOVI_AT: u64 = 220;
 
@@ -129,12 +132,17 @@ impl Drop for AviWriter {
     }
 }
 
+/// Whether a file that begins like this was written here.
+pub(crate) fn is_ours(start: &[u8]) -> bool {
+    start.starts_with(b"RIFF") && start.get(SIGNATURE_AT..).is_some_and(|rest| rest.starts_with(&SIGNATURE))
+}
+
 /// Everything in front of the first frame.
 fn header(size: SizePx, rate_hz: u32) -> Vec<u8> {
     let (width, height) = (size.width as u32, size.height as u32);
     let words = |words: &[u32]| words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>();
     let microseconds = 1_000_000 / rate_hz.max(1);
-    let avih = words(&[microseconds, 0, 0, HAS_INDEX, 0, 0, 1, 0, width, height, 0, 0, 0, 0]);
+    let avih = [words(&[microseconds, 0, 0, HAS_INDEX, 0, 0, 1, 0, width, height]), SIGNATURE.to_vec()].concat();
     let strh = [
         b"vidsMJPG".to_vec(),
         words(&[0, 0, 0, 1, rate_hz, 0, 0, 0, UNKNOWN, 0]),
@@ -166,6 +174,7 @@ mod tests {
         assert_eq!(header.len() as u64, MOVI_AT + 4);
         assert_eq!(&header[MOVI_AT as usize..], b"movi");
         assert_eq!(&header[MOVI_LENGTH_AT as usize - 4..MOVI_LENGTH_AT as usize], b"LIST");
+        assert!(is_ours(&header));
         let word = |at: u64| u32::from_le_bytes(header[at as usize..][..4].try_into().expect("four bytes"));
         assert_eq!((word(RIFF_LENGTH_AT), word(MOVI_LENGTH_AT)), (UNKNOWN, UNKNOWN));
         assert_eq!((word(FRAMES_COUNT_AT - 4), word(FRAMES_COUNT_AT)), (HAS_INDEX, 0));

@@ -9,4 +9,4 @@ mod settings;
 
 pub use error::Error;
 pub(crate) use layer::{Layer, blame, typed};
-pub use settings::{load_settings, load_task_settings};
+pub use settings::{load_settings, load_task_settings, parse_settings, parse_task_settings, settings_to_toml};

@@ -37,6 +37,7 @@ pub mod dry;
 mod error;
 pub mod gcl;
 mod goal;
+mod held;
 pub mod line;
 mod protocol;
 mod request;

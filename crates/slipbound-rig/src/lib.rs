@@ -2,7 +2,7 @@
 //!
 //! | what | where |
 //! |---|---|
-//! | recordings as frames: image folders, MJPEG AVI, every other video through `ffmpeg` | [`source`] |
+//! | recordings and cameras as frames: image folders, videos, MCAP, V4L2, MJPEG over HTTP | [`source`] |
 //! | the fingers that are known, and files for others | [`sensors`] |
 //! | a calibration as a sensor file and a picture | [`calibration`] |
 //! | settings files, and how a mistake in one is reported | [`config`] |
@@ -13,6 +13,7 @@
 //! | pictures of what was found | [`overlay`] |
 //! | Motion-JPEG AVI files | [`avi_writer`] |
 //! | the control loop in real time | [`realtime`] |
+//! | recordings in one file: frames as they came, reports, settings | `container` |
 //! | the folder and the page that a closed loop leaves, and its replay | [`run`] |
 //! | a page of tables, charts and pictures | [`sheet`] |
 //! | grippers by their own protocols | [`gripper`] |
@@ -44,6 +45,9 @@
 pub mod avi_writer;
 pub mod calibration;
 pub mod config;
+#[cfg(feature = "mcap")]
+pub mod container;
+pub mod devices;
 pub mod emulator;
 pub mod gripper;
 pub mod link;
@@ -56,5 +60,6 @@ pub mod sheet;
 pub mod source;
 pub mod timings;
 pub mod wrist;
+pub mod written;
 
 pub use config::sensors;

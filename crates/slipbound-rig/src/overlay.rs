@@ -20,10 +20,12 @@ mod drawing;
 mod grid;
 mod palette;
 mod regions;
+mod seen;
 mod strips;
 mod writer;
 
 pub use drawing::Overlay;
 pub use grid::grid_picture;
+pub use seen::Seen;
 pub(crate) use writer::write_png;
 pub use writer::{Error, OverlayWriter};

@@ -14,5 +14,5 @@ mod workers;
 
 pub use frames_due::FramesDue;
 pub use queue::{Finished, QueuedObserver};
-pub use runner::run;
+pub use runner::{run, run_at_least_every};
 pub use workers::MonitorWorkers;

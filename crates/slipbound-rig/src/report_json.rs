@@ -110,6 +110,25 @@ impl Serialize for Field<'_> {
     }
 }
 
+/// The line of a frame by itself, without an end of line: frame number `frame` of the finger called `finger`.
+pub fn frame_line(finger: &str, frame: u64, report: &SlipReport, markers: Option<&[Marker]>) -> io::Result<Vec<u8>> {
+    let mut line = Vec::new();
+    put_frame(&mut line, finger, frame, report, markers)?;
+    Ok(line)
+}
+
+fn put_frame(
+    line: &mut Vec<u8>,
+    finger: &str,
+    frame: u64,
+    report: &SlipReport,
+    markers: Option<&[Marker]>,
+) -> io::Result<()> {
+    let lost_ids = markers.map(|all| all.iter().filter(|m| !m.matched).map(|m| m.id).collect());
+    let written = FrameLine { finger, frame, report, field: markers.map(Field), lost_ids };
+    Ok(written.serialize(&mut serde_json::Serializer::with_formatter(line, FourDecimals))?)
+}
+
 /// Writes the lines.
 #[derive(Debug)]
 pub struct ReportJson<W> {
@@ -137,11 +156,8 @@ impl<W: Write> ReportJson<W> {
 
     /// Writes the line of the next frame; with `markers` also where each of them is.
     pub fn frame(&mut self, report: &SlipReport, markers: Option<&[Marker]>) -> io::Result<()> {
-        let lost_ids = markers.map(|all| all.iter().filter(|m| !m.matched).map(|m| m.id).collect());
-        let (finger, frame, field) = (&self.finger, self.frames_count, markers.map(Field));
-        let line = FrameLine { finger, frame, report, field, lost_ids };
         self.line.clear();
-        line.serialize(&mut serde_json::Serializer::with_formatter(&mut self.line, FourDecimals))?;
+        put_frame(&mut self.line, &self.finger, self.frames_count, report, markers)?;
         self.line.push(b'\n');
         self.to.write_all(&self.line)?;
         self.to.flush()?;
@@ -272,6 +288,12 @@ mod tests {
             + r#""evidence":{"reference_seq":2,"relaxation":0.25,"centre_rim_ratio":null,"imprint_change":0.5,"imprint_age_frames":0,"#
             + r#""slide_score":0.75,"slide_px":[3,0.5],"slide_rad":0.01,"slides":true,"slide_pitch_per_s":1.5,"slide_mm_per_s":null}}"#;
         assert_eq!(lines()[1], expected);
+    }
+
+    #[test]
+    fn a_line_by_itself_is_the_same() {
+        let line = frame_line("left", 1, &report(), Some(&[marker()])).expect("writes");
+        assert_eq!(String::from_utf8(line).expect("UTF-8"), lines()[2]);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Recordings as [`FrameSource`]s: `open("uri")` finds out which.
+//! Recordings and cameras as [`FrameSource`]s: `open("uri")` finds out which.
 //!
 //! ```text
 //!   folder/   'grasp_*.png'   frame.jpg            video.avi (MJPG)        any other video
@@ -10,6 +10,15 @@
 //! | folder, pattern, image | place in the natural order of the names | none | unknown |
 //! | video | place in the file, dropped frames counted | number times the header's frame rate | assumed |
 //!
+//! | `run.mcap` | as it was recorded | as it was recorded, else the message's | as it was recorded, else container |
+//! | `-` (standard input), named pipe, through `ffmpeg` | place | none | unknown |
+//! | `http://` Motion JPEG | place | the server's stamp, else arrival | device, host |
+//! | `v4l2:` camera | the driver's, gaps counted | the driver's stamp | device |
+//! | `rtsp://` and others, through `ffmpeg` | place | arrival | host |
+//!
+//! The last three are live ([`is_live`]): a [`Camera`] says what was negotiated and counts what becomes of its frames; on a
+//! thread of its own ([`Newest`]) the newest frame wins.
+//!
 //! The rate in a video's header is often not the rate it was recorded at: nobody measured it, so the clock says
 //! `assumed`. A picture that cannot be decoded whole is [`Next::Torn`](slipbound::port::Next) and the recording
 //! goes on; EXIF orientation is ignored, for a finger's camera is turned by its sensor file.
@@ -19,34 +28,81 @@
 //! ```
 
 mod avi;
+mod camera;
 mod error;
 mod ffmpeg;
+mod ffmpeg_live;
 mod folder;
 mod jpeg;
+mod mjpeg_http;
+mod multipart;
 mod natural;
 mod newest;
 mod picture;
 mod read_ahead;
 mod riff;
+#[cfg(all(feature = "v4l2", target_os = "linux", target_pointer_width = "64"))]
+pub mod v4l2;
 
 pub use avi::Avi;
+pub use camera::{Camera, CameraCounts, CameraTally};
 pub use error::Error;
 pub use ffmpeg::Ffmpeg;
+pub use ffmpeg_live::FfmpegLive;
 pub use folder::Folder;
-pub use newest::{Arrivals, Newest};
+pub use mjpeg_http::MjpegHttp;
+pub use newest::{Arrivals, Awaited, Newest};
+pub use picture::decode as decode_image;
 pub use read_ahead::{AheadFrame, ReadAhead, most_common_size};
 pub use riff::Rate;
 
 use slipbound::port::FrameSource;
 use std::fs::{self, File};
 use std::io::{self, BufReader, ErrorKind, Read, Seek};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Opens an image folder, a pattern, an image or a video file.
+/// Whether frames come by themselves and are gone when nobody takes them.
+pub fn is_live(uri: &str) -> bool {
+    ["http://", "v4l2:"].iter().chain(&ffmpeg_live::SCHEMES).any(|scheme| uri.starts_with(scheme))
+}
+
+/// Opens a live source, of which [`is_live`] is true.
+pub fn open_camera(uri: &str) -> Result<Camera, Error> {
+    if uri.starts_with("v4l2:") {
+        return open_v4l2(uri);
+    }
+    if ffmpeg_live::SCHEMES.iter().any(|scheme| uri.starts_with(scheme)) {
+        return FfmpegLive::open(uri);
+    }
+    MjpegHttp::open(uri)
+}
+
+#[cfg(all(feature = "v4l2", target_os = "linux", target_pointer_width = "64"))]
+fn open_v4l2(uri: &str) -> Result<Camera, Error> {
+    v4l2::V4l2::open(uri)
+}
+
+#[cfg(not(all(feature = "v4l2", target_os = "linux", target_pointer_width = "64")))]
+fn open_v4l2(uri: &str) -> Result<Camera, Error> {
+    let expected = "a build with cameras: the feature v4l2, on 64-bit Linux".into();
+    Err(Error::Address { uri: uri.into(), expected })
+}
+
+/// Opens an image folder, a pattern, an image or a video file, or a live source.
 pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
+    if is_live(uri) {
+        return open_camera(uri).map(|camera| camera.source);
+    }
+    if let Some((path, topic)) = mcap_file(uri) {
+        return open_mcap(Path::new(path), topic);
+    }
     let path = Path::new(uri);
+    if uri == ffmpeg::STDIN {
+        return Ok(Box::new(Ffmpeg::open_pipe(path)?));
+    }
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => Ok(Box::new(Folder::open(path)?)),
+        Ok(there) if is_pipe(&there) => Ok(Box::new(Ffmpeg::open_pipe(path)?)),
         Ok(_) if folder::has_image_name(path) => Ok(Box::new(Folder::single(path))),
         Ok(_) => open_video(path),
         // A file whose own name holds such signs was found above.
@@ -58,10 +114,38 @@ pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
     }
 }
 
-/// Decodes `into.encoded`, a JPEG or PNG picture, into `into.pixels`; the text of the failure says what is wrong
-/// with it.
-pub fn decode_image(into: &mut slipbound::port::FrameBuffer) -> Result<(), String> {
-    picture::decode(into)
+/// `FILE.mcap` or `FILE.mcap#TOPIC`, as file and topic; None for anything else, and where no such file is.
+pub fn mcap_file(uri: &str) -> Option<(&str, Option<&str>)> {
+    let is_it = |path: &str| path.ends_with(".mcap") && Path::new(path).is_file();
+    if is_it(uri) {
+        return Some((uri, None));
+    }
+    uri.rsplit_once('#').filter(|(path, _)| is_it(path)).map(|(path, topic)| (path, Some(topic)))
+}
+
+#[cfg(feature = "mcap")]
+fn open_mcap(path: &Path, topic: Option<&str>) -> Result<Box<dyn FrameSource + Send>, Error> {
+    Ok(Box::new(crate::container::McapSource::open(path, topic)?))
+}
+
+#[cfg(not(feature = "mcap"))]
+fn open_mcap(path: &Path, _topic: Option<&str>) -> Result<Box<dyn FrameSource + Send>, Error> {
+    Err(Error::Mcap { path: path.to_owned(), why: "this build has no MCAP files (feature `mcap`)".into() })
+}
+
+#[cfg(unix)]
+fn is_pipe(there: &fs::Metadata) -> bool {
+    std::os::unix::fs::FileTypeExt::is_fifo(&there.file_type())
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_there: &fs::Metadata) -> bool {
+    false
+}
+
+/// The image files that `open` would read, in their order; none where it would read a video.
+pub fn image_files(uri: &str) -> Vec<PathBuf> {
+    folder::image_files(uri)
 }
 
 /// Whether `open` would read image files named by a pattern or one by one.

@@ -110,3 +110,41 @@ fn the_program_is_gone_when_the_source_is() {
     drop(source);
     assert_eq!(children(), 0);
 }
+
+/// A named pipe is read once, from its beginning to its end.
+#[cfg(unix)]
+#[test]
+fn a_named_pipe_is_read_to_its_end() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (video, pipe) = (dir.path().join("a.mp4"), dir.path().join("pipe"));
+    let made = Command::new("ffmpeg")
+        .args([
+            "-v",
+            "error",
+            "-f",
+            "lavfi",
+            "-i",
+            "testsrc=size=64x48:rate=10:duration=1",
+            "-f",
+            "mpegts",
+            "-c:v",
+            "mpeg2video",
+        ])
+        .arg(&video)
+        .status();
+    if !made.is_ok_and(|status| status.success()) {
+        eprintln!("skipped: no ffmpeg");
+        return;
+    }
+    assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo runs").success());
+    let (from, to) = (video.clone(), pipe.clone());
+    let writer = std::thread::spawn(move || std::fs::copy(from, to));
+    let mut source = slipbound_rig::source::open(pipe.to_str().expect("UTF-8")).expect("opens");
+    let (mut frame, mut frames_count) = (FrameBuffer::default(), 0);
+    while source.next(&mut frame).expect("goes on") == Next::Frame {
+        assert_eq!((frame.seq, frame.time_ns), (frames_count, None));
+        frames_count += 1;
+    }
+    assert_eq!(frames_count, 10);
+    drop(writer.join());
+}

@@ -29,7 +29,7 @@ impl Gripper for MyGripper {
         self.time_ns += 20_000_000; // your driver's time stamp, on the clock of the loop
         let (time_ns, target_n, jaws) = (self.time_ns, self.target_n, self.jaws);
         // This one measures neither force nor opening.
-        Ok(GripperState { time_ns, force_n: None, target_n, opening_mm: None, jaws })
+        Ok(GripperState { time_ns, force_n: None, force_error_n: None, target_n, opening_mm: None, jaws })
     }
 }
 

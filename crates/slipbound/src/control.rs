@@ -28,8 +28,9 @@ pub use observer::{CycleObserver, CycleView};
 
 use crate::events::{Sign, SlipEpisodes};
 use crate::finger_pipeline::{FingerPipeline, FingerView, MonitorRunner, Sequential};
-use crate::grip::GripController;
+use crate::grip::{ForceSense, GripController};
 use crate::hand::{FINGERS_MOST, Hand, Mounting};
+use crate::monitor::RestKind;
 use crate::port::{
     DriverEvent, GripCommand, GripSample, Gripper, GripperError, GripperErrorKind, GripperState, Jaws, Wrist,
     WristCommand, WristMotion, WristState,
@@ -48,6 +49,7 @@ pub struct ControlLoop {
     hand: Hand,
     task: Box<dyn Task + Send>,
     faults: FaultLog,
+    force: ForceSense,
     shortfall: ForceShortfall,
     refused_lowering: Option<String>,
     slips: SlipEpisodes,
@@ -67,6 +69,7 @@ impl ControlLoop {
             runner: Box::new(Sequential),
             task,
             faults: FaultLog::default(),
+            force: ForceSense::default(),
             shortfall: ForceShortfall::default(),
             refused_lowering: None,
             slips: SlipEpisodes::default(),
@@ -81,6 +84,14 @@ impl ControlLoop {
     #[must_use]
     pub fn with_runner(self, runner: Box<dyn MonitorRunner>) -> Self {
         ControlLoop { runner, ..self }
+    }
+
+    /// The same loop with the idle reading of its gripper's force known, N per finger, instead of learned from the open
+    /// hand: a run that is replayed.
+    #[must_use]
+    pub fn with_idle_force(mut self, idle_n: f64) -> Self {
+        self.force.set_idle(idle_n);
+        self
     }
 
     /// The fingers.
@@ -159,7 +170,12 @@ impl ControlLoop {
         };
         self.wrist = wrist_known.as_ref().ok().map(|(state, _)| *state);
         let known = state.and_then(|state| wrist_known.map(|(wrist_state, fault)| (state, wrist_state, fault)));
-        if let Ok((state, ..)) = &known {
+        // What the loop reckons with; what the gripper said is what is recorded.
+        let sensed = known.as_ref().ok().map(|(state, ..)| match self.last_step {
+            None => self.force.rest(state, !self.is_unloaded()),
+            Some(_) => self.force.see(now_ns, state, true),
+        });
+        if let Some(state) = &sensed {
             self.grip = state.pressed_n().map(|force_n| GripSample { force_n });
         }
         if !self.look()? {
@@ -176,11 +192,12 @@ impl ControlLoop {
             self.faults.clear(now_ns);
             return Ok(CycleOutcome::AtRest);
         }
-        let hand = self.hand.report();
+        let hand = self.hand.report(now_ns);
         self.slips.see(&Sign::of_hand(now_ns, &hand));
-        let step = self.task.step(&Observation { now_ns, hand: &hand, gripper: &state, wrist: &wrist_state });
+        let sensed = sensed.unwrap_or(state);
+        let step = self.task.step(&Observation { now_ns, hand: &hand, gripper: &sensed, wrist: &wrist_state });
         self.last_step = Some(step);
-        let shortfall = self.shortfall.check(now_ns, &state, &step);
+        let shortfall = self.shortfall.check(now_ns, &sensed, &step);
         match self.command(&step, gripper, wrist).or(shortfall).or(wrist_fault) {
             Some(fault) => self.raise_fault(now_ns, fault, wrist)?,
             None => self.faults.clear(now_ns),
@@ -190,6 +207,7 @@ impl ControlLoop {
             time_ns: now_ns,
             hand,
             gripper: state,
+            idle_force_n: self.force.idle_n(),
             wrist: wrist_state,
             grip_command: step.grip,
             wrist_command: step.wrist,
@@ -220,6 +238,11 @@ impl ControlLoop {
             }
         }
         Ok(true)
+    }
+
+    /// Whether no finger was in contact when its rest frame was taken, as far as that is known.
+    fn is_unloaded(&self) -> bool {
+        self.fingers.iter().all(|finger| finger.rest_kind() != Some(RestKind::InContact))
     }
 
     /// A state that can be worked with.

@@ -10,7 +10,7 @@
 
 mod rest_finder;
 
-pub use rest_finder::{FoundRest, RestFinder};
+pub use rest_finder::{FoundRest, RestFinder, rest_from};
 
 use crate::control::ControlError;
 use crate::hand::Mounting;
@@ -25,6 +25,7 @@ pub struct FingerPipeline {
     source: Box<dyn FrameSource + Send>,
     sensor: Sensor,
     settings: Settings,
+    refuses_touch: bool,
     rest_finder: Option<RestFinder>,
     rest_kind: Option<RestKind>,
     monitor: Option<Box<SlipMonitor>>,
@@ -82,6 +83,7 @@ impl FingerPipeline {
             source,
             sensor,
             settings,
+            refuses_touch: false,
             rest_finder: None,
             rest_kind: None,
             monitor: None,
@@ -89,6 +91,12 @@ impl FingerPipeline {
             next: Next::Silent,
             report: None,
         }
+    }
+
+    /// The same finger, which fails with [`ControlError::Touched`] when something touches it in its rest frame.
+    #[must_use]
+    pub fn refusing_touch(self) -> Self {
+        FingerPipeline { refuses_touch: true, ..self }
     }
 
     /// What it is called.
@@ -109,6 +117,11 @@ impl FingerPipeline {
     /// Its monitor; None before the rest frame is known, and while it is lent.
     pub fn monitor(&self) -> Option<&SlipMonitor> {
         self.monitor.as_deref()
+    }
+
+    /// What it was doing in its rest frame; None before that is known.
+    pub fn rest_kind(&self) -> Option<RestKind> {
+        self.rest_kind
     }
 
     /// The newest frame.
@@ -176,6 +189,9 @@ impl FingerPipeline {
             Some(Err(RestError::NoStationaryFrame { .. })) | None => return Ok(()),
             Some(Err(source)) => return Err(ControlError::Rest { finger: finger(), source }),
         };
+        if self.refuses_touch && found.rest.kind() == RestKind::InContact {
+            return Err(ControlError::Touched { finger: finger() });
+        }
         self.rest_kind = Some(found.rest.kind());
         let monitor = SlipMonitor::new(&self.sensor, &self.settings, found.rest);
         self.monitor =

@@ -12,6 +12,7 @@
 
 mod constant;
 mod controller;
+mod force_sense;
 mod guard;
 mod margin;
 mod on_slip;
@@ -19,6 +20,7 @@ mod on_slip;
 pub use constant::Constant;
 pub(crate) use controller::arrived;
 pub use controller::{ArmMotion, GripController, GripDecision, GripLimits};
+pub use force_sense::ForceSense;
 pub use guard::Guard;
 pub use margin::{Margin, MarginSettings};
 pub use on_slip::{OnSlip, OnSlipSettings};

@@ -14,9 +14,12 @@
 //!
 //! What one finger cannot tell apart (around or across), two can.
 
+mod freshness;
+
 use crate::monitor::{Estimate, Reason, SlipKind, SlipReport, SlipState};
 use crate::plane::Vec2;
 use crate::setting::{SettingError, named, within};
+use freshness::Freshness;
 use serde::{Deserialize, Serialize};
 
 /// Most fingers a hand can have.
@@ -24,6 +27,12 @@ pub const FINGERS_MOST: usize = 4;
 
 /// A picture that has not changed in any number for this many frames is a frozen one: noise never repeats itself.
 const FROZEN_FRAMES_COUNT: u32 = 3;
+
+/// Length below which directions in which the fingers slide cancel each other, of 1 where they agree.
+const CANCELLED_LENGTH: f64 = 0.3;
+
+/// Fewest markers over the threshold that are half of a slip: one is a bad marker.
+const HALF_MARKERS_COUNT: u32 = 2;
 
 /// On which side of the object a finger is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -101,7 +110,8 @@ pub enum Health {
     Absent,
     /// Its newest frame was judged.
     Live,
-    /// No frame came, or it could not be judged.
+    /// No frame came, or it could not be judged, or the newest one is older than 0.1 s or that much behind those of
+    /// another finger.
     Blind,
     /// It shows the same picture again and again.
     Frozen,
@@ -110,7 +120,8 @@ pub enum Health {
 /// Slip as the hand sees it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HandSlip {
-    /// Direction in which the object slides, of length 1; 0 throughout when it only pivots.
+    /// Direction in which the object slides, of length 1; 0 throughout when it only pivots, and where the fingers do not
+    /// agree on any. Of a slip that the fingers of one side alone see, `across` and `around` are the same number.
     pub direction: HandVector,
     /// Whether it turns about the axis through both fingers, alone or besides.
     pub pivots: bool,
@@ -121,7 +132,7 @@ pub struct HandSlip {
 /// What the fingers say together.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HandReport {
-    /// Number of the frame: the newest among the fingers.
+    /// Number of the frame that was seen last by a live finger; by any where none is live.
     pub seq: u64,
     /// Time of that frame.
     pub time_ns: Option<u64>,
@@ -131,7 +142,8 @@ pub struct HandReport {
     pub live_count: u32,
     /// Every finger, in the order they were given.
     pub health: [Health; FINGERS_MOST],
-    /// Whether around and across were told apart: a live finger on either side.
+    /// Whether around and across were told apart: a live finger on either side, and, where anything is touched, one that
+    /// touches it on either side.
     pub separated: bool,
     /// Mean shear of the gels since rest in mm, towards where the object drags them; None without contact or where
     /// the pitch in mm is unknown. Unless `separated`, `across` and `around` hold the same number.
@@ -161,6 +173,7 @@ struct Finger {
     report: Option<SlipReport>,
     health: Health,
     same_count: u32,
+    freshness: Freshness,
 }
 
 /// Mean shear of the gel when all of a contact slips, over mu P / (k A), with k the shear stiffness and A the area:
@@ -183,6 +196,8 @@ impl HandReport {
 #[derive(Debug, Clone)]
 pub struct Hand {
     fingers: Vec<Finger>,
+    /// When the last report was made, ns.
+    now_ns: Option<u64>,
 }
 
 impl Hand {
@@ -192,13 +207,21 @@ impl Hand {
         for mounting in mountings {
             within("hand.fingers.turn_rad", mounting.turn_rad, -7.0, 7.0)?;
         }
-        let finger = |&mounting| Finger { mounting, report: None, health: Health::Blind, same_count: 0 };
-        Ok(Hand { fingers: mountings.iter().map(finger).collect() })
+        let finger = |&mounting| {
+            let freshness = Freshness::default();
+            Finger { mounting, report: None, health: Health::Blind, same_count: 0, freshness }
+        };
+        Ok(Hand { fingers: mountings.iter().map(finger).collect(), now_ns: None })
     }
 
-    /// Takes the report of a finger. Numbers of fingers that are not there are passed over.
+    /// Takes the report of a finger. Numbers of fingers that are not there are passed over, and so is a frame that was
+    /// seen before: it makes nobody younger.
     pub fn see(&mut self, finger: usize, report: &SlipReport) {
         let Some(finger) = self.fingers.get_mut(finger) else { return };
+        if finger.report.is_some_and(|last| (last.seq, last.time_ns) == (report.seq, report.time_ns)) {
+            return;
+        }
+        finger.freshness.see(report.time_ns);
         let repeats = finger.report.is_some_and(|last| last.seq != report.seq && same_picture(&last, report));
         finger.same_count = if repeats { finger.same_count + 1 } else { 0 };
         finger.report = Some(*report);
@@ -216,11 +239,24 @@ impl Hand {
         }
     }
 
-    /// What the fingers say together.
-    pub fn report(&self) -> HandReport {
+    /// What the fingers say together at this time of the loop, ns, which never goes back.
+    pub fn report(&mut self, now_ns: u64) -> HandReport {
+        let step_ns = now_ns.saturating_sub(self.now_ns.replace(now_ns).unwrap_or(now_ns));
+        freshness::advance(self.fingers.iter_mut().map(|finger| &mut finger.freshness), now_ns, step_ns);
+        for finger in self.fingers.iter_mut().filter(|finger| finger.freshness.is_stale()) {
+            finger.health = Health::Blind;
+        }
+        self.fused()
+    }
+
+    fn fused(&self) -> HandReport {
         let live = || self.fingers.iter().filter(|f| f.health == Health::Live).filter_map(|f| Some((f, f.report?)));
-        let newest = self.fingers.iter().filter_map(|f| f.report).max_by_key(|r| r.seq);
-        let side = |side| live().any(|(f, _)| f.mounting.side == side);
+        let seen = |(f, r): (&Finger, SlipReport)| (f.freshness.seen_ns(), r);
+        let any = || self.fingers.iter().filter_map(|f| Some((f, f.report?)));
+        let newest = live().map(seen).max_by_key(|(seen_ns, r)| (*seen_ns, r.seq));
+        let newest = newest.or_else(|| any().map(seen).max_by_key(|(seen_ns, r)| (*seen_ns, r.seq))).map(|(_, r)| r);
+        let touches = live().any(|(_, r)| r.shear.is_some());
+        let side = |side| live().any(|(f, r)| f.mounting.side == side && (r.shear.is_some() || !touches));
         let separated = side(Side::Left) && side(Side::Right);
         let mut health = [Health::Absent; FINGERS_MOST];
         for (health, finger) in health.iter_mut().zip(&self.fingers) {
@@ -260,7 +296,7 @@ fn fused_state(reports: impl Iterator<Item = SlipReport> + Clone) -> SlipState {
     let halves = reports.clone().filter(|r| {
         r.state == SlipState::Stick
             && r.estimates.margin.is_none()
-            && r.slip.markers_over > 0
+            && r.slip.markers_over >= HALF_MARKERS_COUNT
             && 2 * r.slip.markers_over >= r.slip.markers_needed
     });
     match () {
@@ -318,10 +354,17 @@ fn fused_slip<'a>(live: impl Iterator<Item = (&'a Finger, SlipReport)> + Clone, 
     let pivots = slipping.clone().any(|(_, r)| r.slip.kind != Some(SlipKind::Translation));
     let unit = |angle_rad: f64| Vec2::new(libm::cos(angle_rad), libm::sin(angle_rad));
     let ways = slipping.filter_map(|(f, r)| Some(Some((f.mounting, unit(r.slip.direction_rad?)))));
-    // One finger alone that slips cannot tell around from across, though both are live.
-    let direction = fused_vector(ways, separated).unwrap_or_default();
+    let sees_on = |side| ways.clone().flatten().any(|(mounting, _)| mounting.side == side);
+    // Fingers of one side that slip cannot tell around from across, though both sides are live: each is half of it.
+    let is_one_sided = !(sees_on(Side::Left) && sees_on(Side::Right));
+    let mut direction = fused_vector(ways.clone(), separated).unwrap_or_default();
+    if is_one_sided {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        direction = HandVector { across: half * direction.across, around: half * direction.around, ..direction };
+    }
     let length = direction.length();
-    let direction = if length > 0.0 { direction.scaled(1.0 / length) } else { direction };
+    // Directions that cancel each other leave noise, which points nowhere.
+    let direction = if length >= CANCELLED_LENGTH { direction.scaled(1.0 / length) } else { HandVector::default() };
     Some(HandSlip { direction, pivots, fingers_count })
 }
 
@@ -357,9 +400,11 @@ impl Allowed {
             across: part(d.across, self.across),
             around: part(d.around, self.around),
         };
+        // It slides, but the fingers do not agree which way: that is none of what is allowed unless all of it is.
+        let is_unknown = d.length() == 0.0 && !slip.pivots && !(self.along && self.across && self.around);
         let slides = d.length() > 0.0 && outside.length() > STRAY_SIN;
         let pivots = slip.pivots && !self.pivot;
-        slides || pivots
+        slides || pivots || is_unknown
     }
 
     /// The report as a controller should see it: slip in an allowed direction is none, and a margin that an allowed motion

@@ -80,17 +80,38 @@ impl fmt::Display for SizePx {
     }
 }
 
-/// Pixels of one byte (`CHANNELS` = 1) or three bytes R, G, B (`CHANNELS` = 3), rows `stride` bytes apart.
+/// In which order the bytes of a colour pixel are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ByteOrder {
+    /// Red, green, blue.
+    #[default]
+    Rgb,
+    /// Blue, green, red, as OpenCV has them.
+    Bgr,
+}
+
+impl ByteOrder {
+    /// Three values in the order of the bytes as red, green, blue, or the other way round.
+    pub const fn rgb<T: Copy>(self, [a, b, c]: [T; 3]) -> [T; 3] {
+        match self {
+            ByteOrder::Rgb => [a, b, c],
+            ByteOrder::Bgr => [c, b, a],
+        }
+    }
+}
+
+/// Pixels of one byte (`CHANNELS` = 1) or three bytes (`CHANNELS` = 3), rows `stride` bytes apart.
 #[derive(Debug, Clone, Copy)]
 pub struct Interleaved<'a, const CHANNELS: usize> {
     bytes: &'a [u8],
     size: SizePx,
     stride: usize,
+    order: ByteOrder,
 }
 
 /// Grey pixels, one byte each, 0 black to 255 white.
 pub type Gray<'a> = Interleaved<'a, 1>;
-/// Colour pixels, bytes in the order red, green, blue.
+/// Colour pixels, bytes in the order red, green, blue, unless [`Rgb::in_order`] says otherwise.
 pub type Rgb<'a> = Interleaved<'a, 3>;
 
 impl<'a, const CHANNELS: usize> Interleaved<'a, CHANNELS> {
@@ -112,7 +133,7 @@ impl<'a, const CHANNELS: usize> Interleaved<'a, CHANNELS> {
         if bytes.len() < expected_bytes {
             return Err(ImageError::TooShort { expected_bytes, got_bytes: bytes.len() });
         }
-        Ok(Interleaved { bytes, size, stride: stride_bytes })
+        Ok(Interleaved { bytes, size, stride: stride_bytes, order: ByteOrder::Rgb })
     }
 
     /// Width and height.
@@ -120,9 +141,22 @@ impl<'a, const CHANNELS: usize> Interleaved<'a, CHANNELS> {
         self.size
     }
 
-    /// The bytes of row `y`, `width * CHANNELS` of them.
+    /// The bytes of row `y`, `width * CHANNELS` of them; those of a colour pixel in the order of [`Rgb::order`].
     pub fn row(&self, y: usize) -> &'a [u8] {
         &self.bytes[y * self.stride..][..self.size.width * CHANNELS]
+    }
+}
+
+impl Rgb<'_> {
+    /// The same pixels with their bytes taken to be in this order. What is judged of them does not depend on it.
+    #[must_use]
+    pub fn in_order(self, order: ByteOrder) -> Self {
+        Interleaved { order, ..self }
+    }
+
+    /// The order of the bytes of a pixel.
+    pub fn order(&self) -> ByteOrder {
+        self.order
     }
 }
 

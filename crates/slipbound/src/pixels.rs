@@ -2,6 +2,7 @@
 //! after the scratch of a kernel has been made.
 
 pub mod background;
+pub mod bgr;
 mod bits;
 mod border;
 pub mod canny;
@@ -19,3 +20,4 @@ pub mod morphology;
 pub mod patch;
 pub mod threshold;
 pub mod warp;
+pub mod yuyv;

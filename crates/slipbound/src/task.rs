@@ -25,6 +25,6 @@ pub use lift::{Lift, LiftSettings};
 pub use place::{Place, PlaceSettings};
 pub use screw::{Screw, ScrewEnd, ScrewSettings};
 pub use settings::{ControllerKind, TaskKind, TaskSettings};
-pub use step::{Ending, Observation, Phase, Task, TaskStep};
+pub use step::{Ending, Missing, Observation, Phase, Task, TaskStep};
 pub use turning::SlideSettings;
 pub use unscrew::{Unscrew, UnscrewSettings};

@@ -6,7 +6,7 @@ use slipbound::grip::{
 use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
-use slipbound::task::{ControllerKind, Ending, Observation, Phase, Task, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, Ending, Missing, Observation, Phase, Task, TaskKind, TaskSettings};
 
 const FRAME_NS: u64 = 33_333_333;
 
@@ -41,6 +41,7 @@ fn gripper(force_n: f64) -> GripperState {
     GripperState {
         time_ns: 0,
         force_n: Some(force_n),
+        force_error_n: None,
         target_n: Some(force_n),
         opening_mm: Some(28.0),
         jaws: Jaws::Holding,
@@ -231,12 +232,13 @@ struct Bench {
     slip: bool,
     /// Whether the gripper presses with what it is told, or goes on with 10 N.
     follows: bool,
+    period_ns: u64,
 }
 
 impl Bench {
     fn new(kind: TaskKind) -> Self {
         let task = TaskSettings::default().task(kind, Some(0.05)).expect("valid");
-        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip: false, follows: true }
+        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip: false, follows: true, period_ns: FRAME_NS }
     }
 
     fn step(&mut self, shear_mm: f64) -> Phase {
@@ -251,15 +253,15 @@ impl Bench {
         }
         if let WristMotion::Turn { rate_rad_per_s, most_rad } = step.wrist.motion {
             assert!(step.wrist.time_to_live_ns <= 200_000_000 && most_rad <= 0.2 * rate_rad_per_s.abs() + 1e-12);
-            self.angle_rad += rate_rad_per_s * FRAME_NS as f64 * 1e-9;
+            self.angle_rad += rate_rad_per_s * self.period_ns as f64 * 1e-9;
         }
-        self.now_ns += FRAME_NS;
+        self.now_ns += self.period_ns;
         step.phase
     }
 
     /// Turns while the shear follows the angle; gives the ending and the angle in deg.
     fn run(&mut self, shear_mm: impl Fn(f64) -> f64, slip: impl Fn(f64) -> bool) -> (Option<Ending>, f64) {
-        for _ in 0..1000 {
+        for _ in 0..200_000_000_000 / self.period_ns {
             self.slip = slip(self.angle_rad);
             if let Phase::Ended(ending) = self.step(shear_mm(self.angle_rad)) {
                 return (Some(ending), self.angle_rad.to_degrees());
@@ -364,4 +366,244 @@ fn laid_down(follows: bool) -> (Option<Ending>, bool) {
 fn a_gripper_that_does_not_loosen_its_grip_lets_nothing_go() {
     assert_eq!(laid_down(true), (Some(Ending::Placed), true));
     assert_eq!(laid_down(false), (Some(Ending::GripStays), false));
+}
+
+/// The hand, the gripper and what it does at a time in ms, shown to a lift every `period_ms`; the phase and force of each.
+fn lift_with(
+    settings: &TaskSettings,
+    (period_ms, longest_ms): (u64, u64),
+    shows: impl Fn(u64) -> (HandReport, GripperState),
+) -> Vec<(u64, Phase, f64)> {
+    let mut task = settings.task(TaskKind::Lift, None).expect("valid");
+    let (mut lowered_mm, mut told) = (0.0, Vec::new());
+    for ms in (0..longest_ms).step_by(period_ms as usize) {
+        let (hand, gripper) = shows(ms);
+        let wrist = WristState { time_ns: ms, angle_rad: 0.0, lowered_mm, moving: true };
+        let now_ns = ms * 1_000_000;
+        let step = task.step(&Observation { now_ns, hand: &hand, gripper: &gripper, wrist: &wrist });
+        if let WristMotion::Lower { rate_mm_per_s, .. } = step.wrist.motion {
+            lowered_mm += rate_mm_per_s * period_ms as f64 * 1e-3;
+        }
+        told.push((ms, step.phase, step.grip.force_n().expect("it holds")));
+    }
+    told
+}
+
+fn first_ms(told: &[(u64, Phase, f64)], wanted: impl Fn(Phase) -> bool) -> Option<u64> {
+    told.iter().find(|(_, phase, _)| wanted(*phase)).map(|(ms, ..)| *ms)
+}
+
+/// The jaws close by 0.5 s.
+fn jaws_at(ms: u64) -> Jaws {
+    if ms < 500 { Jaws::Closing } else { Jaws::Holding }
+}
+
+#[test]
+fn blind_fingers_never_begin_to_lift_and_a_hold_that_is_not_seen_does_not_count() {
+    let mut settings = TaskSettings::default();
+    settings.lift.hold_ns = 2_000_000_000;
+    let run = |sees: fn(u64) -> bool| {
+        lift_with(&settings, (33, 30_000), |ms| {
+            let state = if sees(ms) { SlipState::Stick } else { SlipState::Unjudged };
+            (hand(state), GripperState { jaws: jaws_at(ms), ..gripper(10.0) })
+        })
+    };
+    let told = run(|ms| ms < 500);
+    assert!(told.iter().all(|(_, phase, _)| *phase == Phase::Grasping), "{:?}", told.last());
+    let told = run(|ms| !(500..3000).contains(&ms));
+    let began_ms = first_ms(&told, |phase| phase == Phase::Working).expect("it begins");
+    assert!((3200..3400).contains(&began_ms), "0.2 s after the cameras are back: {began_ms} ms");
+    // Blind for 5 s while it is held up: the hold lasts 5 s longer.
+    let ended = |told: &[(u64, Phase, f64)]| first_ms(told, |phase| phase == Phase::Ended(Ending::Held)).expect("held");
+    let (seen_ms, unseen_ms) = (ended(&run(|_| true)), ended(&run(|ms| !(2500..7500).contains(&ms))));
+    assert!((4960..=5040).contains(&(unseen_ms - seen_ms)), "{seen_ms} ms and {unseen_ms} ms");
+}
+
+/// 6 % high, 1 N off, 1.5 N of noise: the gripper holds, the fingers feel it, and that is believed.
+#[test]
+fn a_grasp_is_believed_though_the_force_reads_otherwise() {
+    let noise = |ms: u64| ((ms * ms * 2_654_435_761 % 1024) as f64 / 1024.0 - 0.5) * 5.2;
+    let readings: [(&str, &dyn Fn(u64) -> Option<f64>, u64); 6] = [
+        ("exact", &|_| Some(10.0), 200),
+        ("none", &|_| None, 200),
+        ("6 % high", &|_| Some(10.6), 1000),
+        ("3 N low", &|_| Some(7.0), 1000),
+        ("1.5 N rms", &|ms| Some(10.0 + noise(ms)), 1000),
+        ("nothing", &|_| Some(0.0), 1000),
+    ];
+    for (name, reading, most_ms) in readings {
+        let told = lift_with(&TaskSettings::default(), (33, 5000), |ms| {
+            let jaws = jaws_at(ms);
+            let force_n = reading(ms).map(|n| if jaws == Jaws::Holding { n } else { 0.0 });
+            (
+                hand(if ms < 500 { SlipState::NoContact } else { SlipState::Stick }),
+                GripperState { jaws, force_n, ..gripper(10.0) },
+            )
+        });
+        let began_ms = first_ms(&told, |phase| phase == Phase::Working).expect(name);
+        assert!((700..=500 + most_ms + 66).contains(&began_ms), "{name}: {began_ms} ms");
+    }
+}
+
+#[test]
+fn slip_is_answered_from_the_first_contact_on() {
+    let told = lift_with(&TaskSettings::default(), (33, 700), |ms| {
+        let state = if ms < 500 { SlipState::NoContact } else { SlipState::Incipient };
+        (hand(state), GripperState { jaws: jaws_at(ms), ..gripper(10.0) })
+    });
+    assert!(told.iter().all(|(_, phase, _)| *phase == Phase::Grasping));
+    let raised_ms = told.iter().find(|(.., force_n)| *force_n > 10.0).map(|(ms, ..)| *ms);
+    assert_eq!(raised_ms, Some(528), "the first frame in which it is held");
+}
+
+/// What is held but not felt is not lifted, and what is missing is said.
+#[test]
+fn a_task_that_cannot_begin_says_what_it_waits_for() {
+    for (state, jaws, missing) in [
+        (SlipState::Unjudged, Jaws::Holding, Missing::Sight),
+        (SlipState::NoContact, Jaws::Holding, Missing::Contact),
+        (SlipState::Stick, Jaws::Open, Missing::Hold),
+        (SlipState::Stick, Jaws::Holding, Missing::Rest),
+    ] {
+        let mut task = TaskSettings::default().task(TaskKind::Screw, None).expect("valid");
+        assert_eq!(task.missing(), None);
+        let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+        let state = (hand(state), GripperState { jaws, ..gripper(10.0) });
+        task.step(&Observation { now_ns: 0, hand: &state.0, gripper: &state.1, wrist: &wrist });
+        assert_eq!(task.missing(), Some(missing));
+        assert!(!missing.in_words().is_empty());
+    }
+}
+
+/// Frames without shear while it is laid down, with slip seen all the time: the loose grip stays loose.
+#[test]
+fn frames_without_shear_do_not_kick_the_grip_while_it_is_laid_down() {
+    let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
+    let (mut force_n, mut loose_n) = (10.0, Vec::new());
+    for cycle in 0..200u64 {
+        let mut report = hand(SlipState::Incipient);
+        let touches = cycle > 20;
+        report.pivot_rad = Some(if touches { 0.2 } else { 0.0 });
+        report.slip = report.slip.map(|slip| HandSlip { pivots: touches, direction: HandVector::default(), ..slip });
+        if touches && cycle % 3 == 0 {
+            (report.shear_mm, report.pivot_rad) = (None, None);
+        }
+        if cycle == 100 {
+            report = hand(SlipState::Unjudged);
+        }
+        let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+        let now_ns = cycle * FRAME_NS;
+        let step = task.step(&Observation { now_ns, hand: &report, gripper: &gripper(force_n), wrist: &wrist });
+        if let GripCommand::Hold { force_n: asked_n } = step.grip {
+            force_n = asked_n;
+        }
+        if cycle > 22 {
+            loose_n.push(force_n);
+        }
+    }
+    assert!(loose_n.iter().all(|n| *n == 5.0), "{loose_n:?}");
+}
+
+/// The loop's rate and the wrist's speed do not decide how a task ends.
+#[test]
+fn every_rate_and_speed_ends_alike() {
+    let mut table = String::new();
+    for rate_hz in [10u32, 15, 30, 60, 90, 120, 240] {
+        for speed_deg_per_s in [2.0f64, 5.0, 20.0, 60.0] {
+            let mut settings = TaskSettings::default();
+            settings.screw.rate_rad_per_s = speed_deg_per_s.to_radians();
+            settings.unscrew.rate_rad_per_s = -speed_deg_per_s.to_radians();
+            let end = |kind, shear_mm: fn(f64) -> f64, slip: fn(f64) -> bool| {
+                let task = settings.task(kind, Some(0.05)).expect("valid");
+                let mut bench = Bench { task, period_ns: 1_000_000_000 / u64::from(rate_hz), ..Bench::new(kind) };
+                bench.run(shear_mm, slip)
+            };
+            let tight = end(TaskKind::Screw, |rad| 2.0 * rad.min(1.2), |rad| rad > 0.5);
+            let stuck = end(TaskKind::Unscrew, |rad| (2.0 * rad).max(-1.5), |rad| rad < -0.3);
+            let opened = end(TaskKind::Unscrew, |rad| if rad > -0.5 { 2.0 * rad } else { -0.1 }, |rad| rad < -0.3);
+            let endings = [tight.0, stuck.0, opened.0];
+            let at = format!("{rate_hz} Hz {speed_deg_per_s} deg/s: {tight:?} {stuck:?} {opened:?}");
+            assert_eq!(endings, [Some(Ending::Tight), Some(Ending::Stuck), Some(Ending::Opened)], "{at}");
+            table = format!("{table}{at}\n");
+            // The angle, too, but for the turn between two cycles.
+            let step_deg = 3.0 * speed_deg_per_s / f64::from(rate_hz);
+            assert!((tight.1 - 77.0).abs() < 2.5 + step_deg, "{at}");
+            assert!((opened.1 + 39.0).abs() < 1.5 + step_deg, "{at}");
+        }
+    }
+    println!("{table}");
+}
+
+#[test]
+fn windows_that_can_never_fill_are_refused() {
+    for (change, key) in [
+        ((|s| s.screw.flat_window_rad = 0.6) as fn(&mut TaskSettings), "screw.flat_window_rad"),
+        (|s| s.screw.slide.window_rad = 0.6, "slide.window_rad"),
+        (|s| s.unscrew.open_rad = 0.6, "unscrew.open_rad"),
+        (|s| s.unscrew.stuck_rad = 0.6, "unscrew.stuck_rad"),
+    ] {
+        let mut settings = TaskSettings::default();
+        (settings.screw.most_rad, settings.unscrew.most_rad) = (0.5, 0.5);
+        settings.check().expect("windows within the turn");
+        change(&mut settings);
+        assert_eq!(settings.check().expect_err(key).key, key);
+    }
+}
+
+/// Any hands, grippers, controllers and wishes of tasks.
+mod guarded {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn force() -> impl Strategy<Value = f64> {
+        prop_oneof![
+            5 => -20.0..120.0f64,
+            1 => proptest::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.0, 1e300, 1e-300])
+        ]
+    }
+
+    fn state() -> impl Strategy<Value = SlipState> {
+        use SlipState::*;
+        proptest::sample::select(vec![NoContact, Unsure, Stick, Incipient, Gross, Unjudged])
+    }
+
+    fn jaws() -> impl Strategy<Value = Jaws> {
+        use Jaws::*;
+        prop_oneof![4 => Just(Holding), 1 => proptest::sample::select(vec![Unknown, Open, Closing, Nothing, Lost, Stopped])]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn no_force_leaves_the_limits_and_none_falls_while_blind(
+            cycles in proptest::collection::vec((force(), state(), jaws(), 0..120u64, any::<bool>()), 1..60),
+            blind_force_n in proptest::option::of(5.0..60.0f64),
+        ) {
+            let wanted: Vec<f64> = cycles.iter().map(|cycle| cycle.0).collect();
+            let limits = GripLimits { blind_force_n, ..GripLimits::default() };
+            let mut guard = Guard::new(Box::new(Mad(wanted.into_iter())), limits);
+            let (mut now_ns, mut before_n, mut blind_ms) = (0, limits.start_n, 0);
+            for (i, (wanted_n, state, jaws, wait_ms, by_task)) in cycles.into_iter().enumerate() {
+                now_ns += wait_ms * 1_000_000;
+                let (hand, state_n) = (hand(state), GripperState { jaws, ..gripper(before_n) });
+                let told = match by_task {
+                    true => guard.hold(now_ns, &hand, &state_n, wanted_n),
+                    false => guard.decide(now_ns, &hand, &state_n),
+                };
+                prop_assert!((limits.least_n..=limits.most_n).contains(&told.force_n), "{told:?}");
+                prop_assert_eq!(told.force_n, guard.force_n());
+                let sees = state != SlipState::Unjudged;
+                blind_ms = if sees || i == 0 { 0 } else { blind_ms + wait_ms };
+                let is_gone = matches!(jaws, Jaws::Lost | Jaws::Nothing | Jaws::Stopped);
+                if !sees || is_gone {
+                    prop_assert!(told.force_n >= before_n, "it fell from {before_n} N to {} N", told.force_n);
+                }
+                prop_assert_eq!(guard.is_blind(), !sees && blind_ms >= 90);
+                if guard.is_blind() || is_gone {
+                    prop_assert_eq!(told.arm, ArmMotion::Pause);
+                }
+                before_n = told.force_n;
+            }
+        }
+    }
 }

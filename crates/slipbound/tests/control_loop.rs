@@ -95,7 +95,14 @@ impl Gripper for MyGripper {
         let force_n = self.command.and_then(|c| c.force_n());
         let jaws = if force_n.is_some() { Jaws::Holding } else { Jaws::Open };
         let pressed_n = force_n.map(|n| n.min(self.most_n.unwrap_or(n)));
-        Ok(GripperState { time_ns: 0, force_n: pressed_n, target_n: force_n, opening_mm: None, jaws })
+        Ok(GripperState {
+            time_ns: 0,
+            force_n: pressed_n,
+            force_error_n: None,
+            target_n: force_n,
+            opening_mm: None,
+            jaws,
+        })
     }
 
     fn next_event(&mut self) -> Option<DriverEvent> {

@@ -1,10 +1,12 @@
 //! Several fingers as one hand: what is fused, what is told apart, what becomes of a finger that fails.
 
-use slipbound::hand::{Allowed, Hand, HandReport, Health, Mounting, Side};
+use slipbound::hand::{Allowed, Hand, HandReport, HandVector, Health, Mounting, Side};
 use slipbound::monitor::{
     ContactReport, Estimates, MarkerCounts, Reason, ShearReport, SlipKind, SlipReport, SlipState, SlipSummary,
 };
 use slipbound::plane::Vec2;
+
+const MS: u64 = 1_000_000;
 
 /// A finger that feels the object drag its gel by so many mm, in its own frame.
 fn feels(seq: u64, shear_mm: Vec2, rotation_rad: f64) -> SlipReport {
@@ -43,7 +45,7 @@ fn fused(left: &SlipReport, right: &SlipReport) -> HandReport {
     let mut hand = two();
     hand.see(0, left);
     hand.see(1, right);
-    hand.report()
+    hand.report(0)
 }
 
 #[test]
@@ -60,7 +62,7 @@ fn a_turned_cap_and_a_pull_are_told_apart_by_two_fingers_and_not_by_one() {
 
     let mut one = Hand::new(&[Mounting::on(Side::Left)]).expect("one finger");
     one.see(0, &feels(1, Vec2::new(0.0, 0.4), 0.0));
-    let alone = one.report();
+    let alone = one.report(0);
     assert!(!alone.separated && alone.shear_mm.expect("contact").across == alone.shear_mm.expect("contact").around);
 }
 
@@ -79,7 +81,7 @@ fn a_finger_mounted_askew_says_the_same() {
     let shear_mm = Vec2::new(0.1, 0.4);
     hand.see(0, &feels(1, shear_mm, 0.0));
     hand.see(1, &feels(1, shear_mm.rotated(0.5), 0.0));
-    let shear = hand.report().shear_mm.expect("contact");
+    let shear = hand.report(0).shear_mm.expect("contact");
     assert!((shear.around - 0.4).abs() < 1e-12 && (shear.along - 0.1).abs() < 1e-12, "{shear:?}");
 }
 
@@ -113,12 +115,12 @@ fn a_blind_finger_leaves_the_other_and_the_report_says_so() {
     let torn =
         SlipReport { state: SlipState::Unjudged, reason: Some(Reason::Torn), shear: None, ..feels(1, Vec2::ZERO, 0.0) };
     hand.see(1, &torn);
-    let report = hand.report();
+    let report = hand.report(0);
     assert_eq!((report.state, report.live_count), (SlipState::Stick, 1));
     assert_eq!(report.health[..3], [Health::Live, Health::Blind, Health::Absent]);
     assert!(!report.separated);
     hand.missed(0);
-    let report = hand.report();
+    let report = hand.report(0);
     assert_eq!((report.state, report.live_count, report.quality), (SlipState::Unjudged, 0, 0.0));
 }
 
@@ -130,18 +132,18 @@ fn a_picture_that_never_changes_is_a_frozen_one_and_only_in_contact() {
         hand.see(0, &SlipReport { seq, ..still });
         hand.see(1, &feels(seq, Vec2::new(0.0, 0.4 + 0.001 * seq as f64), 0.0));
         let expected = if seq < 10 { Health::Live } else { Health::Frozen };
-        assert_eq!(hand.report().health[0], expected, "frame {seq}");
-        assert_eq!(hand.report().health[1], Health::Live);
+        assert_eq!(hand.report(33 * MS * seq).health[0], expected, "frame {seq}");
+        assert_eq!(hand.report(33 * MS * seq).health[1], Health::Live);
     }
     hand.see(0, &feels(12, Vec2::new(0.0, 0.5), 0.0));
-    assert_eq!(hand.report().health[0], Health::Live, "it came back");
+    assert_eq!(hand.report(33 * MS * 12).health[0], Health::Live, "it came back");
 
     let mut hand = two();
     let open = SlipReport { shear: None, state: SlipState::NoContact, ..still };
     for seq in 7..20 {
         hand.see(0, &SlipReport { seq, ..open });
     }
-    assert_eq!(hand.report().health[0], Health::Live, "a finger that touches nothing measures nothing");
+    assert_eq!(hand.report(0).health[0], Health::Live, "a finger that touches nothing measures nothing");
 }
 
 /// Along the thread yes, around it no.
@@ -171,4 +173,109 @@ fn a_hand_has_one_to_four_fingers() {
     assert!(Hand::new(&[Mounting::on(Side::Left); 5]).is_err());
     let error = Hand::new(&[Mounting { side: Side::Left, turn_rad: f64::NAN }]).expect_err("NaN");
     assert_eq!(error.key, "hand.fingers.turn_rad");
+}
+
+/// Two fingers that see a frame every 33 ms; `frame` says what each shows in a cycle, None for no frame.
+fn watched(cycles_count: u64, frame: impl Fn(usize, u64) -> Option<SlipReport>) -> (Hand, HandReport) {
+    let mut hand = two();
+    let mut report = hand.report(0);
+    for cycle in 1..=cycles_count {
+        for finger in 0..2 {
+            if let Some(frame) = frame(finger, cycle) {
+                hand.see(finger, &frame);
+            }
+        }
+        report = hand.report(33 * MS * cycle);
+    }
+    (hand, report)
+}
+
+#[test]
+fn a_finger_without_new_frames_is_blind_after_a_tenth_of_a_second_and_pins_neither_number_nor_time() {
+    let shows = |seq: u64| Some(feels(seq, Vec2::new(0.0, 0.4 + 0.001 * seq as f64), 0.0));
+    for dead in [0, 1] {
+        // Nothing comes; nobody says so.
+        let (_, report) = watched(1000, |finger, cycle| if finger == dead && cycle > 2 { None } else { shows(cycle) });
+        assert_eq!((report.health[dead], report.live_count, report.seq), (Health::Blind, 1, 1000));
+        assert_eq!(report.time_ns, Some(33_333_333 * 1000));
+        // The same frame comes again and again, and its number is the largest of all.
+        let stuck = shows(5000).map(|frame| SlipReport { time_ns: Some(7), ..frame });
+        let (_, report) = watched(1000, |finger, cycle| if finger == dead { stuck } else { shows(cycle) });
+        assert_eq!((report.health[dead], report.health[1 - dead], report.seq), (Health::Blind, Health::Live, 1000));
+    }
+    // A tenth of a second is let pass.
+    let (mut hand, _) = watched(10, |_, cycle| shows(cycle));
+    assert_eq!(hand.report(430 * MS).live_count, 2);
+    let report = hand.report(431 * MS);
+    assert_eq!((report.live_count, report.state, report.seq), (0, SlipState::Unjudged, 10));
+}
+
+/// Frames that still come, but ever later: a queue that fills.
+#[test]
+fn a_finger_that_falls_behind_the_other_is_blind_whatever_their_clocks_say() {
+    for late in [0, 1] {
+        let run = |lag_ns: fn(u64) -> u64, offset_ns: u64| {
+            watched(600, |finger, cycle| {
+                let lag_ns = if finger == late { lag_ns(cycle) } else { 0 };
+                let time_ns = Some(33 * MS * cycle + if finger == 1 { offset_ns } else { 0 } - lag_ns);
+                Some(SlipReport { time_ns, ..feels(cycle, Vec2::new(0.0, 0.4 + 0.001 * cycle as f64), 0.0) })
+            })
+            .1
+        };
+        for offset_ns in [0, 3_600_000_000_000] {
+            assert_eq!(run(|_| 0, offset_ns).live_count, 2, "clocks need not agree");
+            assert_eq!(run(|cycle| cycle * 3300, offset_ns).live_count, 2, "nor run alike: 100 ppm");
+            let behind = run(|cycle| cycle.saturating_sub(500) * 10 * MS, offset_ns);
+            assert_eq!((behind.health[late], behind.health[1 - late]), (Health::Blind, Health::Live));
+        }
+        // A camera that was plugged in again counts from 0.
+        let again = watched(600, |finger, cycle| {
+            let from = if finger == late && cycle > 300 { 300 } else { 0 };
+            let time_ns = Some(33 * MS * (cycle - from));
+            Some(SlipReport { time_ns, ..feels(cycle, Vec2::new(0.0, 0.4 + 0.001 * cycle as f64), 0.0) })
+        });
+        assert_eq!(again.1.live_count, 2);
+    }
+}
+
+#[test]
+fn of_two_live_fingers_one_that_touches_counts_once() {
+    let away = SlipReport { shear: None, state: SlipState::NoContact, ..feels(1, Vec2::ZERO, 0.0) };
+    let both = fused(&feels(1, Vec2::new(0.0, -0.4), 0.0), &feels(1, Vec2::new(0.0, 0.4), 0.0));
+    let one = fused(&away, &feels(1, Vec2::new(0.0, 0.4), 0.0));
+    assert!(both.separated && !one.separated);
+    let (both_n, one_n) = (both.load_n(0.05).expect("contact"), one.load_n(0.05).expect("contact"));
+    assert!((both_n - one_n).abs() < 1e-12, "{both_n} N and {one_n} N");
+    // 25 deg from the thread is along it, for two fingers and for one alone.
+    let thread = Allowed { along: true, ..Allowed::default() };
+    let slipping = slips(1, 25f64.to_radians());
+    for report in [fused(&slipping, &slipping), fused(&feels(1, Vec2::ZERO, 0.0), &slipping)] {
+        let direction = report.slip.expect("slips").direction;
+        assert!((direction.length() - 1.0).abs() < 1e-12 && (direction.along - 25f64.to_radians().cos()).abs() < 1e-12);
+        assert_eq!(thread.filter(&report).state, SlipState::Stick);
+    }
+}
+
+#[test]
+fn directions_that_cancel_each_other_point_nowhere_and_are_none_that_is_allowed() {
+    let report = fused(&slips(1, 0.0), &slips(1, std::f64::consts::PI - 0.01));
+    assert_eq!(report.slip.expect("slips").direction, HandVector::default());
+    for allowed in
+        [Allowed { along: true, ..Allowed::default() }, Allowed { across: true, pivot: true, ..Allowed::default() }]
+    {
+        assert_eq!(allowed.filter(&report).state, SlipState::Incipient, "{allowed:?}");
+    }
+    let anything = Allowed { along: true, across: true, around: true, pivot: false };
+    assert_eq!(anything.filter(&report).state, SlipState::Stick);
+}
+
+#[test]
+fn one_bad_marker_a_finger_is_no_half_of_a_slip() {
+    let bad = |over, needed| {
+        let mut report = feels(1, Vec2::ZERO, 0.0);
+        (report.slip.markers_over, report.slip.markers_needed) = (over, needed);
+        report
+    };
+    assert_eq!(fused(&bad(1, 2), &bad(1, 2)).state, SlipState::Stick);
+    assert_eq!(fused(&bad(2, 3), &bad(2, 3)).state, SlipState::Incipient);
 }

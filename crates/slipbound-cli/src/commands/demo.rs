@@ -2,13 +2,16 @@
 
 mod results;
 
+use super::run::never_began;
 use crate::emulated::{EmulatedActuators, EmulatedGripper, LinkFaults};
 use crate::interruption;
 use crate::loopback::Loopback;
 use crate::outcome::{Failure, Outcome};
 use crate::run_output::{RunOutput, Tally};
+use anyhow::anyhow;
+use slipbound::control::{CycleObserver, CycleView};
 use slipbound::monitor::Settings;
-use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, Ending, Missing, Phase, TaskKind, TaskSettings};
 use slipbound_lab::faults::CameraFault;
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::lockstep::LockStep;
@@ -22,6 +25,19 @@ use slipbound_rig::run::{self, FingerInfo, RunInfo};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+
+/// How a run went, its score, its last time in ns, what the task was doing then, and what it waited for.
+type Ran = (anyhow::Result<()>, RunScore, u64, Option<Phase>, Option<Missing>);
+
+/// What the task was doing last.
+#[derive(Default)]
+struct LastPhase(Option<Phase>);
+
+impl CycleObserver for LastPhase {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        self.0 = view.cycle().map(|cycle| cycle.phase).or(self.0);
+    }
+}
 
 /// The folder a run is left in unless another is named.
 const FOLDER: &str = "slipbound-demo";
@@ -97,16 +113,17 @@ impl Demo {
         if let Some(clamped) = clamped {
             output.note(0, &clamped);
         }
-        let (ran, score, now_ns) = match self.emulated.as_ref().filter(|_| self.sockets) {
+        let (ran, score, now_ns, phase, missing) = match self.emulated.as_ref().filter(|_| self.sockets) {
             Some(emulated) => {
                 let loopback = Loopback::start(&scene, &settings, &monitor, self.fault, emulated, &faults)?;
                 let (mut queued, mut tally) = (output.queued(self.record), Tally::default());
-                let ran = loopback.run(&stop, &mut queued, &mut tally);
+                let (ran, missing) = loopback.run(&stop, &mut queued, &mut tally);
                 output = queued.finish();
-                (ran, tally.score, now_ns())
+                (ran, tally.score, now_ns(), tally.phase, missing)
             }
             None => self.in_lock_step(&scene, lockstep, &faults, &stop, &mut output)?,
         };
+        let has_begun = phase.is_some_and(|phase| phase != Phase::Grasping);
         if let Err(e) = &ran {
             output.note(now_ns, &format!("{e:#}"));
         }
@@ -117,7 +134,11 @@ impl Demo {
             format!("{seconds:.1} s in {took_s:.1} s ({times:.1} times real time); report: {page}")
         })?;
         ran.map_err(Failure::Work)?;
-        Ok(outcome)
+        match score.ending {
+            None if !has_begun => Err(Failure::Work(never_began(missing, None))),
+            Some(ending @ (Ending::NothingHeld | Ending::Lost)) => Err(Failure::Work(anyhow!("{}", ending.evidence()))),
+            _ => Ok(outcome),
+        }
     }
 
     /// Cycle after cycle of the simulated hand, as fast as it goes.
@@ -128,16 +149,18 @@ impl Demo {
         faults: &LinkFaults,
         stop: &AtomicBool,
         output: &mut RunOutput,
-    ) -> Result<(anyhow::Result<()>, RunScore, u64), Failure> {
+    ) -> Result<Ran, Failure> {
         let mut lockstep = lockstep.with_runner(Box::new(MonitorWorkers::new()));
         if let Some(emulated) = &self.emulated {
             let actuators = EmulatedActuators::new(lockstep.hand(), scene.width_mm(), emulated, faults);
             lockstep = lockstep.with_actuators(Box::new(actuators.map_err(Failure::Arguments)?));
         }
-        let ran = lockstep.run(&|| stop.load(Ordering::Relaxed), output);
+        let mut last = LastPhase::default();
+        let ran = lockstep.run(&|| stop.load(Ordering::Relaxed), &mut (&mut *output, &mut last));
         let mut score = lockstep.score().clone();
         score.add_truth(&lockstep.hand().truth());
-        Ok((ran.map_err(Into::into), score, lockstep.hand().now_ns()))
+        let missing = lockstep.control().task().missing();
+        Ok((ran.map_err(Into::into), score, lockstep.hand().now_ns(), last.0, missing))
     }
 
     fn scene_text(&self) -> String {

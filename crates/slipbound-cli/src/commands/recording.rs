@@ -1,4 +1,4 @@
-//! SOURCE of `watch` and `calibrate`: a recording, or `sim:SCENE?key=value&key=value` for a simulated one.
+//! SOURCE of `watch` and `calibrate`: a recording, a camera, or `sim:SCENE?key=value&key=value` for a simulated one.
 
 use crate::outcome::Failure;
 use slipbound::port::FrameSource;
@@ -6,20 +6,86 @@ use slipbound::sensor::Sensor;
 use slipbound_lab::faults::Faulty;
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
-use slipbound_rig::source::{self, ReadAhead};
+use slipbound_rig::container::{Inlet, MarkedSource, Recorder, TappedSource};
+use slipbound_rig::source::{self, Arrivals, Awaited, Camera, CameraTally, Newest, ReadAhead};
+use std::sync::Arc;
 
-/// Opens a recording or starts a simulation.
+/// A camera whose frames are read on a thread of their own, the newest wins.
+pub struct LiveCamera {
+    /// What was negotiated and locked.
+    pub facts: Vec<(String, String)>,
+    /// What became of its frames before they came to be judged.
+    pub tally: Arc<CameraTally>,
+    /// Knows how many were not judged because a newer one came.
+    pub arrivals: Arrivals,
+}
+
+impl LiveCamera {
+    /// Where its frames went, in one line.
+    pub fn line(&self) -> String {
+        format!("{}; {} not judged because a newer one was there", self.tally.counts(), self.arrivals.replaced_count())
+    }
+}
+
+/// Opens a recording, a camera, or starts a simulation.
 pub fn open(source: &str) -> Result<ReadAhead, Failure> {
-    let source = match scene(source) {
+    open_watched(source, None).map(|(recording, _)| recording)
+}
+
+/// The same, with what is to be known of a camera; every frame goes to the recorder too, if there is one.
+pub fn open_watched(source: &str, recorder: Option<&Recorder>) -> Result<(ReadAhead, Option<LiveCamera>), Failure> {
+    let inlet = recorder.map(Recorder::inlet);
+    if source::is_live(source) {
+        let (newest, live) = open_live(source, inlet.as_ref(), 0)?;
+        return Ok((ReadAhead::new(Box::new(Awaited(newest))), Some(live)));
+    }
+    let recording = match scene(source) {
         Some(scene) => simulate(scene)?,
-        None => source::open(source).map_err(|e| match e {
-            source::Error::Missing { .. } | source::Error::Pattern { .. } | source::Error::NoImages { .. } => {
-                Failure::arguments(e)
-            }
-            other => Failure::Work(other.into()),
-        })?,
+        None => source::open(source).map_err(refused)?,
     };
-    Ok(ReadAhead::new(source))
+    Ok((
+        ReadAhead::new(match inlet {
+            Some(inlet) => Box::new(TappedSource::new(recording, 0, inlet, true)),
+            None => recording,
+        }),
+        None,
+    ))
+}
+
+/// The source whose frames are marked in the recording as they are taken to be judged, if there is a recording. `waits`: for
+/// the disk, rather than to lose a mark.
+pub fn marked(
+    source: impl FrameSource + Send + 'static,
+    inlet: Option<Inlet>,
+    finger: usize,
+    waits: bool,
+) -> Box<dyn FrameSource + Send> {
+    match inlet {
+        Some(inlet) => Box::new(MarkedSource::new(source, finger, inlet, waits)),
+        None => Box::new(source),
+    }
+}
+
+/// A camera on a thread of its own; every frame that arrives goes to the recorder too, if there is one.
+pub fn open_live(uri: &str, inlet: Option<&Inlet>, finger: usize) -> Result<(Newest, LiveCamera), Failure> {
+    let Camera { source, facts, tally } = source::open_camera(uri).map_err(refused)?;
+    let newest = Newest::new(match inlet {
+        Some(inlet) => Box::new(TappedSource::new(source, finger, inlet.clone(), false)),
+        None => source,
+    });
+    let live = LiveCamera { facts, tally, arrivals: newest.arrivals() };
+    Ok((newest, live))
+}
+
+/// What was asked for cannot be, or it fails.
+pub fn refused(e: source::Error) -> Failure {
+    match e {
+        source::Error::Missing { .. }
+        | source::Error::Pattern { .. }
+        | source::Error::NoImages { .. }
+        | source::Error::Address { .. } => Failure::arguments(e),
+        other => Failure::Work(other.into()),
+    }
 }
 
 /// The finger of a simulated source; None for a recording.

@@ -1,28 +1,51 @@
 //! `slipbound run` and `slipbound hold`: a task with a real gripper and wrist.
 
+use super::recording::{LiveCamera, marked, open_live};
+use super::watch::live_count;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::run_output::{RunOutput, Tally};
 use anyhow::anyhow;
-use slipbound::control::ControlLoop;
+use slipbound::control::{ControlLoop, CycleObserver, CycleView};
 use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::Settings;
 use slipbound::port::Gripper as _;
-use slipbound::task::{ControllerKind, Ending, Phase, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, Ending, Missing, Phase, TaskKind, TaskSettings};
+use slipbound_rig::container::{Inlet, McapObserver, Recorder, TappedSource};
 use slipbound_rig::gripper::clamp_to_gripper;
 use slipbound_rig::link::now_ns;
-use slipbound_rig::realtime::{self, MonitorWorkers};
+use slipbound_rig::realtime::{self, FramesDue, MonitorWorkers, QueuedObserver};
 use slipbound_rig::run::{self, FingerInfo, Row, RunInfo};
 use slipbound_rig::source::Newest;
 use slipbound_rig::{config, gripper, sensors, source, wrist};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Frames of a recording that are read ahead, so that a slow disk does not delay a cycle.
 const READ_AHEAD_COUNT: usize = 8;
 
+/// Longest wait of a camera's frame for that of the other finger, ns.
+const LONGEST_PAIRING_NS: u64 = 20_000_000;
+
+/// Cycles that may wait for a recording, and the longest wait for them at the end.
+const CYCLES_QUEUE_COUNT: usize = 128;
+const LONGEST_DISK: Duration = Duration::from_secs(10);
+
 /// What a hold without an end is given for its time, ns: eleven days.
 const WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
+
+/// Longest time between two cycles where frames come as from a camera, ns.
+const LONGEST_CYCLE_NS: u64 = 100_000_000;
+
+/// Why a task that ended while it was still taking hold has failed.
+pub(super) fn never_began(missing: Option<Missing>, refused_lowering: Option<&str>) -> anyhow::Error {
+    let why = missing.map_or("it was still taking hold", Missing::in_words);
+    match refused_lowering {
+        Some(refused) => anyhow!("the work never began: {why}; {refused}"),
+        None => anyhow!("the work never began: {why}"),
+    }
+}
 
 /// The arguments of `slipbound run`.
 #[derive(Debug, clap::Args)]
@@ -50,8 +73,7 @@ pub struct Hold {
 /// What both need.
 #[derive(Debug, clap::Args)]
 struct Hardware {
-    /// A recording for every finger, the left one first: an image folder, a quoted pattern or a video. It must begin
-    /// with the hand open
+    /// A camera (docs/cameras.md) or a recording for every finger, the left one first. It must begin with the hand open
     #[arg(required = true, num_args = 1..=2, value_name = "SOURCE")]
     sources: Vec<String>,
     /// The gripper: wsg50://HOST:1000, gcl://, robotiq://, line:// or dry, as in `slipbound gripper`
@@ -73,12 +95,17 @@ struct Hardware {
     /// Settings of grip, controllers and tasks that replace the defaults
     #[arg(long, value_name = "FILE.toml")]
     settings: Option<PathBuf>,
-    /// Frames per second at which the recordings are played
+    /// live:N: the first N frames are the finger at rest, and nothing may touch it in them [default: found among the first
+    /// 20; a finger in contact is told of]
+    #[arg(long, value_name = "live:N", value_parser = live_rest)]
+    rest: Option<u32>,
+    /// Frames per second at which recordings are played
     #[arg(long, value_name = "HZ", default_value_t = 30.0)]
     rate_hz: f64,
-    /// Keep every frame, so that `slipbound replay` can run the loop again
-    #[arg(long)]
-    record: bool,
+    /// Keep every frame, so that `slipbound replay` can run the loop again; with =FILE.mcap in a file with everything that
+    /// came, judged or not, reports and cycles instead
+    #[arg(long, value_name = "FILE.mcap", num_args = 0..=1, require_equals = true)]
+    record: Option<Option<PathBuf>>,
     /// The folder of the run: new or empty [default: slipbound-run, or with the next free number]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
@@ -120,11 +147,14 @@ impl Hardware {
         if !(0.1..=1000.0).contains(&self.rate_hz) {
             return Err(Failure::Arguments(anyhow!("--rate-hz: expected 0.1 to 1000 Hz, got {}", self.rate_hz)));
         }
-        let monitor = Settings::default();
+        let mut monitor = Settings::default();
+        monitor.rest.window_count = self.rest.unwrap_or(monitor.rest.window_count);
         let fingers = self.fingers()?;
         let driver = gripper::driver(&self.gripper, self.gripper_config.as_deref())?;
         let (settings, clamped) = clamp_to_gripper(settings, task, driver.config()).map_err(Failure::arguments)?;
-        let mut control = self.control(&fingers, task, &settings, &monitor)?;
+        let recorder = self.recorder(&fingers, &monitor)?;
+        let inlet = recorder.as_ref().map(Recorder::inlet);
+        let (mut control, cameras) = self.control(&fingers, task, &settings, &monitor, inlet.as_ref())?;
         let folder = self.output.clone().unwrap_or_else(|| run::free_folder("slipbound-run"));
         let info = RunInfo {
             name: name.into(),
@@ -132,11 +162,13 @@ impl Hardware {
             source: self.sources.join(", "),
             seed: 0,
             task_settings: settings,
-            monitor_settings: monitor,
-            notes: [("gripper".to_owned(), self.gripper.clone().into())].into_iter().collect(),
+            monitor_settings: monitor.clone(),
+            notes: self.notes(&cameras),
             fingers,
         };
-        let mut output = RunOutput::create(&folder, &info, self.record)?;
+        let keeps_frames = self.record == Some(None);
+        let cycles = inlet.map(|inlet| McapObserver::new(inlet, info.fingers.clone(), self.sources.clone(), monitor));
+        let mut output = RunOutput::create(&folder, &info, keeps_frames)?;
         if let Some(clamped) = clamped {
             output.note(now_ns(), &clamped);
         }
@@ -147,21 +179,52 @@ impl Hardware {
             other => Failure::Work(other.into()),
         })?;
         let period_ns = (1e9 / self.rate_hz) as u64;
+        // What is played slowly is silent between two frames as it should be.
+        let longest_cycle_ns = LONGEST_CYCLE_NS.max(period_ns + period_ns / 2);
         let mut due_ns = now_ns();
+        let mut frames_due = FramesDue::new(cameras.iter().map(|(_, live)| live.arrivals.clone()), LONGEST_PAIRING_NS);
         let mut is_due = || {
             let now_ns = now_ns();
+            if !cameras.is_empty() {
+                return frames_due.is_due(now_ns);
+            }
             let is_due = now_ns >= due_ns;
             if is_due {
                 due_ns = (due_ns + period_ns).max(now_ns.saturating_sub(period_ns));
             }
             is_due
         };
-        let mut observer = (output.queued(self.record), Tally::default());
-        let ran = realtime::run(&mut control, &mut gripper, wrist.as_mut(), &stop, &mut is_due, &mut observer);
+        let cycles = Cycles(cycles.map(|cycles| QueuedObserver::new(cycles, CYCLES_QUEUE_COUNT, false)));
+        let mut observer = ((output.queued(keeps_frames), cycles), Tally::default());
+        let ran = realtime::run_at_least_every(
+            longest_cycle_ns,
+            &mut control,
+            &mut gripper,
+            wrist.as_mut(),
+            &stop,
+            &mut is_due,
+            &mut observer,
+        );
+        let missing = control.task().missing();
         let held_n = gripper.poll().ok().and_then(|state| state.pressed_n());
         drop(gripper);
-        let (queued, tally) = observer;
-        self.end(name == "hold", ran.map_err(Into::into), held_n, queued.finish(), tally)
+        let ((queued, cycles), tally) = observer;
+        let mut output = queued.finish();
+        drop(control); // its sources hand in no more frames
+        let lost_cycles_count = cycles.0.map_or(0, |queue| queue.finish(LONGEST_DISK).lost_count);
+        if let Some(written) = recorder.map(Recorder::finish) {
+            match written.map(|written| written.lost_count + lost_cycles_count) {
+                Ok(0) => {}
+                Ok(count) => {
+                    output.lost(format!("{count} frames or lines were not recorded: the disk did not keep up"))
+                }
+                Err(e) => output.lost(e.to_string()),
+            }
+        }
+        for (name, live) in &cameras {
+            output.note(now_ns(), &format!("{name}: camera: {}", live.line()));
+        }
+        self.end(name == "hold", ran.map_err(Into::into), held_n, missing, output, tally)
     }
 
     /// Says how it went.
@@ -170,13 +233,14 @@ impl Hardware {
         is_hold: bool,
         ran: anyhow::Result<()>,
         held_n: Option<f64>,
+        missing: Option<Missing>,
         mut output: RunOutput,
         tally: Tally,
     ) -> Result<Outcome, Failure> {
         if let Err(e) = &ran {
             output.note(now_ns(), &format!("{e:#}"));
         }
-        let Tally { mut score, phase, .. } = tally;
+        let Tally { mut score, phase, refused_lowering, .. } = tally;
         if ran.is_ok() && is_hold && matches!(phase, Some(Phase::Working | Phase::Waiting)) {
             score.ending = Some(Ending::Held); // to the end of the source
         }
@@ -195,6 +259,7 @@ impl Hardware {
                 let expected = "expected bright frames of the open hand to begin with, got too few in";
                 Err(anyhow!("{expected} {}", self.sources.join(" and ")).into())
             }
+            None if phase == Some(Phase::Grasping) => Err(never_began(missing, refused_lowering.as_deref()).into()),
             Some(ending) if !ending.is_success() => Err(anyhow!("{}", ending.evidence()).into()),
             _ => Ok(outcome),
         }
@@ -238,17 +303,74 @@ impl Hardware {
         task: TaskKind,
         settings: &TaskSettings,
         monitor: &Settings,
-    ) -> Result<ControlLoop, Failure> {
-        let mut pipelines = Vec::new();
-        for (finger, uri) in fingers.iter().zip(&self.sources) {
-            let source = source::open(uri).map_err(Failure::arguments)?;
-            let source = Box::new(Newest::every_frame(source, READ_AHEAD_COUNT));
+        inlet: Option<&Inlet>,
+    ) -> Result<(ControlLoop, Vec<(String, LiveCamera)>), Failure> {
+        let (mut pipelines, mut cameras) = (Vec::new(), Vec::new());
+        for (number, (finger, uri)) in fingers.iter().zip(&self.sources).enumerate() {
             let FingerInfo { name, mounting, sensor } = finger;
-            pipelines.push(FingerPipeline::new(name, *mounting, sensor.clone(), monitor.clone(), source));
+            let source = match source::is_live(uri) {
+                true => {
+                    let (newest, live) = open_live(uri, inlet, number)?;
+                    cameras.push((name.clone(), live));
+                    newest
+                }
+                false => {
+                    let mut source = source::open(uri).map_err(Failure::arguments)?;
+                    if let Some(inlet) = inlet {
+                        source = Box::new(TappedSource::new(source, number, inlet.clone(), true));
+                    }
+                    Newest::every_frame(source, READ_AHEAD_COUNT)
+                }
+            };
+            let source = marked(source, inlet.cloned(), number, false);
+            let pipeline = FingerPipeline::new(name, *mounting, sensor.clone(), monitor.clone(), source);
+            pipelines.push(if self.rest.is_some() { pipeline.refusing_touch() } else { pipeline });
         }
         let stiffness = fingers.first().and_then(|finger| finger.sensor.shear_stiffness_mpa_per_mm());
         let task = settings.task(task, stiffness).map_err(Failure::arguments)?;
         let control = ControlLoop::new(pipelines, task).map_err(Failure::arguments)?;
-        Ok(control.with_runner(Box::new(MonitorWorkers::new())))
+        Ok((control.with_runner(Box::new(MonitorWorkers::new())), cameras))
     }
+
+    /// The recording in one file that was asked for, with the sensor of every finger and the settings of the monitors.
+    fn recorder(&self, fingers: &[FingerInfo], monitor: &Settings) -> Result<Option<Recorder>, Failure> {
+        let Some(Some(path)) = &self.record else { return Ok(None) };
+        let names: Vec<String> = fingers.iter().map(|finger| finger.name.clone()).collect();
+        let recorder = Recorder::create(path, &names, true).map_err(Failure::arguments)?;
+        for finger in fingers {
+            let sensor = toml::to_string(&finger.sensor).map_err(|e| Failure::work("sensor", e))?;
+            recorder.attach(&finger.sensor_file(), "text/toml", sensor.into_bytes());
+        }
+        let settings = toml::to_string(monitor).map_err(|e| Failure::work("settings", e))?;
+        recorder.attach("settings.toml", "text/toml", settings.into_bytes());
+        Ok(Some(recorder))
+    }
+
+    /// What else decides how it goes: the gripper, and what every camera was set to.
+    fn notes(&self, cameras: &[(String, LiveCamera)]) -> toml::Table {
+        let mut notes = toml::Table::new();
+        notes.insert("gripper".into(), self.gripper.clone().into());
+        let facts = |live: &LiveCamera| -> toml::Table {
+            live.facts.iter().map(|(name, value)| (name.clone(), value.clone().into())).collect()
+        };
+        if !cameras.is_empty() {
+            let all: toml::Table = cameras.iter().map(|(name, live)| (name.clone(), facts(live).into())).collect();
+            notes.insert("cameras".into(), all.into());
+        }
+        notes
+    }
+}
+
+/// The cycles of a recording, if there is one.
+struct Cycles(Option<QueuedObserver<McapObserver>>);
+
+impl CycleObserver for Cycles {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        self.0.iter_mut().for_each(|queue| queue.after_cycle(view));
+    }
+}
+
+/// The N of `--rest live:N`.
+fn live_rest(text: &str) -> Result<u32, String> {
+    live_count(text).unwrap_or_else(|| Err(format!("expected live:N, got {text}")))
 }

@@ -3,7 +3,7 @@
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
-use slipbound::task::{ControllerKind, TaskKind};
+use slipbound::task::{ControllerKind, Ending, TaskKind};
 use slipbound_lab::trials::{self, TrialError, TrialGrid};
 use slipbound_rig::config;
 use std::path::PathBuf;
@@ -72,6 +72,12 @@ impl Trials {
                 terminal.say(&format!("    {scene}: {}", trials::line(run)))?;
             }
         }
-        Ok(Outcome::Done)
+        let count = |ending: Ending| scores.iter().flatten().filter(|run| run.ending == Some(ending)).count();
+        match (count(Ending::NothingHeld), count(Ending::Lost)) {
+            (0, 0) => Ok(Outcome::Done),
+            (empty, lost) => Err(Failure::Work(anyhow::anyhow!(
+                "of {runs_count} runs {empty} held nothing and {lost} lost the object"
+            ))),
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! `slipbound watch`: judge every frame of a recording or a simulated scene.
+//! `slipbound watch`: judge every frame of a recording or a simulated scene, or what a camera sees.
 //!
 //! ```text
 //!   SOURCE --read ahead--> rest --> monitor --step--> report --> JSON, overlay, timings, lines, summary
@@ -8,22 +8,26 @@ mod args;
 mod outputs;
 mod overwriting;
 mod rest;
+mod silence;
 
-pub use args::Watch;
+pub use args::{Watch, live_count};
 
-use super::recording;
+use super::recording::{self, LiveCamera};
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
+use args::RestArgument;
 use outputs::Outputs;
+use silence::Silence;
 use slipbound::events::SlipEvents;
 use slipbound::image::SizePx;
 use slipbound::monitor::{Settings, SlipMonitor};
-use slipbound::port::{FrameBuffer, FrameSource as _, Next};
+use slipbound::port::{FrameBuffer, FrameSource, Next};
 use slipbound::sensor::Sensor;
+use slipbound_rig::container::Recorder;
+use slipbound_rig::link::now_ns;
 use slipbound_rig::report_summary::{ReportSummary, torn};
-use slipbound_rig::source::ReadAhead;
 use slipbound_rig::{config, sensors};
 use std::sync::atomic::Ordering;
 
@@ -33,18 +37,37 @@ const OVERLAY_RATE_HZ: u32 = 10;
 /// What follows from markers that do not stand the sensor's pitch apart.
 const UNJUDGED: &str = "no frame is judged until the sensor file fits, or the settings say rest.check_spacing = false";
 
+/// Closes a recording; whether everything is in it.
+fn finish(recorder: Recorder, terminal: &Terminal) -> Result<bool, Failure> {
+    let written = recorder.finish().map_err(|e| Failure::Work(e.into()))?;
+    if written.lost_count > 0 {
+        terminal.note(&format!("{} frames or lines were not recorded: the disk did not keep up", written.lost_count));
+    }
+    Ok(written.lost_count == 0)
+}
+
 impl Watch {
     /// Judges the recording from its first frame to its last.
     pub fn run(&self) -> Result<Outcome, Failure> {
-        let settings = match &self.settings {
+        let mut settings = match &self.settings {
             Some(file) => config::load_settings(file).map_err(Failure::arguments)?,
             None => Settings::default(),
         };
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
-        let mut recording = recording::open(&self.source)?;
+        if let Some(RestArgument::Live(count)) = self.rest {
+            settings.rest.window_count = count;
+        }
         overwriting::refuse(self)?;
+        let fingers = [self.finger.clone()];
+        let recorder = self.record.as_deref().map(|path| Recorder::create(path, &fingers, true));
+        let recorder = recorder.transpose().map_err(Failure::arguments)?;
+        let (mut recording, camera) = recording::open_watched(&self.source, recorder.as_ref())?;
         let mut terminal = Terminal::with_bar(recording.frames_count(), self.json_on_stdout());
 
+        if let Some(camera) = &camera {
+            let facts: Vec<String> = camera.facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
+            terminal.note(&format!("{}; Ctrl-C ends", facts.join(", ")));
+        }
         let found = rest::find(self, &mut recording, &settings, |size| self.sensor_for(size, sensor.as_ref()))?;
         found.notes.iter().for_each(|note| terminal.note(note));
         let mut monitor = SlipMonitor::new(&found.sensor, &settings, found.rest).map_err(Failure::arguments)?;
@@ -57,43 +80,79 @@ impl Watch {
             note: (!notes.is_empty()).then(|| notes.join("; ")),
             rate_hz: recording.rate_hz().unwrap_or(OVERLAY_RATE_HZ),
         };
-        let mut outputs = Outputs::open(self, origin, &monitor)?;
+        if let Some(recorder) = &recorder {
+            self.describe(recorder, &monitor, camera.as_ref())?;
+        }
+        let mut outputs = Outputs::open(self, origin, &monitor, recorder.as_ref())?;
 
         let mut summary = ReportSummary::new();
-        let ended = self.judge(&mut recording, &mut monitor, &mut outputs, &mut summary, &mut terminal);
+        // Marked as they are judged, not as they are read ahead.
+        let inlet = recorder.as_ref().map(Recorder::inlet);
+        let mut recording = recording::marked(recording, inlet, 0, camera.is_none());
+        let mut silence = camera.as_ref().map(|_| Silence::new(self.max_silence_ms));
+        let ended =
+            self.judge(recording.as_mut(), &mut monitor, &mut outputs, &mut summary, &mut terminal, silence.as_mut());
         terminal.clear_bar();
         if matches!(ended, Err(Failure::ReaderLeft)) {
+            let _ = recorder.map(Recorder::finish); // nobody is left to tell
             return ended.map(|()| Outcome::Done);
         }
         let closed = outputs.close();
         for line in summary.lines() {
             terminal.say(&line)?;
         }
+        if let Some(camera) = &camera {
+            terminal.say(&format!("camera: {}", camera.line()))?;
+        }
+        let is_lossless = recorder.map_or(Ok(true), |recorder| finish(recorder, &terminal));
         ended.and(closed)?;
-        Ok(if summary.torn_count() > 0 { Outcome::DataLost } else { Outcome::Done })
+        // A torn frame that a newer one overtook is lost all the same.
+        let torn_count = summary.torn_count() + camera.map_or(0, |camera| camera.tally.counts().torn_count);
+        Ok(if !is_lossless? || torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
+    }
+
+    /// What goes with a recording, so that it can be judged again anywhere.
+    fn describe(&self, recorder: &Recorder, monitor: &SlipMonitor, camera: Option<&LiveCamera>) -> Result<(), Failure> {
+        let sensor = toml::to_string(monitor.sensor()).map_err(|e| Failure::work("sensor", e))?;
+        recorder.attach(&format!("{}.sensor.toml", self.finger), "text/toml", sensor.into_bytes());
+        let settings = toml::to_string(monitor.settings()).map_err(|e| Failure::work("settings", e))?;
+        recorder.attach("settings.toml", "text/toml", settings.into_bytes());
+        if let Some(camera) = camera {
+            recorder.metadata(&format!("slipbound.camera.{}", self.finger), camera.facts.clone());
+        }
+        Ok(())
     }
 
     /// The loop: a frame in, its report out to every output.
     fn judge(
         &self,
-        recording: &mut ReadAhead,
+        recording: &mut dyn FrameSource,
         monitor: &mut SlipMonitor,
         outputs: &mut Outputs,
         summary: &mut ReportSummary,
         terminal: &mut Terminal,
+        mut silence: Option<&mut Silence>,
     ) -> Result<(), Failure> {
         let interrupted = interruption::listen()?;
         let mut events = SlipEvents::new();
         let mut buffer = FrameBuffer::default();
         loop {
+            if silence.is_some() && interrupted.load(Ordering::Relaxed) {
+                // A camera has no other end. What was taken has been judged.
+                return events.end().map_or(Ok(()), |event| terminal.say(&summary.event(&event)));
+            }
             let next = recording.next(&mut buffer);
-            if interrupted.load(Ordering::Relaxed) {
+            if silence.is_none() && interrupted.load(Ordering::Relaxed) {
                 let frames_count = summary.frames_count();
                 return Err(anyhow!("interrupted after {frames_count} frames; what was judged is kept").into());
             }
             outputs.stopwatch.restart();
             let mut torn_why = None;
-            let report = match next? {
+            let next = next?;
+            if let Some(line) = silence.as_mut().and_then(|silence| silence.see(now_ns(), next == Next::Silent)) {
+                terminal.say(&format!("{}: {line}", self.source))?;
+            }
+            let report = match next {
                 Next::Silent => continue,
                 Next::Frame => {
                     let frame = buffer.frame().map_err(|e| Failure::work(&self.source, e))?;
@@ -128,14 +187,7 @@ impl Watch {
         if let Some(sensor) = recording::simulated_sensor(&self.source)? {
             return Ok((sensor, None));
         }
-        let mut fitting = Vec::new();
-        for name in sensors::names() {
-            let sensor = sensors::load(name).map_err(Failure::arguments)?;
-            if sensor.image_px == frames {
-                fitting.push(sensor);
-            }
-        }
-        match fitting.as_slice() {
+        match sensors::of_frames(frames).map_err(Failure::arguments)?.as_slice() {
             [only] => {
                 let note = format!("no --sensor given: took {} for its frames of {frames}", only.name);
                 Ok((only.clone(), Some(note)))

@@ -57,6 +57,7 @@ impl Gripper for SimGripper {
         Ok(GripperState {
             time_ns: hand.now_ns(),
             force_n: Some(jaws.force_n()),
+            force_error_n: None,
             target_n: jaws.target_n(),
             opening_mm: Some(jaws.opening_mm()),
             jaws: doing,

@@ -53,6 +53,14 @@ pub enum Error {
         /// Key, expected, got.
         source: SettingError,
     },
+    /// It is longer than any such file.
+    #[error("{file}: expected at most {most_bytes} bytes of TOML, got more")]
+    TooLong {
+        /// The file.
+        file: String,
+        /// The most, bytes.
+        most_bytes: u64,
+    },
     /// It is not text at all.
     #[error("{file}: expected TOML, got bytes that are no text")]
     NotText {

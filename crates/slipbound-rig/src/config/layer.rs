@@ -3,8 +3,8 @@
 
 use super::error::Error;
 use serde::de::DeserializeOwned;
-use std::fs;
-use std::io;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -17,10 +17,7 @@ pub(crate) struct Layer {
 
 impl Layer {
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text = fs::read_to_string(path).map_err(|source| match source.kind() {
-            io::ErrorKind::InvalidData => Error::NotText { file: path.display().to_string() },
-            _ => Error::Read { path: path.to_owned(), source },
-        })?;
+        let text = read_text(path)?;
         Layer::parse(path.display().to_string(), &text)
     }
 
@@ -30,6 +27,20 @@ impl Layer {
             Err(e) => Err(Error::Syntax { file, message: e.to_string().trim_end().to_owned() }),
         }
     }
+}
+
+/// Longest file taken for settings, bytes: a sensor file of 4000 markers has a tenth of that.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// A file of text, of at most 1 MiB; a device or pipe that never ends is read no further.
+pub(crate) fn read_text(path: &Path) -> Result<String, Error> {
+    let failed = |source| Error::Read { path: path.to_owned(), source };
+    let mut bytes = Vec::new();
+    File::open(path).map_err(failed)?.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.len() as u64 > MOST_BYTES {
+        return Err(Error::TooLong { file: path.display().to_string(), most_bytes: MOST_BYTES });
+    }
+    String::from_utf8(bytes).map_err(|_| Error::NotText { file: path.display().to_string() })
 }
 
 /// A typed value from merged layers; the first layer that holds the key is the one to blame.

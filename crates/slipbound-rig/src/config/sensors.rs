@@ -8,6 +8,7 @@
 
 use super::error::Error;
 use super::layer::{Layer, blame, nearest, typed};
+use slipbound::image::SizePx;
 use slipbound::sensor::Sensor;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -22,52 +23,87 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 
 /// A finger by its built-in name or its `FILE.toml`; its facts are checked.
 pub fn load(name_or_file: &str) -> Result<Sensor, Error> {
-    let layers = layers(name_or_file, Path::new(""))?;
+    checked(&layers(name_or_file, Path::new(""))?)
+}
+
+/// A finger from the text of a sensor file; in messages the text is called `what`. A file that it extends is looked for
+/// in the folder the program runs in.
+pub fn parse(text: &str, what: &str) -> Result<Sensor, Error> {
+    checked(&extended(Layer::parse(what.to_owned(), text)?, Vec::new(), PathBuf::new())?)
+}
+
+/// The text of a sensor file with all facts in it, such that [`parse`] gives the same finger.
+pub fn to_toml(sensor: &Sensor) -> Result<String, toml::ser::Error> {
+    toml::to_string(sensor)
+}
+
+/// The built-in fingers whose frames have just this size.
+pub fn of_frames(size: SizePx) -> Result<Vec<Sensor>, Error> {
+    let all: Result<Vec<Sensor>, Error> = names().map(load).collect();
+    Ok(all?.into_iter().filter(|sensor| sensor.image_px == size).collect())
+}
+
+fn checked(layers: &[Layer]) -> Result<Sensor, Error> {
     let mut merged = Table::new();
     for layer in layers.iter().rev() {
         lay_over(&mut merged, layer.table.clone());
     }
     merged.remove("extends");
-    let sensor: Sensor = typed(merged, &layers)?;
-    sensor.check().map_err(|source| Error::OutOfRange { file: blame(&layers, &source.key), source })?;
+    let sensor: Sensor = typed(merged, layers)?;
+    sensor.check().map_err(|source| Error::OutOfRange { file: blame(layers, &source.key), source })?;
     Ok(sensor)
 }
 
 /// The file asked for, then what it extends, then what that extends.
 fn layers(name_or_file: &str, folder: &Path) -> Result<Vec<Layer>, Error> {
-    let mut layers = Vec::new();
-    let mut seen: Vec<PathBuf> = Vec::new();
-    let (mut wanted, mut folder) = (name_or_file.to_owned(), folder.to_owned());
+    let (layer, at, folder) = layer(name_or_file, folder)?;
+    extended(layer, vec![at], folder)
+}
+
+/// A layer with all that it extends. `seen`: the files read so far; `folder`: where it looks for others.
+fn extended(first: Layer, mut seen: Vec<PathBuf>, mut folder: PathBuf) -> Result<Vec<Layer>, Error> {
+    let mut layers = vec![first];
     loop {
-        let is_file = wanted.ends_with(".toml") || wanted.contains(['/', '\\']);
-        let path = folder.join(&wanted);
-        let at = if is_file { path.canonicalize().unwrap_or(path.clone()) } else { PathBuf::from(&wanted) };
-        if seen.contains(&at) {
-            let file = layers.last().map_or_else(String::new, |l: &Layer| l.file.clone());
-            return Err(Error::Circle { file, extends: wanted });
-        }
-        seen.push(at);
-        let layer = if is_file { Layer::read(&path) } else { built_in(&wanted) };
-        let layer = layer.map_err(|e| match layers.last() {
-            Some(Layer { file, .. }) => Error::Extends { file: file.clone(), source: Box::new(e) },
-            None => e,
-        })?;
-        let extends = match layer.table.get("extends") {
-            None => None,
-            Some(Value::String(name)) => Some(name.clone()),
+        // There is always a last one.
+        let Some(last) = layers.last() else { return Ok(layers) };
+        let wanted = match last.table.get("extends") {
+            None => return Ok(layers),
+            Some(Value::String(name)) => name.clone(),
             Some(other) => {
                 let problem = format!("expected the name of a sensor or of its file, got {other}");
-                return Err(Error::Value { file: layer.file, key: "extends".into(), problem });
+                return Err(Error::Value { file: last.file.clone(), key: "extends".into(), problem });
             }
         };
-        layers.push(layer);
-        match extends {
-            None => return Ok(layers),
-            Some(next) => wanted = next,
+        if seen.contains(&place(&wanted, &folder).1) {
+            return Err(Error::Circle { file: last.file.clone(), extends: wanted });
         }
-        if let (true, Some(parent)) = (is_file, path.parent()) {
-            folder = parent.to_owned();
+        let found = layer(&wanted, &folder);
+        let (next, at, next_folder) =
+            found.map_err(|e| Error::Extends { file: last.file.clone(), source: Box::new(e) })?;
+        layers.push(next);
+        seen.push(at);
+        folder = next_folder;
+    }
+}
+
+/// The path of a file, and what tells it from others; None and the name itself for a built-in name.
+fn place(wanted: &str, folder: &Path) -> (Option<PathBuf>, PathBuf) {
+    let is_file = wanted.ends_with(".toml") || wanted.contains(['/', '\\']);
+    let path = folder.join(wanted);
+    match is_file {
+        true => (Some(path.clone()), path.canonicalize().unwrap_or(path)),
+        false => (None, PathBuf::from(wanted)),
+    }
+}
+
+/// A file or a built-in finger, what tells it from others, and the folder in which it looks for what it extends.
+fn layer(wanted: &str, folder: &Path) -> Result<(Layer, PathBuf, PathBuf), Error> {
+    match place(wanted, folder) {
+        (Some(path), at) => {
+            let beside = path.parent().map_or_else(|| folder.to_owned(), Path::to_owned);
+            Ok((Layer::read(&path)?, at, beside))
         }
+        (None, at) => Ok((built_in(wanted)?, at, folder.to_owned())),
     }
 }
 
@@ -96,7 +132,6 @@ fn lay_over(under: &mut Table, over: Table) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slipbound::image::SizePx;
     use slipbound::plane::Vec2;
     use slipbound::sensor::{Flip, Polarity, Skin};
     use std::fs;
@@ -143,6 +178,18 @@ mod tests {
         let (mine, theirs) = (sensor.rectification.expect("there"), base.rectification.expect("there"));
         assert_eq!((mine.crop_px, mine.homography), ([60, 0, 360, 320], theirs.homography));
         assert_eq!(sensor.name, "gelslim");
+    }
+
+    #[test]
+    fn a_finger_survives_being_written() {
+        for name in names() {
+            let sensor = load(name).expect("valid");
+            let text = to_toml(&sensor).expect("writes");
+            assert_eq!(parse(&text, "a text").expect("valid"), sensor, "{text}");
+        }
+        assert_eq!(of_frames(SizePx::new(427, 320)).expect("valid").len(), 2);
+        let message = parse("extends = \"gelslim\"\npich_px = 15\n", "a text").expect_err("refused").to_string();
+        assert!(message.starts_with("a text: unknown key `pich_px`"), "{message}");
     }
 
     #[test]

@@ -15,16 +15,37 @@ pub fn load_settings(name_or_file: &str) -> Result<Settings, Error> {
     if path.extension().is_none() && !path.exists() {
         return Err(Error::UnknownSettings { name: name_or_file.into() });
     }
-    let layer = Layer::read(path)?;
+    checked(Layer::read(path)?)
+}
+
+/// Settings from the text of a settings file, whose keys replace the defaults; in messages it is called `what`.
+pub fn parse_settings(text: &str, what: &str) -> Result<Settings, Error> {
+    checked(Layer::parse(what.to_owned(), text)?)
+}
+
+fn checked(layer: Layer) -> Result<Settings, Error> {
     let settings: Settings = typed(layer.table.clone(), std::slice::from_ref(&layer))?;
     settings.check().map_err(|source| Error::OutOfRange { file: layer.file, source })?;
     Ok(settings)
 }
 
+/// The text of a settings file with every setting in it.
+pub fn settings_to_toml(settings: &Settings) -> Result<String, toml::ser::Error> {
+    toml::to_string(settings)
+}
+
+/// Task settings from the text of a file, whose keys replace the defaults; in messages it is called `what`.
+pub fn parse_task_settings(text: &str, what: &str) -> Result<TaskSettings, Error> {
+    task_settings(Layer::parse(what.to_owned(), text)?)
+}
+
 /// Everything a task is run with: the defaults, or those with the keys of a TOML file over them.
 pub fn load_task_settings(file: Option<&Path>) -> Result<TaskSettings, Error> {
     let Some(path) = file else { return Ok(TaskSettings::default()) };
-    let layer = Layer::read(path)?;
+    task_settings(Layer::read(path)?)
+}
+
+fn task_settings(layer: Layer) -> Result<TaskSettings, Error> {
     let settings: TaskSettings = typed(layer.table.clone(), std::slice::from_ref(&layer))?;
     settings.check().map_err(|source| Error::OutOfRange { file: layer.file, source })?;
     Ok(settings)
@@ -48,6 +69,8 @@ mod tests {
         assert_eq!(got.rest.window_count, 7);
         assert_eq!(got.slip, Settings::default().slip);
         assert_eq!(load_settings("paper").expect("built in"), Settings::paper());
+        let text = settings_to_toml(&Settings::paper()).expect("writes");
+        assert_eq!(parse_settings(&text, "a text").expect("valid"), Settings::paper());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! An emulator: a gripper's firmware on a link that can be made to fail.
 
 use super::fault::Fault;
-use super::faults::Faults;
+use super::faults::{Faults, LATE_NS};
 use super::firmware::Firmware;
 use slipbound::plant::Plant;
 use std::collections::VecDeque;
@@ -22,6 +22,7 @@ pub struct Emulator {
     /// Answers and when they are due.
     late: VecDeque<(u64, Vec<u8>)>,
     outgoing: Vec<u8>,
+    answers_count: u32,
     is_hanging_up: bool,
 }
 
@@ -38,12 +39,14 @@ impl Emulator {
             answer: Vec::new(),
             late: VecDeque::new(),
             outgoing: Vec::new(),
+            answers_count: 0,
             is_hanging_up: false,
         }
     }
 
     /// The same, and it fails like this. Times of faults count from the first tick.
-    pub fn with_faults(self, faults: Faults) -> Self {
+    pub fn with_faults(mut self, faults: Faults) -> Self {
+        self.firmware.jaws_mut().set_sensor(faults.sensor, faults.seed);
         Emulator { random: faults.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1, faults, ..self }
     }
 
@@ -163,7 +166,11 @@ impl Emulator {
             let place = (self.draw() * answer.len() as f64) as usize;
             answer.remove(place);
         }
-        self.late.push_back((self.now_ns + self.faults.late_ns, answer));
+        self.answers_count += 1;
+        let every_count = self.faults.late_every_count;
+        let is_late = every_count > 0 && self.answers_count.is_multiple_of(every_count);
+        let late_ns = self.faults.late_ns + if is_late { LATE_NS } else { 0 };
+        self.late.push_back((self.now_ns + late_ns, answer));
     }
 
     fn release(&mut self) {

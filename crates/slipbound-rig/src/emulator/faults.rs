@@ -1,15 +1,24 @@
 //! What goes wrong with an emulator and its link, and when: read from words.
 
 use super::fault::Fault;
+use super::force_sensor::SensorFaults;
 use std::fmt;
 use std::str::FromStr;
 
 /// Every word that `FromStr` of [`Faults`] takes, with what it means.
-pub const WORDS: [(&str, &str); 12] = [
+pub const WORDS: [(&str, &str); 20] = [
     ("late=MS", "every answer that much later"),
+    ("late-every=N", "every Nth answer 400 ms later"),
     ("corrupt=SHARE", "one byte changed in that share of the answers"),
     ("drop=SHARE", "one byte lost in that share of the answers"),
-    ("seed=N", "what the two above are drawn from"),
+    ("seed=N", "what the two above and the noise are drawn from"),
+    ("bias=N", "the force reads so many N more"),
+    ("gain=X", "the force reads so many times what it is"),
+    ("noise=N", "the force flickers by so many N rms"),
+    ("step=N", "the force is read in steps of so many N"),
+    ("drift=N", "the force reads so many N more every second"),
+    ("idle=N", "so many N are read with nothing between the jaws"),
+    ("lag=MS", "the reading follows the force with this time constant"),
     ("stall=MS@MS", "neither reads nor writes for a time, from then on"),
     ("close@MS", "closes the connection"),
     ("fast-stop@MS", "stops itself and must be acknowledged"),
@@ -20,11 +29,18 @@ pub const WORDS: [(&str, &str); 12] = [
     ("allow-regrasp@MS", "a grasp may be given again while holding (wsg50, gcl)"),
 ];
 
+/// How much later an answer is that is late once in a while, ns.
+pub const LATE_NS: u64 = 400_000_000;
+
 /// What goes wrong, and when. The default is nothing.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Faults {
     /// Every answer comes this much later, ns.
     pub late_ns: u64,
+    /// Every so many answers one comes [`LATE_NS`] later; 0 for none.
+    pub late_every_count: u32,
+    /// What is wrong with its force sensor.
+    pub sensor: SensorFaults,
     /// Share of answers with one byte changed.
     pub corrupt_fraction: f64,
     /// Share of answers with one byte lost.
@@ -84,6 +100,14 @@ impl Faults {
             (None, None) if what == "close" => self.closes_ns.push(at_ns),
             (None, Some(("stall", ms))) => self.stalls_ns.push((at_ns, ns(ms)?)),
             (None, Some(("late", ms))) => self.late_ns = ns(ms)?,
+            (None, Some(("late-every", count))) => self.late_every_count = count.parse().ok()?,
+            (None, Some(("bias", n))) => self.sensor.bias_n = number(n)?,
+            (None, Some(("gain", gain))) => self.sensor.gain = number(gain)?,
+            (None, Some(("noise", n))) => self.sensor.noise_n = number(n).filter(|n| *n >= 0.0)?,
+            (None, Some(("step", n))) => self.sensor.step_n = number(n).filter(|n| *n >= 0.0)?,
+            (None, Some(("drift", n))) => self.sensor.drift_n_per_s = number(n)?,
+            (None, Some(("idle", n))) => self.sensor.idle_n = number(n)?,
+            (None, Some(("lag", ms))) => self.sensor.lag_s = ns(ms)? as f64 * 1e-9,
             (None, Some(("corrupt", share))) => self.corrupt_fraction = fraction(share)?,
             (None, Some(("drop", share))) => self.drop_fraction = fraction(share)?,
             (None, Some(("seed", seed))) => self.seed = seed.parse().ok()?,
@@ -95,6 +119,10 @@ impl Faults {
 
 fn ns(ms: &str) -> Option<u64> {
     ms.parse::<u64>().ok()?.checked_mul(1_000_000)
+}
+
+fn number(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|n: &f64| n.abs() <= 1000.0)
 }
 
 fn fraction(text: &str) -> Option<f64> {
@@ -112,8 +140,24 @@ mod tests {
         assert_eq!(got.stalls_ns, [(1_000_000_000, 5_000_000_000)]);
         assert_eq!(got.closes_ns, [3_000_000]);
         assert_eq!(got.injections, [(7_000_000, Fault::LosePart), (0, Fault::FixedLimit)]);
+        let got: Faults =
+            "bias=-3,gain=0.85,noise=2,step=0.5,drift=0.1,idle=4,lag=80,late-every=7".parse().expect("valid");
+        let sensor = got.sensor;
+        assert_eq!((sensor.bias_n, sensor.gain, sensor.noise_n, sensor.step_n), (-3.0, 0.85, 2.0, 0.5));
+        assert_eq!((sensor.drift_n_per_s, sensor.idle_n, sensor.lag_s, got.late_every_count), (0.1, 4.0, 0.08, 7));
         assert_eq!("".parse(), Ok(Faults::default()));
-        for word in ["banana", "late", "late=-1", "corrupt=1.5", "corrupt=nan", "stall@3", "close=3", "lose-part@x"] {
+        for word in [
+            "banana",
+            "late",
+            "late=-1",
+            "corrupt=1.5",
+            "corrupt=nan",
+            "gain=nan",
+            "noise=-1",
+            "stall@3",
+            "close=3",
+            "lose-part@x",
+        ] {
             let message = word.parse::<Faults>().expect_err(word).to_string();
             assert!(message.contains(&format!("got `{word}`")) && message.contains("stall=MS@MS"), "{message}");
         }

@@ -8,11 +8,25 @@ use crate::gripper::wsg50::words::status;
 use crate::link::{Lines, write_line};
 use slipbound::plant::Plant;
 
+/// Speed where none is given, mm/s, and way of a release without one, mm.
+const SPEED: f64 = 50.0;
+const RELEASE_MM: f64 = 10.0;
+
+/// A value that it sends by itself.
+#[derive(Debug)]
+struct Update {
+    name: String,
+    period_ns: u64,
+    due_ns: u64,
+}
+
 /// The firmware.
 #[derive(Debug)]
 pub struct Gcl {
     weiss: Weiss,
     lines: Lines,
+    updates: Vec<Update>,
+    is_verbose: bool,
 }
 
 impl Default for Gcl {
@@ -24,62 +38,141 @@ impl Default for Gcl {
 impl Gcl {
     /// Wide open.
     pub fn new(settings: Settings) -> Self {
-        Gcl { weiss: Weiss::new(settings), lines: Lines::default() }
+        Gcl { weiss: Weiss::new(settings), lines: Lines::default(), updates: Vec::new(), is_verbose: false }
     }
 
     fn send_ended(&mut self, outgoing: &mut Vec<u8>) {
         for (task, code) in self.weiss.take_ended() {
             let name = match task {
-                Task::Home => "HOME",
+                Task::Home { .. } => "HOME",
                 Task::Move { .. } => "MOVE",
                 Task::Grasp { .. } => "GRIP",
                 Task::Release { .. } => "RELEASE",
             };
             match code {
                 status::OK => write_line(outgoing, &format!("FIN {name}")),
-                code => write_line(outgoing, &format!("ERR {name} {code}")),
+                code => write_line(outgoing, &self.refusal(name, code)),
             }
         }
     }
 
-    fn execute(&mut self, line: Option<&str>, outgoing: &mut Vec<u8>) {
-        let Some(line) = line else { return write_line(outgoing, &format!("ERR {}", status::FORMAT)) };
-        match line {
-            "" => return,
-            "POS?" => return write_line(outgoing, &format!("POS={:.2}", self.weiss.jaws.opening_mm())),
-            "FORCE?" => return write_line(outgoing, &format!("FORCE={:.2}", self.weiss.jaws.force_n())),
-            "GRIPSTATE?" => return write_line(outgoing, &format!("GRIPSTATE={}", self.weiss.grasp)),
-            _ => {}
+    fn execute(&mut self, now_ns: u64, line: Option<&str>, outgoing: &mut Vec<u8>) {
+        let Some(line) = line else { return write_line(outgoing, &self.refusal("", status::FORMAT)) };
+        if line.is_empty() {
+            return;
         }
-        let Some((name, numbers)) = call(line) else {
-            return write_line(outgoing, &format!("ERR {}", status::UNKNOWN));
+        if let Some(name) = line.strip_suffix('?') {
+            let answer = self.value(name);
+            return write_line(outgoing, &answer.unwrap_or_else(|| self.refusal("", status::UNKNOWN)));
+        }
+        if let Some((name, value)) = line.split_once('=') {
+            let (name, value) = (name.trim(), value.trim().parse::<f64>().ok());
+            let answer = match self.set(name, value) {
+                status::OK => format!("{name}={}", value.unwrap_or(0.0)),
+                code => self.refusal(name, code),
+            };
+            return write_line(outgoing, &answer);
+        }
+        let Some((name, words)) = call(line) else {
+            return write_line(outgoing, &self.refusal("", status::UNKNOWN));
         };
-        let code = match (name, numbers.as_slice()) {
-            ("BYE", []) => {
-                self.weiss.bid_farewell();
-                status::OK
-            }
-            ("STOP", []) => {
-                self.weiss.stop();
-                status::OK
-            }
-            ("FSACK", []) => {
-                self.weiss.acknowledge();
-                status::OK
-            }
-            ("HOME", [] | [_]) => self.weiss.begin(Task::Home),
-            ("MOVE", [opening_mm, speed]) => self.weiss.begin(Task::Move { opening_mm: *opening_mm, speed: *speed }),
-            ("GRIP", [force_n, rest @ ..]) if rest.len() <= 2 => self.grip(*force_n, rest),
-            ("RELEASE", [distance_mm, speed]) => {
-                let opening_mm = self.weiss.jaws.opening_mm() + distance_mm;
-                self.weiss.begin(Task::Release { opening_mm, speed: *speed })
-            }
-            _ => status::FORMAT,
+        let code = match name {
+            "AUTOSEND" => self.subscribe(now_ns, &words),
+            name => match words.iter().map(|word| word.parse()).collect::<Result<Vec<f64>, _>>() {
+                Ok(numbers) => self.command(name, &numbers),
+                Err(_) => status::FORMAT,
+            },
         };
         self.send_ended(outgoing);
         match code {
             status::OK | status::PENDING => write_line(outgoing, &format!("ACK {name}")),
-            code => write_line(outgoing, &format!("ERR {name} {code}")),
+            code => write_line(outgoing, &self.refusal(name, code)),
+        }
+    }
+
+    /// A command by its name. What is left out is as the gripper has it set.
+    fn command(&mut self, name: &str, numbers: &[f64]) -> u16 {
+        let speed_or = |speed: Option<&f64>| speed.copied().unwrap_or(SPEED);
+        match (name, numbers) {
+            ("BYE", []) => self.weiss.bid_farewell(),
+            ("STOP", []) => self.weiss.stop(),
+            ("FSACK", []) => self.weiss.acknowledge(),
+            ("FSTOP" | "FASTSTOP", []) => self.weiss.stop_fast(),
+            ("HOME", []) => return self.weiss.begin(Task::Home { closes: false }),
+            ("HOME", [direction]) => return self.weiss.begin(Task::Home { closes: *direction < 0.0 }),
+            ("MOVE", [opening_mm, rest @ ..]) if rest.len() <= 1 => {
+                return self.weiss.begin(Task::Move { opening_mm: *opening_mm, speed: speed_or(rest.first()) });
+            }
+            ("GRIP", rest) if rest.len() <= 3 => {
+                let force_n = rest.first().copied().unwrap_or(self.weiss.limit_n);
+                return self.grip(force_n, rest.get(1..).unwrap_or_default());
+            }
+            ("RELEASE", rest) if rest.len() <= 2 => {
+                let distance_mm = rest.first().copied().unwrap_or(RELEASE_MM);
+                let opening_mm = self.weiss.jaws.opening_mm() + distance_mm;
+                let opening_mm =
+                    if rest.is_empty() { opening_mm.min(self.weiss.settings.jaws.stroke_mm) } else { opening_mm };
+                return self.weiss.begin(Task::Release { opening_mm, speed: speed_or(rest.get(1)) });
+            }
+            _ => return status::FORMAT,
+        }
+        status::OK
+    }
+
+    /// The answer to a question; None for one it does not know.
+    fn value(&self, name: &str) -> Option<String> {
+        let weiss = &self.weiss;
+        Some(match name {
+            "POS" => format!("POS={:.2}", weiss.jaws.opening_mm()),
+            "FORCE" => format!("FORCE={:.2}", weiss.jaws.reading_n()),
+            "GRIPSTATE" => format!("GRIPSTATE={}", weiss.grasp),
+            "SPEED" => format!("SPEED={:.2}", if weiss.running.is_some() { SPEED } else { 0.0 }),
+            "PWT" => format!("PWT={:.2}", weiss.settings.part_width_tolerance_mm),
+            "CLT" => format!("CLT={:.2}", weiss.settings.clamping_travel_mm),
+            "VERBOSE" => format!("VERBOSE={}", u8::from(self.is_verbose)),
+            _ => return None,
+        })
+    }
+
+    /// Sets one of its settings.
+    fn set(&mut self, name: &str, value: Option<f64>) -> u16 {
+        let settings = &mut self.weiss.settings;
+        match (name, value) {
+            (_, None) => return status::FORMAT,
+            ("VERBOSE", Some(value)) => self.is_verbose = value != 0.0,
+            ("PWT", Some(mm)) if (0.0..=100.0).contains(&mm) => settings.part_width_tolerance_mm = mm,
+            ("CLT", Some(mm)) if (0.0..=100.0).contains(&mm) => settings.clamping_travel_mm = mm,
+            ("PWT" | "CLT", Some(_)) => return status::RANGE,
+            _ => return status::UNKNOWN,
+        }
+        status::OK
+    }
+
+    /// `AUTOSEND("POS", 100)` sends a value every 100 ms, `AUTOSEND("POS", 0)` no more; what follows is passed over.
+    fn subscribe(&mut self, now_ns: u64, words: &[&str]) -> u16 {
+        let [name, period_ms, ..] = words else { return status::FORMAT };
+        let name = name.trim_matches('"');
+        let Ok(period_ms) = period_ms.parse::<u64>() else { return status::FORMAT };
+        if self.value(name).is_none() || period_ms > 60_000 {
+            return status::RANGE;
+        }
+        self.updates.retain(|update| update.name != name);
+        if period_ms > 0 {
+            let period_ns = period_ms.max(10) * 1_000_000;
+            self.updates.push(Update { name: name.into(), period_ns, due_ns: now_ns + period_ns });
+        }
+        status::OK
+    }
+
+    /// A refusal: the status as a number, or, asked to be verbose, by its name.
+    fn refusal(&self, name: &str, code: u16) -> String {
+        let code = match self.is_verbose {
+            true => status::name(code).map_or(code.to_string(), |name| format!("E_{name}")),
+            false => code.to_string(),
+        };
+        match name {
+            "" => format!("ERR {code}"),
+            name => format!("ERR {name} {code}"),
         }
     }
 
@@ -89,7 +182,7 @@ impl Gcl {
         }
         match self.weiss.set_limit(force_n) {
             status::OK => {
-                let speed = rest.get(1).copied().unwrap_or(50.0);
+                let speed = rest.get(1).copied().unwrap_or(SPEED);
                 self.weiss.begin(Task::Grasp { width_mm: rest.first().copied(), speed })
             }
             code => code,
@@ -97,18 +190,19 @@ impl Gcl {
     }
 }
 
-/// A name and its numbers out of `NAME(1,2)`.
-fn call(line: &str) -> Option<(&str, Vec<f64>)> {
-    let (name, numbers) = line.strip_suffix(')')?.split_once('(')?;
-    let numbers = numbers.split(',').map(str::trim).filter(|number| !number.is_empty());
-    let numbers: Result<Vec<f64>, _> = numbers.map(str::parse).collect();
-    let is_known = ["HOME", "MOVE", "GRIP", "RELEASE", "STOP", "FSACK", "BYE"].contains(&name);
-    Some((name, numbers.ok()?)).filter(|_| is_known)
+/// A name and what stands in its brackets, out of `NAME(1,2)`.
+fn call(line: &str) -> Option<(&str, Vec<&str>)> {
+    let (name, words) = line.strip_suffix(')')?.split_once('(')?;
+    let known = ["HOME", "MOVE", "GRIP", "RELEASE", "STOP", "FSACK", "FSTOP", "FASTSTOP", "BYE", "AUTOSEND"];
+    let words = words.split(',').map(str::trim).filter(|word| !word.is_empty()).collect();
+    known.contains(&name).then_some((name, words))
 }
 
 impl Firmware for Gcl {
     fn connected(&mut self, _now_ns: u64, _outgoing: &mut Vec<u8>) {
         self.lines.clear();
+        self.updates.clear();
+        self.is_verbose = false;
         self.weiss.connected();
     }
 
@@ -116,15 +210,23 @@ impl Firmware for Gcl {
         self.weiss.disconnected();
     }
 
-    fn receive(&mut self, _now_ns: u64, bytes: &[u8], outgoing: &mut Vec<u8>) {
+    fn receive(&mut self, now_ns: u64, bytes: &[u8], outgoing: &mut Vec<u8>) {
         let mut lines = std::mem::take(&mut self.lines);
-        lines.feed(bytes, |line| self.execute(line, outgoing));
+        lines.feed(bytes, |line| self.execute(now_ns, line, outgoing));
         self.lines = lines;
     }
 
     fn tick(&mut self, now_ns: u64, plant: &mut dyn Plant, outgoing: &mut Vec<u8>) {
         self.weiss.advance_to(now_ns, plant);
         self.send_ended(outgoing);
+        for i in 0..self.updates.len() {
+            let update = &mut self.updates[i];
+            if now_ns >= update.due_ns {
+                update.due_ns = now_ns.max(update.due_ns + update.period_ns);
+                let name = update.name.clone();
+                self.value(&name).iter().for_each(|value| write_line(outgoing, value));
+            }
+        }
     }
 
     fn inject(&mut self, fault: Fault, outgoing: &mut Vec<u8>) -> bool {

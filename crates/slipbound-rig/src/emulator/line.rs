@@ -120,7 +120,7 @@ impl Line {
             Some(_) => "closing",
         };
         let target = self.target_n.map_or_else(String::new, |target_n| format!(" target_n {target_n:.3}"));
-        let (force_n, opening_mm) = (self.jaws.force_n(), self.jaws.opening_mm());
+        let (force_n, opening_mm) = (self.jaws.reading_n(), self.jaws.opening_mm());
         write_line(outgoing, &format!("GRIPPER jaws {jaws} force_n {force_n:.3}{target} opening_mm {opening_mm:.3}"));
         let WristState { angle_rad, lowered_mm, moving, .. } = self.wrist.state();
         let moving = u8::from(moving);

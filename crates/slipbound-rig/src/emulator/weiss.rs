@@ -35,7 +35,10 @@ impl Default for Settings {
 /// A motion. Openings in mm, speed in mm/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Task {
-    Home,
+    /// To its end: the open one, or the closed one.
+    Home {
+        closes: bool,
+    },
     Move {
         opening_mm: f64,
         speed: f64,
@@ -57,6 +60,8 @@ pub(crate) struct Weiss {
     pub settings: Settings,
     pub jaws: EmulatedJaws,
     pub limit_n: f64,
+    /// mm/s2; nothing here depends on it.
+    pub acceleration: f64,
     pub grasp: u8,
     pub running: Option<Task>,
     pub is_homed: bool,
@@ -72,6 +77,7 @@ impl Weiss {
         Weiss {
             jaws: EmulatedJaws::new(settings.jaws),
             limit_n: settings.jaws.most_n,
+            acceleration: 1000.0,
             grasp: grasp::IDLE,
             running: None,
             is_homed: settings.is_homed,
@@ -149,6 +155,23 @@ impl Weiss {
         status::OK
     }
 
+    pub fn set_acceleration(&mut self, acceleration: f64) -> u16 {
+        if !(100.0..=5000.0).contains(&acceleration) {
+            return status::RANGE;
+        }
+        self.acceleration = acceleration;
+        status::OK
+    }
+
+    /// Zeroes the force sensor; not while it presses by force.
+    pub fn tare(&mut self) -> u16 {
+        if matches!(self.grasp, grasp::HOLDING | grasp::GRASPING) {
+            return status::DENIED;
+        }
+        self.jaws.tare();
+        status::OK
+    }
+
     /// Whether a grasp would be refused in this state.
     pub fn refuses_grasp(&self) -> bool {
         self.is_stopped || (self.grasp == grasp::HOLDING && !self.is_regrasp_allowed)
@@ -161,12 +184,12 @@ impl Weiss {
         if self.running.is_some() {
             return status::ALREADY_RUNNING;
         }
-        if !self.is_homed && task != Task::Home {
+        if !self.is_homed && !matches!(task, Task::Home { .. }) {
             return status::NOT_INITIALIZED;
         }
         let stroke_mm = self.settings.jaws.stroke_mm;
         let (opening_mm, speed) = match task {
-            Task::Home => (stroke_mm, 5.0),
+            Task::Home { closes } => (if closes { 0.0 } else { stroke_mm }, 5.0),
             Task::Move { opening_mm, speed } | Task::Release { opening_mm, speed } => (opening_mm, speed),
             Task::Grasp { width_mm, speed } => (width_mm.unwrap_or(0.0), speed),
         };
@@ -184,7 +207,7 @@ impl Weiss {
                 self.grasp = grasp::RELEASING;
                 self.jaws.move_to(opening_mm);
             }
-            Task::Home | Task::Move { .. } => {
+            Task::Home { .. } | Task::Move { .. } => {
                 self.grasp = grasp::POSITIONING;
                 self.jaws.move_to(opening_mm);
             }
@@ -204,8 +227,11 @@ impl Weiss {
             Some(Task::Grasp { .. }) | None => {}
             Some(task) => {
                 if self.jaws.is_there() {
-                    self.is_homed |= task == Task::Home;
+                    self.is_homed |= matches!(task, Task::Home { .. });
                     self.finish(grasp::IDLE, status::OK);
+                } else if self.jaws.is_blocked() {
+                    self.jaws.stay();
+                    self.finish(grasp::IDLE, status::BLOCKED);
                 }
             }
         }

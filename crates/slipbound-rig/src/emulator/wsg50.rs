@@ -41,7 +41,7 @@ impl Wsg50 {
     fn send_ended(&mut self, outgoing: &mut Vec<u8>) {
         for (task, status) in self.weiss.take_ended() {
             let id = match task {
-                Task::Home => id::HOME,
+                Task::Home { .. } => id::HOME,
                 Task::Move { .. } => id::MOVE,
                 Task::Grasp { .. } => id::GRASP,
                 Task::Release { .. } => id::RELEASE,
@@ -76,7 +76,20 @@ impl Wsg50 {
                 self.subscribe(now_ns, frame.id, payload);
                 return self.send_state(frame.id, outgoing);
             }
-            id::HOME => self.weiss.begin(Task::Home),
+            id::HOME => match payload.first() {
+                None | Some(0 | 1) => self.weiss.begin(Task::Home { closes: false }),
+                Some(2) => self.weiss.begin(Task::Home { closes: true }),
+                Some(_) => status::RANGE,
+            },
+            id::SET_ACCELERATION => match number(payload) {
+                Some(acceleration) => self.weiss.set_acceleration(f64::from(acceleration)),
+                None => status::TOO_SHORT,
+            },
+            id::GET_ACCELERATION => {
+                let acceleration = self.weiss.acceleration as f32;
+                return reply(outgoing, frame.id, status::OK, &acceleration.to_le_bytes());
+            }
+            id::TARE => self.weiss.tare(),
             id::MOVE | id::GRASP | id::RELEASE => match task(frame.id, payload) {
                 Some(task) => self.weiss.begin(task),
                 None => status::TOO_SHORT,
@@ -109,7 +122,7 @@ impl Wsg50 {
             }
             id::GRASP_STATE => reply(outgoing, id, status::OK, &[weiss.grasp]),
             id::OPENING => reply(outgoing, id, status::OK, &(weiss.jaws.opening_mm() as f32).to_le_bytes()),
-            id::FORCE => reply(outgoing, id, status::OK, &(weiss.jaws.force_n() as f32).to_le_bytes()),
+            id::FORCE => reply(outgoing, id, status::OK, &(weiss.jaws.reading_n() as f32).to_le_bytes()),
             id => reply(outgoing, id, status::OK, &0f32.to_le_bytes()),
         }
     }

@@ -1,6 +1,7 @@
 //! Does this gripper hold on while its force is changed, and how does a new force reach the jaws? It is not
 //! published for a WSG-50, so this measures it: up, down, up, down, with an object that may fall.
 
+use slipbound::grip::ForceSense;
 use slipbound::port::{GripCommand, GripperState, Jaws};
 
 /// Time for the jaws to settle at a force, ns.
@@ -59,13 +60,23 @@ pub struct CheckHold {
     held_mm: Option<f64>,
     least_n: Option<f64>,
     opened_mm: Option<f64>,
+    force: ForceSense,
 }
 
 impl CheckHold {
     /// Goes to and fro between these forces, N per finger.
     pub fn new(low_n: f64, high_n: f64) -> Self {
         let (low_n, high_n) = (low_n.min(high_n), low_n.max(high_n));
-        CheckHold { low_n, high_n, changes_count: 0, since_ns: None, held_mm: None, least_n: None, opened_mm: None }
+        CheckHold {
+            low_n,
+            high_n,
+            changes_count: 0,
+            since_ns: None,
+            held_mm: None,
+            least_n: None,
+            opened_mm: None,
+            force: ForceSense::default(),
+        }
     }
 
     fn force_n(&self) -> f64 {
@@ -79,6 +90,7 @@ impl CheckHold {
 
     /// What to do now.
     pub fn step(&mut self, now_ns: u64, state: &GripperState) -> Step {
+        let state = &self.force.see(now_ns, state, self.since_ns.is_some());
         let Some(since_ns) = self.since_ns else { return self.command(now_ns) };
         let waited_ns = now_ns.saturating_sub(since_ns);
         let failed = |why: String| Step::Done(Verdict::Failed { why });

@@ -63,6 +63,11 @@ pub struct Config {
     pub speed_mm_per_s: f64,
     /// Whether a fast stop that our own lost link has latched is acknowledged at the next one.
     pub acknowledge_own_fast_stop: bool,
+    /// What its force reading may be off, N per finger, its idle reading taken out: this, and this share of the force.
+    /// Unconfirmed for every gripper here.
+    pub force_error_n: f64,
+    /// See `force_error_n`.
+    pub force_error_fraction: f64,
     /// Longest wait for an answer, ms.
     pub reply_ms: u64,
     /// Longest wait for the end of a motion, ms.
@@ -108,6 +113,9 @@ impl Kind {
     }
 }
 
+/// Reading below which it is no measurement, N per finger: more than a bias.
+const LEAST_READING_N: f64 = -10.0;
+
 impl Config {
     /// The defaults of a driver.
     pub fn of(kind: Kind) -> Self {
@@ -121,7 +129,9 @@ impl Config {
             open_mm: 100.0,
             speed_mm_per_s: 50.0,
             acknowledge_own_fast_stop: false,
-            reply_ms: 300,
+            force_error_n: 1.5,
+            force_error_fraction: 0.15,
+            reply_ms: 450,
             motion_ms: 10_000,
             silence_ms: 500,
             update_ms: 20,
@@ -182,6 +192,8 @@ impl Config {
         if let Some(width_mm) = self.part_width_mm {
             within("part_width_mm", width_mm, 0.0, 1000.0)?;
         }
+        within("force_error_n", self.force_error_n, 0.0, 100.0)?;
+        within("force_error_fraction", self.force_error_fraction, 0.0, 1.0)?;
         for (key, ms) in [
             ("reply_ms", self.reply_ms),
             ("motion_ms", self.motion_ms),
@@ -211,16 +223,16 @@ impl Config {
         force_n * self.own_per_finger()
     }
 
-    /// The gripper's own newtons per finger. None when they are not a number or beyond twice what it can press with:
-    /// then they are no measurement.
+    /// The gripper's own newtons per finger, below 0 where its sensor has a bias. None when they are not a number or beyond
+    /// twice what it can press with: then they are no measurement.
     pub fn from_own_n(&self, own_n: f64) -> Option<f64> {
         let force_n = own_n / self.own_per_finger();
-        (force_n.abs() <= 2.0 * self.most_n).then(|| force_n.max(0.0))
+        (LEAST_READING_N..=2.0 * self.most_n).contains(&force_n).then_some(force_n)
     }
 
     /// The force clamped to its range; None when it is not a number.
     pub fn admitted_n(&self, force_n: f64) -> Option<f64> {
-        (!force_n.is_nan()).then(|| force_n.clamp(self.least_n, self.most_n))
+        force_n.is_finite().then(|| force_n.clamp(self.least_n, self.most_n))
     }
 }
 
@@ -316,12 +328,14 @@ mod tests {
         assert_eq!((config.to_own_n(20.0), config.from_own_n(20.0)), (40.0, Some(10.0)));
         assert_eq!(
             (config.from_own_n(f64::NAN), config.from_own_n(1e9), config.from_own_n(-0.2)),
-            (None, None, Some(0.0))
+            (None, None, Some(-0.1))
         );
-        for (asked_n, given_n) in [(f64::INFINITY, 80.0), (f64::NEG_INFINITY, 5.0), (-3.0, 5.0), (6.5, 6.5)] {
+        for (asked_n, given_n) in [(1e9, 80.0), (-1e9, 5.0), (-3.0, 5.0), (6.5, 6.5)] {
             assert_eq!(config.admitted_n(asked_n), Some(given_n));
         }
-        assert_eq!(config.admitted_n(f64::NAN), None);
+        for no_number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(config.admitted_n(no_number), None);
+        }
     }
 
     #[test]

@@ -2,12 +2,16 @@
 
 use super::config::{Config, Lowering};
 use super::error::Error;
+use super::held::Held;
 use crate::link::{LinkHealth, LinkProblem};
 use slipbound::port::{DriverEvent, GripperState, Jaws};
 use std::collections::VecDeque;
 
 /// Most events kept; the oldest go first.
 const EVENTS_COUNT: usize = 64;
+
+/// Time between two reports of bytes that were no message, ns.
+const GARBLED_NS: u64 = 10_000_000_000;
 
 /// Difference in force that counts as none, N per finger: below what any of these grippers resolves.
 const SAME_FORCE_N: f64 = 0.01;
@@ -29,6 +33,10 @@ pub struct DriverState {
     lowering_permitted: bool,
     /// The last force asked for outside the range, N per finger: it is reported once.
     clamped_n: Option<f64>,
+    held: Held,
+    /// Bytes that were no message and have not been told, and when some last were, ns.
+    garbled_count: usize,
+    garbled_ns: Option<u64>,
     fault: Option<Error>,
     events: VecDeque<DriverEvent>,
 }
@@ -36,7 +44,14 @@ pub struct DriverState {
 impl DriverState {
     pub(super) fn new(address: &str, config: Config, needs_link: bool) -> Self {
         DriverState {
-            gripper: GripperState { time_ns: 0, force_n: None, target_n: None, opening_mm: None, jaws: Jaws::Unknown },
+            gripper: GripperState {
+                time_ns: 0,
+                force_n: None,
+                force_error_n: None,
+                target_n: None,
+                opening_mm: None,
+                jaws: Jaws::Unknown,
+            },
             outgoing: Vec::new(),
             address: address.into(),
             now_ns: 0,
@@ -44,6 +59,9 @@ impl DriverState {
             has_lost_link: false,
             lowering_permitted: config.lowering == Lowering::Allow,
             clamped_n: None,
+            held: Held::default(),
+            garbled_count: 0,
+            garbled_ns: None,
             fault: None,
             events: VecDeque::new(),
             config,
@@ -80,19 +98,35 @@ impl DriverState {
         self.link.heard(self.now_ns);
     }
 
-    /// Whether something is, or may soon be, between the jaws. After a fast stop, say, a gripper presses without
-    /// knowing that it holds.
+    /// Whether something is, or may soon be, between the jaws: see [`Held`].
     pub fn seems_to_hold(&self) -> bool {
-        let presses = self.gripper.force_n.is_some_and(|force_n| force_n > 0.5 * self.config.least_n);
-        presses || matches!(self.gripper.jaws, Jaws::Holding | Jaws::Closing | Jaws::Stopped)
+        self.held.seems_to_hold(&self.gripper, &self.config)
+    }
+
+    /// Something was received: whether the jaws hold something, or have let it go, is remembered.
+    pub(super) fn see_jaws(&mut self) {
+        self.held.see(&self.gripper, &self.config);
     }
 
     /// Something worth a line in the log of a run.
     pub fn push_event(&mut self, event: DriverEvent) {
+        let Some(event) = self.gathered(event) else { return };
         if self.events.len() == EVENTS_COUNT {
             self.events.pop_front();
         }
         self.events.push_back(event);
+    }
+
+    /// Bytes that were no message are told at once, and then once in a while, all together.
+    fn gathered(&mut self, event: DriverEvent) -> Option<DriverEvent> {
+        let DriverEvent::Garbled { bytes_count } = event else { return Some(event) };
+        self.garbled_count += bytes_count;
+        let is_quiet = self.garbled_ns.is_some_and(|told_ns| self.now_ns.saturating_sub(told_ns) < GARBLED_NS);
+        if is_quiet {
+            return None;
+        }
+        self.garbled_ns = Some(self.now_ns);
+        Some(DriverEvent::Garbled { bytes_count: std::mem::take(&mut self.garbled_count) })
     }
 
     /// A request taken over before has failed; the first such failure is reported, once.
@@ -192,7 +226,11 @@ impl DriverState {
         self.check_link()?;
         match self.fault.take() {
             Some(fault) => Err(fault),
-            None => Ok(self.gripper),
+            None => {
+                let Config { force_error_n, force_error_fraction, .. } = self.config;
+                let error_n = |force_n: f64| force_error_n + force_error_fraction * force_n.abs();
+                Ok(GripperState { force_error_n: self.gripper.pressed_n().map(error_n), ..self.gripper })
+            }
         }
     }
 

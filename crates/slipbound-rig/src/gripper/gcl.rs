@@ -130,12 +130,12 @@ impl Gcl {
                 self.motion.take_if(|motion| motion.name == name);
             }
             "ERR" => {
-                // An error without a name is the answer to what is in flight.
+                // An error without a command is the answer to what is in flight.
                 let (name, code) = match words.next() {
                     Some(code) => (name, code),
                     None => (self.in_flight.as_ref().map_or("", |sent| sent.message.name()), name),
                 };
-                self.take_error(driver, name, code.parse().unwrap_or(u16::MAX));
+                self.take_error(driver, name, status::read(code));
             }
             "" | "END" => {}
             _ => driver.push_event(DriverEvent::Garbled { bytes_count: line.len() }),
@@ -144,6 +144,9 @@ impl Gcl {
 
     fn take_value(&mut self, driver: &mut DriverState, name: &str, value: &str) {
         let number = value.parse::<f64>().ok().filter(|value| value.is_finite());
+        if number.is_some() && is_name(name) && !QUESTIONS.contains(&name) {
+            return driver.heard(); // a value that somebody else has asked for
+        }
         let Some(number) = number.filter(|_| QUESTIONS.contains(&name)) else {
             return driver.push_event(DriverEvent::Garbled { bytes_count: name.len() + value.len() });
         };
@@ -226,6 +229,11 @@ impl Gcl {
             "a command was denied; a fast stop is the likely cause (this interface does not tell)".into()
         }
     }
+}
+
+/// Whether it may be the name of a value.
+fn is_name(text: &str) -> bool {
+    !text.is_empty() && text.len() <= 16 && text.bytes().all(|byte| byte.is_ascii_uppercase())
 }
 
 impl Protocol for Gcl {

@@ -1,25 +1,29 @@
 //! When a request counts as carried out: the state is as wanted and nothing moves any more.
 
-use slipbound::port::GripperState;
+use slipbound::grip::ForceSense;
+use slipbound::port::{GripperState, Jaws};
 
 /// Time for which nothing may change, ns.
 const SETTLED_NS: u64 = 300_000_000;
 
-/// Changes below these are none: of the opening, mm, and of the force, N per finger.
+/// Change of the opening that is none, mm.
 const SAME_OPENING_MM: f64 = 0.02;
-const SAME_FORCE_N: f64 = 0.1;
 
 /// Told the time and the state of a gripper, says when it has settled.
 #[derive(Debug, Clone, Default)]
 pub struct Settled {
     last: Option<(GripperState, u64)>,
+    force: ForceSense,
 }
 
 impl Settled {
     /// Whether the gripper is settled now. `is_done`: it has taken the request over and its state is as wanted.
     pub fn see(&mut self, now_ns: u64, state: &GripperState, is_done: bool) -> bool {
+        self.force.see(now_ns, state, state.jaws != Jaws::Open);
         match &self.last {
-            Some((last, since_ns)) if is_done && is_same(state, last) => now_ns.saturating_sub(*since_ns) > SETTLED_NS,
+            Some((last, since_ns)) if is_done && is_same(state, last) && self.force.is_still() => {
+                now_ns.saturating_sub(*since_ns) > SETTLED_NS
+            }
             _ => {
                 self.last = Some((*state, now_ns));
                 false
@@ -30,7 +34,7 @@ impl Settled {
 
 fn is_same(a: &GripperState, b: &GripperState) -> bool {
     let near = |a: Option<f64>, b: Option<f64>, most: f64| a.zip(b).is_none_or(|(a, b)| (a - b).abs() < most);
-    a.jaws == b.jaws && near(a.opening_mm, b.opening_mm, SAME_OPENING_MM) && near(a.force_n, b.force_n, SAME_FORCE_N)
+    a.jaws == b.jaws && near(a.opening_mm, b.opening_mm, SAME_OPENING_MM)
 }
 
 /// The state of a gripper in words.
@@ -51,7 +55,14 @@ mod tests {
     use slipbound::port::Jaws;
 
     fn at(opening_mm: f64) -> GripperState {
-        GripperState { time_ns: 0, force_n: None, target_n: None, opening_mm: Some(opening_mm), jaws: Jaws::Holding }
+        GripperState {
+            time_ns: 0,
+            force_n: None,
+            force_error_n: None,
+            target_n: None,
+            opening_mm: Some(opening_mm),
+            jaws: Jaws::Holding,
+        }
     }
 
     #[test]
@@ -64,6 +75,23 @@ mod tests {
         assert!(!settled.see(ms(650), &at(49.9), true), "moved");
         assert!(!settled.see(ms(950), &at(49.91), true), "300 ms are not enough");
         assert!(settled.see(ms(951), &at(49.91), true));
+    }
+
+    /// 0.3 N rms, as many motor currents have, and a force on its way.
+    #[test]
+    fn a_force_that_flickers_settles_and_one_on_its_way_does_not() {
+        let run = |force_n: &dyn Fn(u64) -> f64| {
+            let mut settled = Settled::default();
+            (0..400u64).find(|i| {
+                let state = GripperState { time_ns: *i, force_n: Some(force_n(*i)), ..at(50.0) };
+                settled.see(i * 20_000_000, &state, true)
+            })
+        };
+        // +-0.52 N in an order that does not repeat: 0.3 N rms.
+        let flickers = |i: u64| 20.0 + 1.04 * ((i * i * 2_654_435_761 % 1024) as f64 / 1024.0 - 0.5);
+        let at = run(&flickers).expect("it settles");
+        assert!(at < 100, "after {at} readings");
+        assert_eq!(run(&|i| 20.0 + 0.1 * i as f64), None);
     }
 
     #[test]

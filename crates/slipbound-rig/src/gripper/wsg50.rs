@@ -134,7 +134,10 @@ impl Wsg50 {
         } else if let Some(sent) = self.in_flight.take_if(|sent| sent.message.id() == frame.id) {
             self.take_answer(driver, sent.message, code);
         } else if let Some((command, _)) = self.phase.motion().filter(|(command, _)| command.id() == frame.id) {
-            self.take_end(driver, command, code);
+            // That it is under way may be said more than once.
+            if code != status::PENDING {
+                self.take_end(driver, command, code);
+            }
         } // else the second answer to a command that was sent twice
     }
 

@@ -16,6 +16,11 @@ impl<T> InFlight<T> {
         InFlight { message, sent_count: 1, since_ns: now_ns }
     }
 
+    /// How long it has been on its way, ns.
+    pub fn age_ns(&self, now_ns: u64) -> u64 {
+        now_ns.saturating_sub(self.since_ns)
+    }
+
     /// The same message, sent now once more.
     pub fn again(self, now_ns: u64) -> Self {
         InFlight { sent_count: self.sent_count + 1, since_ns: now_ns, ..self }

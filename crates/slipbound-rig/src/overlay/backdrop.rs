@@ -48,13 +48,14 @@ impl Backdrop {
                 rgb.fill(0);
                 continue;
             };
-            let (upper, lower, channels) = match frame.pixels {
-                Pixels::Gray(p) => (p.row(y.into()), p.row(usize::from(y) + 1), 1),
-                Pixels::Rgb(p) => (p.row(y.into()), p.row(usize::from(y) + 1), 3),
+            let (upper, lower, places) = match frame.pixels {
+                Pixels::Gray(p) => (p.row(y.into()), p.row(usize::from(y) + 1), [0; 3]),
+                Pixels::Rgb(p) => (p.row(y.into()), p.row(usize::from(y) + 1), p.order().rgb([0, 1, 2])),
             };
+            let channels = if places == [0; 3] { 1 } else { 3 };
             let at = usize::from(x) * channels;
-            for (c, out) in rgb.iter_mut().enumerate() {
-                let i = at + if channels == 3 { c } else { 0 };
+            for (place, out) in places.into_iter().zip(rgb.iter_mut()) {
+                let i = at + place;
                 let mix = |row: &[u8]| {
                     u32::from(row[i]) * (256 - u32::from(fx)) + u32::from(row[i + channels]) * u32::from(fx)
                 };

@@ -4,9 +4,10 @@ use super::backdrop::Backdrop;
 use super::canvas::{Canvas, Colour};
 use super::palette::{BACKGROUND, CONTACT, INNER, LOST, MEASURED, PAPER, RIGID, SLIP, SLIPPING};
 use super::regions::Region;
+use super::seen::Seen;
 use super::strips;
 use slipbound::image::{Frame, SizePx};
-use slipbound::monitor::{Marker, MotionReport, SlipMonitor, SlipReport, SlipState};
+use slipbound::monitor::{Marker, MotionReport, SlipReport, SlipState};
 use slipbound::plane::{RigidMotion, Vec2};
 use slipbound::sensor::Sensor;
 
@@ -66,20 +67,22 @@ impl Overlay {
         self.canvas.rgb()
     }
 
-    /// Draws a frame and what the monitor found on it. `frame`: None when it did not arrive whole.
-    pub fn draw(&mut self, frame: Option<&Frame<'_>>, report: &SlipReport, monitor: &SlipMonitor) {
-        let seen = frame.filter(|f| f.pixels.size() == monitor.sensor().image_px);
+    /// Draws a frame and what was found on it: by a monitor that has just judged it, say. `frame`: None when it did not
+    /// arrive whole.
+    pub fn draw<'a>(&mut self, frame: Option<&Frame<'_>>, report: &SlipReport, found: impl Into<Seen<'a>>) {
+        let found = found.into();
+        let seen = frame.filter(|f| f.pixels.size() == found.sensor.image_px);
         let judged = seen.is_some() && report.state != SlipState::Unjudged;
         self.canvas.fill(BACKGROUND);
         if let Some(frame) = seen {
             self.backdrop.take(frame);
-            self.contact.take(monitor.contact_region());
-            self.inner.take(monitor.inner_region());
-            let pitch_px = monitor.sensor().pitch_px;
+            self.contact.take(found.contact_region);
+            self.inner.take(found.inner_region);
+            let pitch_px = found.sensor.pitch_px;
             let left = (0, strips::HEAD_PX);
             self.panel.put(self.backdrop.rgb());
             if judged {
-                self.draw_motion(report.motion.as_ref(), monitor.markers(), pitch_px);
+                self.draw_motion(report.motion.as_ref(), found.markers, pitch_px);
                 let caption = format!("displacement since the reference, arrows x{:.0}", self.magnification);
                 strips::caption(&mut self.panel, &caption);
             }
@@ -88,7 +91,7 @@ impl Overlay {
             self.backdrop.pale();
             self.panel.put(self.backdrop.rgb());
             if judged {
-                self.draw_slip(monitor.markers(), pitch_px);
+                self.draw_slip(found.markers, pitch_px);
                 let caption = format!("slip field = measured - rigid, arrows x{:.0}", self.magnification);
                 strips::caption(&mut self.panel, &caption);
             }
@@ -97,7 +100,7 @@ impl Overlay {
         if seen.is_none() {
             strips::no_picture(&mut self.canvas);
         }
-        strips::head(&mut self.canvas, report, monitor);
+        strips::head(&mut self.canvas, report, found.markers);
         strips::legend(&mut self.canvas);
     }
 

@@ -2,7 +2,7 @@
 
 use super::canvas::{Canvas, Colour, Text};
 use super::palette::{CONTACT, INNER, LOST, MEASURED, PAPER, RIGID, SLIP, SLIPPING};
-use slipbound::monitor::{SlipKind, SlipMonitor, SlipReport, SlipState};
+use slipbound::monitor::{Marker, SlipKind, SlipReport, SlipState};
 use slipbound::plane::Vec2;
 
 /// Height of the strip with the verdict.
@@ -14,7 +14,7 @@ const WORDS: Colour = Colour::new(236, 239, 243);
 const QUIET: Colour = Colour::new(160, 168, 178);
 
 /// State, frame and the numbers behind them.
-pub(super) fn head(canvas: &mut Canvas, report: &SlipReport, monitor: &SlipMonitor) {
+pub(super) fn head(canvas: &mut Canvas, report: &SlipReport, markers: &[Marker]) {
     let (name, colour) = badge(report.state);
     let width = Text::Large.width(name) + 28;
     canvas.rectangle(12, 10, width, 32, colour);
@@ -36,12 +36,12 @@ pub(super) fn head(canvas: &mut Canvas, report: &SlipReport, monitor: &SlipMonit
     }
     canvas.text((12 + width + 16, 14), Text::Large, WORDS, &line);
     if report.state != SlipState::Unjudged {
-        canvas.text((14, 50), Text::Small, QUIET, &numbers(report, monitor));
+        canvas.text((14, 50), Text::Small, QUIET, &numbers(report, markers));
     }
 }
 
 /// The second line: contact, motion, slip, markers.
-fn numbers(report: &SlipReport, monitor: &SlipMonitor) -> String {
+fn numbers(report: &SlipReport, markers: &[Marker]) -> String {
     let mut parts = Vec::new();
     parts.push(match report.contact.area_mm2 {
         Some(mm2) => format!("contact {mm2:.1} mm2"),
@@ -55,7 +55,7 @@ fn numbers(report: &SlipReport, monitor: &SlipMonitor) -> String {
         };
         parts.push(format!("moved {shift:.2} {unit}, turned {:+.2} deg", motion.rotation_rad.to_degrees()));
     }
-    let in_contact = monitor.markers().iter().filter(|m| m.in_contact).count();
+    let in_contact = markers.iter().filter(|m| m.in_contact).count();
     let slip = &report.slip;
     parts.push(format!("slipping {} of {in_contact} markers, most {:.2} pitch", slip.markers_over, slip.max_pitch));
     parts.push(format!("matched {}, lost {}", report.markers.matched, report.markers.lost));

@@ -88,6 +88,8 @@ pub(crate) fn write_png(path: &Path, rgb: &[u8], width: u32, height: u32, seq: u
     let mut encoder = png::Encoder::new(BufWriter::new(File::create(path).map_err(failed)?), width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_compression(png::Compression::Fast);
+    let encode = |e: png::EncodingError| Error::Encode { path: path.to_owned(), seq, why: e.to_string() };
+    encoder.add_text_chunk("Software".into(), "slipbound".into()).map_err(encode)?;
     let written = encoder.write_header().and_then(|mut w| {
         w.write_image_data(rgb)?;
         w.finish()

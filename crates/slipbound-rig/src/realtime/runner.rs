@@ -28,7 +28,21 @@ pub fn run(
     is_due: &mut dyn FnMut() -> bool,
     observer: &mut dyn CycleObserver,
 ) -> Result<(), ControlError> {
-    let ran = cycles(control, gripper, wrist, stop, is_due, observer);
+    run_at_least_every(LONGEST_CYCLE_NS, control, gripper, wrist, stop, is_due, observer)
+}
+
+/// The same with a cycle at least every `longest_cycle_ns`, for recordings that are played more slowly than a camera
+/// would: a wrist's motion then runs out between two frames.
+pub fn run_at_least_every(
+    longest_cycle_ns: u64,
+    control: &mut ControlLoop,
+    gripper: &mut dyn Gripper,
+    wrist: &mut dyn Wrist,
+    stop: &AtomicBool,
+    is_due: &mut dyn FnMut() -> bool,
+    observer: &mut dyn CycleObserver,
+) -> Result<(), ControlError> {
+    let ran = cycles(longest_cycle_ns, control, gripper, wrist, stop, is_due, observer);
     control.leave(gripper, wrist);
     let until_ns = now_ns() + LAST_COMMANDS_NS;
     while gripper.is_busy() && now_ns() < until_ns {
@@ -38,6 +52,7 @@ pub fn run(
 }
 
 fn cycles(
+    longest_cycle_ns: u64,
     control: &mut ControlLoop,
     gripper: &mut dyn Gripper,
     wrist: &mut dyn Wrist,
@@ -46,7 +61,7 @@ fn cycles(
     observer: &mut dyn CycleObserver,
 ) -> Result<(), ControlError> {
     loop {
-        let latest_ns = now_ns() + LONGEST_CYCLE_NS;
+        let latest_ns = now_ns() + longest_cycle_ns;
         while !is_due() && now_ns() < latest_ns && !stop.load(Ordering::Relaxed) {
             poll_io(gripper, wrist);
         }

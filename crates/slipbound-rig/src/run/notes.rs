@@ -2,6 +2,10 @@
 
 use slipbound::control::{CycleView, Fault};
 use slipbound::monitor::RestKind;
+use slipbound::port::Next;
+
+/// A finger without a frame for longer is told of, ns.
+pub const MAX_SILENCE_NS: u64 = 300_000_000;
 
 /// Folds what an observer is shown into lines, each told once.
 #[derive(Debug, Default)]
@@ -11,6 +15,8 @@ pub struct RunNotes {
     is_lowering_told: bool,
     /// Fingers of which it was told that they start in contact.
     in_contact: Vec<String>,
+    /// When each finger last had a frame, ns, and whether its silence was told.
+    heard: Vec<(u64, bool)>,
 }
 
 impl RunNotes {
@@ -32,6 +38,23 @@ impl RunNotes {
         if let (Some(why), false) = (view.refused_lowering, self.is_lowering_told) {
             self.is_lowering_told = true;
             lines.push(why.to_owned());
+        }
+        self.heard.resize(view.fingers.len(), (view.now_ns, false));
+        for (finger, (heard_ns, is_told)) in view.fingers.iter().zip(&mut self.heard) {
+            let silent_ns = view.now_ns.saturating_sub(*heard_ns);
+            match finger.next {
+                Next::Frame | Next::Torn { .. } => {
+                    if std::mem::take(is_told) {
+                        lines.push(format!("{}: frames again after {:.1} s", finger.name, silent_ns as f64 * 1e-9));
+                    }
+                    *heard_ns = view.now_ns;
+                }
+                Next::Silent if silent_ns > MAX_SILENCE_NS && !*is_told => {
+                    *is_told = true;
+                    lines.push(format!("{}: no frame for {:.1} s", finger.name, MAX_SILENCE_NS as f64 * 1e-9));
+                }
+                Next::Silent | Next::End => {}
+            }
         }
         for finger in view.fingers {
             let starts_in_contact = finger.rest_kind == Some(RestKind::InContact);

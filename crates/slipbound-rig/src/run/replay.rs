@@ -146,6 +146,8 @@ impl Replay {
         }
         let stiffness_mpa_per_mm = first_sensor.and_then(|sensor| sensor.shear_stiffness_mpa_per_mm());
         let control = ControlLoop::new(pipelines, task_settings.task(task, stiffness_mpa_per_mm)?)?;
+        // The open hand was recorded without the gripper's states.
+        let control = control.with_idle_force(cycles.first().map_or(0.0, |cycle| cycle.idle_force_n));
         Ok(Replay { control, cycles, waiting })
     }
 

@@ -31,6 +31,30 @@ pub enum Error {
         /// How many files of other kinds were passed over.
         others_count: usize,
     },
+    /// The address of a live source that cannot be.
+    #[error("{uri}: expected {expected}")]
+    Address {
+        /// What was asked for.
+        uri: String,
+        /// What it should be, and where that helps what it is.
+        expected: String,
+    },
+    /// A stream that does not answer, or with something else.
+    #[error("{uri}: {source}")]
+    Stream {
+        /// Its address.
+        uri: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// An MCAP file without what is needed.
+    #[error("{}: {why}", path.display())]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// Expected and got.
+        why: String,
+    },
     /// The operating system refused.
     #[error("{}: cannot read: {source}", path.display())]
     Read {
@@ -85,9 +109,12 @@ pub enum Error {
 impl Error {
     fn kind(&self) -> SourceErrorKind {
         match self {
-            Error::Missing { .. } | Error::Pattern { .. } | Error::NoImages { .. } => SourceErrorKind::Settings,
+            Error::Missing { .. } | Error::Pattern { .. } | Error::NoImages { .. } | Error::Address { .. } => {
+                SourceErrorKind::Settings
+            }
+            Error::Stream { .. } => SourceErrorKind::Disconnected,
             Error::Read { .. } => SourceErrorKind::Unreadable,
-            Error::Avi { .. } | Error::Ffmpeg { .. } => SourceErrorKind::Format,
+            Error::Avi { .. } | Error::Mcap { .. } | Error::Ffmpeg { .. } => SourceErrorKind::Format,
             Error::FfmpegMissing { .. } | Error::FfmpegStart { .. } => SourceErrorKind::Unsupported,
         }
     }
@@ -95,10 +122,12 @@ impl Error {
     fn file(&self) -> String {
         match self {
             Error::Pattern { pattern, .. } => pattern.clone(),
+            Error::Address { uri, .. } | Error::Stream { uri, .. } => uri.clone(),
             Error::Missing { path }
             | Error::NoImages { path, .. }
             | Error::Read { path, .. }
             | Error::Avi { path, .. }
+            | Error::Mcap { path, .. }
             | Error::FfmpegMissing { path, .. }
             | Error::FfmpegStart { path, .. }
             | Error::Ffmpeg { path, .. } => path.display().to_string(),

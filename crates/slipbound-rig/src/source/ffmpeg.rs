@@ -4,21 +4,21 @@
 //! thread and the bit-exact flags make the pixels the same on every run of one version of the program.
 
 use super::avi::stamp;
+use super::picture::checked_size;
 use super::riff::{Survey, Video};
 use super::{Error, Rate};
-use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::io::{self, BufRead, BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;
 
+/// What standard input is called.
+pub(super) const STDIN: &str = "-";
+
 /// How much of the end of the program's messages is kept.
 const STDERR_BYTES: usize = 2000;
-/// Width and height beyond which a picture is taken for damaged: the largest a sensor file may state.
-const MAX_SIDE_PX: usize = 8192;
-
 /// The frames of a video as `ffmpeg` decodes them. The program is ended and reaped when this is dropped.
 #[derive(Debug)]
 pub struct Ffmpeg {
@@ -33,7 +33,7 @@ pub struct Ffmpeg {
 
 /// The program while it runs.
 #[derive(Debug)]
-struct Running {
+pub(super) struct Running {
     child: Child,
     stdout: BufReader<ChildStdout>,
     stderr: Option<JoinHandle<String>>,
@@ -58,6 +58,16 @@ impl Ffmpeg {
                 (rate, count, None)
             }
         };
+        Ok(Ffmpeg { path: path.to_owned(), rate, frames_count, lacks, running: Some(running), seq: 0 })
+    }
+
+    /// Starts the program on what cannot be read twice: standard input (`-`) or a named pipe. There is no time.
+    pub(super) fn open_pipe(path: &Path) -> Result<Self, Error> {
+        let running = start(path, EVERY_FRAME_ONCE[0]).map_err(|source| match source.kind() {
+            ErrorKind::NotFound => Error::FfmpegMissing { path: path.to_owned(), codec: "a pipe".into() },
+            _ => Error::FfmpegStart { path: path.to_owned(), source },
+        })?;
+        let (rate, frames_count, lacks) = (None, None, None);
         Ok(Ffmpeg { path: path.to_owned(), rate, frames_count, lacks, running: Some(running), seq: 0 })
     }
 
@@ -149,20 +159,41 @@ fn file_argument(path: &Path) -> OsString {
 }
 
 fn start(path: &Path, every_frame_once: &str) -> io::Result<Running> {
-    let mut child = Command::new("ffmpeg")
-        .args(["-nostdin", "-hide_banner", "-loglevel", "error", "-threads", "1", "-flags", "+bitexact", "-i"])
-        .arg(file_argument(path))
-        .args(["-map", "0:v:0", every_frame_once, "passthrough", "-an", "-sn", "-dn"])
-        .args(["-sws_flags", "bitexact+accurate_rnd+full_chroma_int", "-pix_fmt", "rgb24"])
-        .args(["-threads", "1", "-flags", "+bitexact", "-c:v", "ppm", "-f", "image2pipe", "-"])
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()?;
-    let missing = || io::Error::other("no pipe to the program");
-    let stdout = BufReader::with_capacity(1 << 20, child.stdout.take().ok_or_else(missing)?);
-    let stderr = child.stderr.take().ok_or_else(missing)?;
-    Ok(Running { child, stdout, stderr: Some(std::thread::spawn(move || last_words(stderr))) })
+    let input = if path.as_os_str() == STDIN { "pipe:0".into() } else { file_argument(path) };
+    Running::start(&["-flags", "+bitexact"], &input, every_frame_once)
+}
+
+impl Running {
+    /// Starts the program on what `input` names, with these options of its own in front.
+    pub(super) fn start(options: &[&str], input: &OsStr, every_frame_once: &str) -> io::Result<Running> {
+        let mut child = Command::new("ffmpeg")
+            .args(["-nostdin", "-hide_banner", "-loglevel", "error", "-threads", "1"])
+            .args(options)
+            .arg("-i")
+            .arg(input)
+            .args(["-map", "0:v:0", every_frame_once, "passthrough", "-an", "-sn", "-dn"])
+            .args(["-sws_flags", "bitexact+accurate_rnd+full_chroma_int", "-pix_fmt", "rgb24"])
+            .args(["-threads", "1", "-flags", "+bitexact", "-c:v", "ppm", "-f", "image2pipe", "-"])
+            .stdin(if input == "pipe:0" { Stdio::inherit() } else { Stdio::null() })
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()?;
+        let missing = || io::Error::other("no pipe to the program");
+        let stdout = BufReader::with_capacity(1 << 20, child.stdout.take().ok_or_else(missing)?);
+        let stderr = child.stderr.take().ok_or_else(missing)?;
+        Ok(Running { child, stdout, stderr: Some(std::thread::spawn(move || last_words(stderr))) })
+    }
+
+    /// Its pictures.
+    pub(super) fn stdout(&mut self) -> &mut BufReader<ChildStdout> {
+        &mut self.stdout
+    }
+
+    /// Ends it; what it said last.
+    pub(super) fn last_words(mut self) -> String {
+        self.stop();
+        self.reap().map(|(_, said)| said).unwrap_or_default()
+    }
 }
 
 /// Reads all that the program says and keeps the end of it, on one line.
@@ -200,7 +231,7 @@ fn probe(path: &Path) -> (Option<Rate>, Option<u64>) {
 }
 
 /// Reads one binary PPM picture; false at the end of the stream.
-fn read_ppm(from: &mut impl BufRead, into: &mut FrameBuffer) -> io::Result<bool> {
+pub(super) fn read_ppm(from: &mut impl BufRead, into: &mut FrameBuffer) -> io::Result<bool> {
     if from.fill_buf()?.is_empty() {
         return Ok(false);
     }
@@ -215,10 +246,10 @@ fn read_ppm(from: &mut impl BufRead, into: &mut FrameBuffer) -> io::Result<bool>
         *number = std::str::from_utf8(&text).ok().and_then(|t| t.parse().ok()).ok_or_else(|| wrong(&text))?;
     }
     let [width, height, white] = words;
-    if white != 255 || width == 0 || height == 0 || width > MAX_SIDE_PX || height > MAX_SIDE_PX {
+    if white != 255 {
         return Err(io::Error::other(format!("a picture of {width}x{height} with white at {white}")));
     }
-    into.size = SizePx::new(width, height);
+    into.size = checked_size(width, height).map_err(io::Error::other)?;
     into.format = PixelFormat::Rgb;
     into.pixels.resize(3 * into.size.area(), 0);
     from.read_exact(&mut into.pixels)?;
@@ -242,6 +273,7 @@ fn word(from: &mut impl Read) -> io::Result<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slipbound::image::SizePx;
 
     #[test]
     fn ppm_pictures_follow_each_other() {

@@ -54,6 +54,18 @@ impl Folder {
     }
 }
 
+/// The image files that a folder, a pattern or the name of an image stands for; none where it is something else.
+pub(super) fn image_files(uri: &str) -> Vec<PathBuf> {
+    let path = Path::new(uri);
+    let folder = match fs::metadata(path) {
+        Ok(there) if there.is_dir() => Folder::open(path),
+        Ok(_) if has_image_name(path) => Ok(Folder::single(path)),
+        Ok(_) => return Vec::new(),
+        Err(_) => Folder::matching(uri),
+    };
+    folder.map_or_else(|_| Vec::new(), |folder| folder.files)
+}
+
 /// Whether a file is named as an image that can be read.
 pub(super) fn has_image_name(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();

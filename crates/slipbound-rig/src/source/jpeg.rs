@@ -5,7 +5,7 @@
 //!                                            ^ many UVC cameras leave it out: the standard tables are put in
 //! ```
 
-use slipbound::image::SizePx;
+use super::picture::checked_size;
 use slipbound::port::{FrameBuffer, PixelFormat};
 use std::borrow::Cow;
 use zune_core::bytestream::ZCursor;
@@ -39,7 +39,7 @@ pub(super) fn decode(bytes: &[u8], into: &mut FrameBuffer) -> Result<(), String>
     };
     decoder.set_options(options.jpeg_set_out_colorspace(colours));
     let info = decoder.info().ok_or("JPEG: no header")?;
-    let size = SizePx::new(usize::from(info.width), usize::from(info.height));
+    let size = checked_size(usize::from(info.width), usize::from(info.height)).map_err(|why| format!("JPEG: {why}"))?;
     into.pixels.resize(size.area() * format.bytes_per_pixel(), 0);
     decoder.decode_into(&mut into.pixels).map_err(text)?;
     into.format = format;
@@ -141,6 +141,7 @@ const AC_CHROMA_VALUES: [u8; 162] = [
 mod tests {
     use super::*;
     use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+    use slipbound::image::SizePx;
 
     /// A scene with detail in every row, so that a lost row shows.
     fn picture(colour: ColorType, channels: usize) -> Vec<u8> {

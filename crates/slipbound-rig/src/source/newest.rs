@@ -10,6 +10,7 @@ use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, Thread};
+use std::time::Duration;
 
 /// What the thread has read and the loop has not yet taken.
 #[derive(Default)]
@@ -66,6 +67,30 @@ impl Arrivals {
         }
         !slot.is_empty()
     }
+
+    /// Frames that a newer one replaced before they were taken: they were never judged.
+    pub fn replaced_count(&self) -> u64 {
+        self.0.lock().replaced_count
+    }
+}
+
+/// Longest wait of [`Awaited`].
+const LONGEST_WAIT: Duration = Duration::from_millis(100);
+
+/// A [`Newest`] for a thread that has nothing else to do: `next` waits for a frame, for a tenth of a second at most.
+pub struct Awaited(pub Newest);
+
+impl FrameSource for Awaited {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        if !self.0.arrivals().is_waiting() {
+            thread::park_timeout(LONGEST_WAIT); // what comes unparks this thread
+        }
+        self.0.next(into)
+    }
+
+    fn frames_count(&self) -> Option<u64> {
+        self.0.frames_count()
+    }
 }
 
 impl Newest {
@@ -94,7 +119,7 @@ impl Newest {
 
     /// Frames that a newer one replaced before they were taken.
     pub fn replaced_count(&self) -> u64 {
-        self.shared.lock().replaced_count
+        self.arrivals().replaced_count()
     }
 }
 
@@ -176,7 +201,7 @@ mod tests {
     use super::*;
     use slipbound::port::SourceErrorKind;
     use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-    use std::time::{Duration, Instant};
+    use std::time::Instant;
 
     /// A source that waits for its next frame.
     struct Blocking(Receiver<Result<Next, SourceError>>, u64);
@@ -217,6 +242,23 @@ mod tests {
         give.send(Err(SourceError::new(SourceErrorKind::Disconnected, "unplugged"))).expect("read");
         until(|| newest.arrivals().is_waiting());
         assert_eq!(newest.next(&mut frame).expect_err("unplugged").to_string(), "unplugged");
+    }
+
+    #[test]
+    fn one_that_is_awaited_is_silent_after_a_tenth_of_a_second_and_wakes_for_a_frame() {
+        let (give, source) = blocking();
+        let mut awaited = Awaited(Newest::new(source));
+        let mut frame = FrameBuffer::default();
+        let from = Instant::now();
+        assert_eq!(awaited.next(&mut frame).expect("goes on"), Next::Silent);
+        assert!((90..5000).contains(&from.elapsed().as_millis()), "{:?}", from.elapsed());
+        give.send(Ok(Next::Frame)).expect("read");
+        let mut waits_count = 0;
+        while awaited.next(&mut frame).expect("goes on") == Next::Silent {
+            waits_count += 1;
+            assert!(waits_count < 100, "it never came");
+        }
+        assert_eq!((frame.seq, awaited.0.replaced_count()), (1, 0));
     }
 
     #[test]

@@ -4,8 +4,19 @@ use super::jpeg;
 use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, PixelFormat};
 
-/// Decodes `into.encoded` into `into.pixels`; the text of the failure says what is wrong with the picture.
-pub(super) fn decode(into: &mut FrameBuffer) -> Result<(), String> {
+/// Most pixels of a picture, whatever it is decoded by; a header that says more is taken for damaged. 100 MB in colour.
+const MOST_PIXELS: usize = 32 << 20;
+
+/// The size that a header says, before any buffer is made for it; the text of the failure says what is wrong with it.
+pub(super) fn checked_size(width_px: usize, height_px: usize) -> Result<SizePx, String> {
+    match width_px.checked_mul(height_px) {
+        Some(1..=MOST_PIXELS) => Ok(SizePx::new(width_px, height_px)),
+        _ => Err(format!("expected 1 to {MOST_PIXELS} pixels, got {width_px} x {height_px}")),
+    }
+}
+
+/// Decodes `into.encoded`, a JPEG or PNG picture, into `into.pixels`; the text of the failure says what is wrong with it.
+pub fn decode(into: &mut FrameBuffer) -> Result<(), String> {
     let encoded = std::mem::take(&mut into.encoded);
     let done = if encoded.is_empty() {
         Err("empty: zero bytes".into())
@@ -26,6 +37,8 @@ fn decode_png(bytes: &[u8], into: &mut FrameBuffer) -> Result<(), String> {
     let mut decoder = png::Decoder::new_with_limits(std::io::Cursor::new(bytes), png::Limits { bytes: 512 << 20 });
     decoder.set_transformations(png::Transformations::normalize_to_color8());
     let mut reader = decoder.read_info().map_err(text)?;
+    let header = reader.info();
+    checked_size(header.width as usize, header.height as usize).map_err(|why| format!("PNG: {why}"))?;
     let bytes_count = reader.output_buffer_size().ok_or("PNG: larger than memory")?;
     into.pixels.resize(bytes_count, 0);
     let info = reader.next_frame(&mut into.pixels).map_err(text)?;
@@ -82,6 +95,25 @@ mod tests {
             assert_eq!((frame.format, frame.size), (format, SizePx::new(2, 1)), "{colour:?}");
             assert_eq!(frame.pixels, expected, "{colour:?} {depth:?}");
         }
+    }
+
+    /// A header alone, as large as it likes to be: refused before a buffer is made.
+    #[test]
+    fn a_header_that_says_too_many_pixels_makes_no_buffer() {
+        for side_px in [60_000u32, 5_800] {
+            let mut frame = png_of(png::ColorType::Rgb, png::BitDepth::Eight, &[9; 6]);
+            frame.encoded[16..20].copy_from_slice(&side_px.to_be_bytes());
+            frame.encoded[20..24].copy_from_slice(&side_px.to_be_bytes());
+            let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&frame.encoded[12..29]);
+            frame.encoded[29..33].copy_from_slice(&crc.to_be_bytes());
+            let why = decode(&mut frame).expect_err("refused");
+            assert!(why.contains(&format!("pixels, got {side_px} x {side_px}")), "{why}");
+            assert_eq!(frame.pixels.capacity(), 0);
+        }
+        for (width_px, height_px) in [(0, 5), (5, 0), (usize::MAX, 2), (1 << 25, 2)] {
+            assert!(checked_size(width_px, height_px).is_err());
+        }
+        assert!(checked_size(8192, 4096).is_ok());
     }
 
     #[test]

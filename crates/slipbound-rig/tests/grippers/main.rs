@@ -3,9 +3,11 @@
 mod bench;
 mod driver;
 mod faults;
+mod foreign;
 mod gcl;
 mod line;
 mod noise;
 mod robotiq;
 mod sockets;
+mod tolerance;
 mod wsg50;

@@ -126,10 +126,12 @@ pub fn cycles() -> Vec<Cycle> {
             gripper: GripperState {
                 time_ns,
                 force_n: Some(force_n + 10.0 * noise),
+                force_error_n: None,
                 target_n: Some(target_n),
                 opening_mm: Some(28.0),
                 jaws: if grasping { Jaws::Closing } else { Jaws::Holding },
             },
+            idle_force_n: 0.0,
             wrist: WristState { time_ns, angle_rad, lowered_mm: 0.0, moving },
             grip_command: GripCommand::Hold { force_n: target_n },
             wrist_command: WristCommand::new(match moving {

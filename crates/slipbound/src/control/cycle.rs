@@ -35,6 +35,11 @@ impl CycleOutcome {
     }
 }
 
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn is_zero(number: &f64) -> bool {
+    *number == 0.0
+}
+
 /// What was seen and commanded in a cycle: one line of the `reports.jsonl` of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Cycle {
@@ -44,6 +49,9 @@ pub struct Cycle {
     pub hand: HandReport,
     /// What the gripper said before it was commanded.
     pub gripper: GripperState,
+    /// The idle reading of its force, N per finger, which the loop takes out of that.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub idle_force_n: f64,
     /// What the wrist said before it was commanded.
     pub wrist: WristState,
     /// What the gripper was told.

@@ -39,6 +39,11 @@ pub enum ControlError {
         /// Why.
         source: RestError,
     },
+    /// Something touches a finger that was to be seen unloaded.
+    Touched {
+        /// The finger.
+        finger: String,
+    },
     /// The thread that runs a finger's monitor has broken down.
     Monitor {
         /// The finger.
@@ -62,6 +67,12 @@ impl fmt::Display for ControlError {
             ControlError::Frame { finger, source } => write!(f, "{finger}: {source}"),
             ControlError::Setting { finger, source } => write!(f, "{finger}: {source}"),
             ControlError::Rest { finger, source } => write!(f, "{finger}: no rest frame: {source}"),
+            ControlError::Touched { finger } => {
+                write!(
+                    f,
+                    "{finger}: expected a finger that nothing touches, got one in contact: free it and start again"
+                )
+            }
             ControlError::Monitor { finger } => write!(f, "{finger}: the thread of its monitor has broken down"),
             ControlError::Fault { fault, waited_ns: 0 } => write!(f, "{fault}"),
             ControlError::Fault { fault, waited_ns } => write!(f, "{fault}; waited {} s", waited_ns / 1_000_000_000),
@@ -77,7 +88,10 @@ impl std::error::Error for ControlError {
             ControlError::Frame { source, .. } => source.source(),
             ControlError::Setting { source, .. } => source.source(),
             ControlError::Rest { source, .. } => source.source(),
-            ControlError::Monitor { .. } | ControlError::Fault { .. } | ControlError::Interrupted => None,
+            ControlError::Touched { .. }
+            | ControlError::Monitor { .. }
+            | ControlError::Fault { .. }
+            | ControlError::Interrupted => None,
         }
     }
 }

@@ -19,7 +19,8 @@ const CLEAR_AFTER_NS: u64 = 500_000_000;
 /// Longest time for a measured force to come up to what was commanded, ns.
 const FOLLOW_NS: u64 = 1_500_000_000;
 
-/// What may be short of it then: the larger of this force, N, and this share of it.
+/// What may be short of it then: the largest of this force, N, this share of it, and what the driver says its reading
+/// may be off.
 const SHORTFALL_N: f64 = 2.0;
 const SHORTFALL_FRACTION: f64 = 0.2;
 
@@ -121,7 +122,8 @@ impl ForceShortfall {
     pub fn check(&mut self, now_ns: u64, state: &GripperState, step: &TaskStep) -> Option<Fault> {
         let short = match step.grip {
             GripCommand::Hold { force_n } => {
-                let least_n = force_n - SHORTFALL_N.max(SHORTFALL_FRACTION * force_n);
+                let tolerated_n = SHORTFALL_N.max(SHORTFALL_FRACTION * force_n).max(state.force_error_n.unwrap_or(0.0));
+                let least_n = force_n - tolerated_n;
                 state.force_n.filter(|n| state.jaws == Jaws::Holding && *n < least_n).map(|got_n| (force_n, got_n))
             }
             GripCommand::Release => None,

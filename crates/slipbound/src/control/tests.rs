@@ -41,7 +41,7 @@ impl Gripper for Scribe {
             return Err(GripperError::new(GripperErrorKind::Link, "gone 3 ms ago"));
         }
         let (force_n, target_n, opening_mm) = (Some(20.0), Some(20.0), None);
-        Ok(GripperState { time_ns: 0, force_n, target_n, opening_mm, jaws: Jaws::Holding })
+        Ok(GripperState { time_ns: 0, force_n, force_error_n: None, target_n, opening_mm, jaws: Jaws::Holding })
     }
 
     fn next_event(&mut self) -> Option<DriverEvent> {

@@ -1,7 +1,7 @@
 //! The finger at rest, found among the first frames of a source: the one policy for recordings and for the control loop.
 
-use crate::image::{ImageError, SizePx};
-use crate::monitor::{Rest, RestBuilder, RestError, RestLook, Settings};
+use crate::image::{Frame, ImageError, SizePx};
+use crate::monitor::{Rest, RestBuilder, RestError, RestKind, RestLook, Settings};
 use crate::port::FrameBuffer;
 use crate::sensor::Sensor;
 use crate::setting::SettingError;
@@ -70,4 +70,15 @@ impl RestFinder {
         let seqs = run.first().map_or(0, |f| f.seq)..run.last().map_or(0, |f| f.seq + 1);
         Ok(FoundRest { rest: self.builder.build(choice.kind)?, seqs })
     }
+}
+
+/// The rest frame from frames that the user says show the finger at rest: all of them averaged; in contact when most look
+/// touched. A failure tells the place in `frames` of the one that cannot be used, where it is one of them.
+pub fn rest_from(mut builder: RestBuilder, frames: &[Frame<'_>]) -> Result<Rest, (Option<usize>, RestError)> {
+    let touched_count = frames.iter().filter(|frame| builder.look(frame).touched).count();
+    let kind = if 2 * touched_count > frames.len() { RestKind::InContact } else { RestKind::Unloaded };
+    for (i, frame) in frames.iter().enumerate() {
+        builder.add(frame).map_err(|e| (Some(i), e))?;
+    }
+    builder.build(kind).map_err(|e| (None, e))
 }

@@ -1,4 +1,5 @@
-//! What no controller may get past: forces stay in range, and a hand that sees nothing does not let go.
+//! What no controller and no task may get past: forces stay in range, and a hand that sees nothing does not let go.
+//! Every force that is commanded comes out of here, whoever wanted it.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
@@ -32,6 +33,45 @@ impl Guard {
         self.blind
     }
 
+    /// Holds with a force that a task wants instead of the controller's: the same limits hold, and without a live finger,
+    /// or with the object gone, the force stays or rises all the same.
+    pub fn hold(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState, force_n: f64) -> GripDecision {
+        let wanted = GripDecision { force_n, arm: ArmMotion::Go };
+        self.kept(now_ns, hand, gripper).unwrap_or_else(|| self.limited(wanted))
+    }
+
+    /// The force it decided on last, N per finger.
+    pub fn force_n(&self) -> f64 {
+        self.force_n
+    }
+
+    /// The decision where there is nothing to go by; None where there is.
+    fn kept(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> Option<GripDecision> {
+        let sees = hand.state != SlipState::Unjudged;
+        let seen_ns = *self.seen_ns.get_or_insert(now_ns);
+        if sees {
+            self.seen_ns = Some(now_ns);
+        }
+        self.blind = !sees && now_ns.saturating_sub(seen_ns) >= self.limits.blind_after_ns;
+        let jaws_gone = matches!(gripper.jaws, Jaws::Lost | Jaws::Nothing | Jaws::Stopped);
+        if sees && !jaws_gone {
+            return None;
+        }
+        // The force stays, or rises if that is set and something may be held; the arm waits once it is more than a frame.
+        if self.blind && !matches!(gripper.jaws, Jaws::Open | Jaws::Closing) {
+            self.force_n = self.force_n.max(self.limits.blind_force_n.unwrap_or(0.0));
+        }
+        let arm = if self.blind || jaws_gone { ArmMotion::Pause } else { ArmMotion::Go };
+        Some(GripDecision { force_n: self.force_n, arm })
+    }
+
+    fn limited(&mut self, wanted: GripDecision) -> GripDecision {
+        if wanted.force_n.is_finite() {
+            self.force_n = wanted.force_n.clamp(self.limits.least_n, self.limits.most_n);
+        }
+        GripDecision { force_n: self.force_n, arm: wanted.arm }
+    }
+
     /// The limits it keeps.
     pub fn limits(&self) -> &GripLimits {
         &self.limits
@@ -40,26 +80,11 @@ impl Guard {
 
 impl GripController for Guard {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
-        let sees = hand.state != SlipState::Unjudged;
-        let seen_ns = *self.seen_ns.get_or_insert(now_ns);
-        if sees {
-            self.seen_ns = Some(now_ns);
-        }
-        self.blind = !sees && now_ns.saturating_sub(seen_ns) >= self.limits.blind_after_ns;
-        let jaws_gone = matches!(gripper.jaws, Jaws::Lost | Jaws::Nothing | Jaws::Stopped);
-        if !sees || jaws_gone {
-            // Nothing to go by: the force stays, or rises if that is set; the arm waits once it is more than a frame.
-            if self.blind {
-                self.force_n = self.force_n.max(self.limits.blind_force_n.unwrap_or(0.0));
-            }
-            let arm = if self.blind || jaws_gone { ArmMotion::Pause } else { ArmMotion::Go };
-            return GripDecision { force_n: self.force_n, arm };
+        if let Some(kept) = self.kept(now_ns, hand, gripper) {
+            return kept;
         }
         let wanted = self.inner.decide(now_ns, hand, gripper);
-        if wanted.force_n.is_finite() {
-            self.force_n = wanted.force_n.clamp(self.limits.least_n, self.limits.most_n);
-        }
-        GripDecision { force_n: self.force_n, arm: wanted.arm }
+        self.limited(wanted)
     }
 
     fn alarms_count(&self) -> u32 {

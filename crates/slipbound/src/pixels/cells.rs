@@ -1,6 +1,6 @@
 //! Mean colour of square cells: colour pixels -> a coarse picture of block means, three numbers a cell.
 
-use crate::image::{Pixels, SizePx};
+use crate::image::{ByteOrder, Pixels, SizePx};
 
 /// A coarse picture: block means in grey levels, row by row.
 #[derive(Debug, Clone)]
@@ -44,7 +44,12 @@ impl Cells {
     /// Takes the means of a picture of the size given to `new`.
     pub fn run(&mut self, pixels: &Pixels<'_>) {
         match pixels {
-            Pixels::Rgb(image) => self.run_rows::<3>(|y| image.row(y)),
+            Pixels::Rgb(image) => {
+                self.run_rows::<3>(|y| image.row(y));
+                if image.order() == ByteOrder::Bgr {
+                    self.means.iter_mut().for_each(|mean| mean.reverse());
+                }
+            }
             Pixels::Gray(image) => self.run_rows::<1>(|y| image.row(y)),
         }
     }
@@ -85,6 +90,10 @@ mod tests {
         let mut cells = Cells::new(size, 4);
         cells.run(&Pixels::Rgb(Rgb::new(&rgb, size).expect("whole")));
         assert_eq!(cells.means_levels(), &[[0.0, 7.0, 1.5], [100.0, 7.0, 1.5]]);
+        let expected = cells.means_levels().to_vec();
+        let bgr: Vec<u8> = rgb.chunks(3).flat_map(|p| [p[2], p[1], p[0]]).collect();
+        cells.run(&Pixels::Rgb(Rgb::new(&bgr, size).expect("whole").in_order(ByteOrder::Bgr)));
+        assert_eq!(cells.means_levels(), expected);
         let grey: Vec<u8> = vec![255; size.area()];
         cells.run(&Pixels::Gray(Gray::new(&grey, size).expect("whole")));
         assert_eq!(cells.means_levels(), &[[255.0; 3]; 2]);

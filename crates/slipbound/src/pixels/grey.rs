@@ -29,9 +29,10 @@ pub fn grey_from_rgb(src: Rgb<'_>, weights: &GreyWeights, flip: Flip, out: &mut 
     let size = src.size();
     assert_eq!(out.len(), size.area(), "output of another size than the picture");
     let (rows_turned, columns_turned) = turned(flip);
+    let weights_65536ths = src.order().rgb(weights.rgb_65536ths); // integers: the order of a sum changes no bit
     for (y, out) in out.chunks_exact_mut(size.width).enumerate() {
         let row = src.row(if rows_turned { size.height - 1 - y } else { y });
-        grey_row(row, weights.rgb_65536ths, out);
+        grey_row(row, weights_65536ths, out);
         if columns_turned {
             out.reverse();
         }
@@ -62,8 +63,8 @@ fn turned(flip: Flip) -> (bool, bool) {
 }
 
 /// Plainly written: with SSE2 a sum at every byte by 16-bit products takes a third less time, with AVX2 three times more.
-fn grey_row(rgb: &[u8], [r, g, b]: [u32; 3], out: &mut [u8]) {
-    for (out, p) in out.iter_mut().zip(rgb.as_chunks::<3>().0) {
+fn grey_row(row: &[u8], [r, g, b]: [u32; 3], out: &mut [u8]) {
+    for (out, p) in out.iter_mut().zip(row.as_chunks::<3>().0) {
         *out = ((u32::from(p[0]) * r + u32::from(p[1]) * g + u32::from(p[2]) * b + 32768) >> 16) as u8;
     }
 }
@@ -89,6 +90,19 @@ mod tests {
         let third = 1.0 / 3.0;
         assert_eq!(grey([third, third, third], Flip::None)[5], 255, "weights that round up to more than 1");
         assert_eq!(grey([1.0, 1.0, 1.0], Flip::None)[3], 1, "the sum is held at 1");
+    }
+
+    #[test]
+    fn blue_green_red_gives_the_same_grey() {
+        use crate::image::ByteOrder;
+        let mut bgr = PICTURE;
+        bgr.as_chunks_mut::<3>().0.iter_mut().for_each(|p| p.reverse());
+        let mut out = [0; 6];
+        let src = Rgb::new(&bgr, SizePx::new(3, 2)).expect("long enough").in_order(ByteOrder::Bgr);
+        for weights_rgb in [[0.0, 0.5, 0.5], [0.3, 0.7, 0.0]] {
+            grey_from_rgb(src, &GreyWeights::new(weights_rgb), Flip::None, &mut out);
+            assert_eq!(out, grey(weights_rgb, Flip::None));
+        }
     }
 
     #[test]

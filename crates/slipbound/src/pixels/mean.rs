@@ -21,7 +21,11 @@ impl FrameMean {
         assert_eq!(pixels.size(), self.size, "frame of another size");
         for (y, sums) in self.sums.chunks_exact_mut(3 * self.size.width).enumerate() {
             match pixels {
-                Pixels::Rgb(image) => sums.iter_mut().zip(image.row(y)).for_each(|(s, &v)| *s += u32::from(v)),
+                Pixels::Rgb(image) => {
+                    for (sums, pixel) in sums.as_chunks_mut::<3>().0.iter_mut().zip(image.row(y).as_chunks::<3>().0) {
+                        sums.iter_mut().zip(image.order().rgb(*pixel)).for_each(|(s, v)| *s += u32::from(v));
+                    }
+                }
                 Pixels::Gray(image) => {
                     for (sums, &v) in sums.chunks_exact_mut(3).zip(image.row(y)) {
                         sums.iter_mut().for_each(|s| *s += u32::from(v));
@@ -42,14 +46,18 @@ impl FrameMean {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::{Gray, Rgb};
+    use crate::image::{ByteOrder, Gray, Rgb};
 
     #[test]
     fn grey_and_colour_frames_have_one_mean() {
         let size = SizePx::new(2, 1);
         let mut mean = FrameMean::new(size);
         mean.add(&Pixels::Gray(Gray::new(&[10, 200], size).expect("whole")));
+        let mut other = mean.clone();
         mean.add(&Pixels::Rgb(Rgb::new(&[20, 11, 10, 100, 200, 255], size).expect("whole")));
         assert_eq!(mean.rgb(), [15, 11, 10, 150, 200, 228]);
+        let bgr = Rgb::new(&[10, 11, 20, 255, 200, 100], size).expect("whole").in_order(ByteOrder::Bgr);
+        other.add(&Pixels::Rgb(bgr));
+        assert_eq!(other.rgb(), mean.rgb());
     }
 }

@@ -54,7 +54,7 @@ pub fn dot_colours(image: Rgb<'_>, place: Vec2, core_px: f64, ring_px: (f64, f64
         let row = image.row(y);
         for x in (place.x - reach) as usize..=(place.x + reach) as usize {
             let r = (Vec2::new(x as f64, y as f64) - place).length();
-            let colour = [row[3 * x], row[3 * x + 1], row[3 * x + 2]].map(f64::from);
+            let colour = image.order().rgb([row[3 * x], row[3 * x + 1], row[3 * x + 2]]).map(f64::from);
             if r <= core_px {
                 core_count += 1.0;
                 core.iter_mut().zip(colour).for_each(|(s, v)| *s += v);

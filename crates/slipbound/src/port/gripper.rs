@@ -183,8 +183,12 @@ pub enum Jaws {
 pub struct GripperState {
     /// Time of this state on the clock of the loop, in nanoseconds.
     pub time_ns: u64,
-    /// Measured normal force per finger in newtons; None where the gripper cannot measure it.
+    /// Measured normal force per finger in newtons, as it reads: a sensor with a bias says a force, also below 0, with
+    /// nothing between the jaws. None where the gripper cannot measure it.
     pub force_n: Option<f64>,
+    /// How far that may be off, N per finger, as the driver states it; None where it does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force_error_n: Option<f64>,
     /// The force per finger it last took over as its target, in newtons; None before the first.
     pub target_n: Option<f64>,
     /// Distance between the fingertips in mm; None where it does not say.

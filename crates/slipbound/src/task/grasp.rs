@@ -1,7 +1,16 @@
-//! Taking hold: close with the starting force until it has arrived and the fingers feel the object.
+//! Taking hold: close with the starting force until the object is held and felt. Slip is answered from the first contact
+//! on.
+//!
+//! ```text
+//!   the gripper says it holds + the jaws stand still + the fingers feel it  --0.2 s, the force has come--> held
+//!                                                                           --1 s, whatever the force reads--> held
+//! ```
+//!
+//! A force reading alone proves nothing, for neither side: a motor's current is 6 % or 3 N off, or flickers by 2 N.
 
-use super::step::{Ending, Observation};
-use crate::grip::{ArmMotion, GripDecision, Guard};
+use super::step::{Ending, Missing, Observation};
+use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
+use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::Jaws;
 
@@ -11,11 +20,21 @@ const LONGEST_NS: u64 = 10_000_000_000;
 /// Time the grip must stand before work begins, ns: long enough for a reference to be taken on it.
 const SETTLE_NS: u64 = 200_000_000;
 
+/// The same where the force does not read as it was commanded, ns: the longest time jaws take to build it up, and more.
+const WITHOUT_FORCE_NS: u64 = 1_000_000_000;
+
+/// Motion of the jaws that is none, mm: more than a step of the coarsest position known here (0.37 mm).
+const STILL_MM: f64 = 0.5;
+
 /// Taking hold.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Grasp {
     since_ns: Option<u64>,
-    stands_since_ns: Option<u64>,
+    /// Since when everything but the force is as it should be, and the opening then.
+    stands: Option<(u64, Option<f64>)>,
+    /// Since when the force is, too.
+    pressed_since_ns: Option<u64>,
+    missing: Option<Missing>,
 }
 
 /// How far it is.
@@ -26,24 +45,69 @@ pub(super) enum Grasped {
 }
 
 impl Grasp {
-    pub fn step(&mut self, observation: &Observation<'_>, grip: &Guard) -> Grasped {
-        let since_ns = *self.since_ns.get_or_insert(observation.now_ns);
-        let force_n = grip.limits().start_n;
-        let pressed =
-            observation.gripper.pressed_n().is_some_and(|n| (n - force_n).abs() <= 0.5f64.max(0.05 * force_n));
-        let felt = !matches!(observation.hand.state, SlipState::NoContact);
-        if observation.gripper.jaws == Jaws::Holding && pressed && felt {
-            let stands_ns = *self.stands_since_ns.get_or_insert(observation.now_ns);
-            if observation.now_ns.saturating_sub(stands_ns) >= SETTLE_NS {
+    /// `hand` is what the fingers say, without the slip that the task allows.
+    pub fn step(&mut self, observation: &Observation<'_>, hand: &HandReport, grip: &mut Guard) -> Grasped {
+        let (now_ns, gripper) = (observation.now_ns, observation.gripper);
+        let since_ns = *self.since_ns.get_or_insert(now_ns);
+        let feels = !matches!(hand.state, SlipState::NoContact | SlipState::Unjudged);
+        let holds = gripper.jaws == Jaws::Holding;
+        let force_n = self.force_n(observation, hand, grip, feels && holds);
+        self.missing = match () {
+            _ if hand.state == SlipState::Unjudged => Some(Missing::Sight),
+            _ if !holds => Some(Missing::Hold),
+            _ if !feels => Some(Missing::Contact),
+            _ => None,
+        };
+        if self.missing.is_none() {
+            if self.stands_for_ns(observation) >= self.needed_ns(now_ns, arrived(force_n, gripper)) {
                 return Grasped::Yes;
             }
+            self.missing = Some(Missing::Rest);
         } else {
-            self.stands_since_ns = None;
+            (self.stands, self.pressed_since_ns) = (None, None);
         }
-        let nothing = matches!(observation.gripper.jaws, Jaws::Nothing | Jaws::Lost);
-        if nothing || observation.now_ns.saturating_sub(since_ns) > LONGEST_NS {
+        let is_late = now_ns.saturating_sub(since_ns) > LONGEST_NS;
+        // Blind fingers do not know that nothing is held.
+        let is_empty = is_late && hand.state != SlipState::Unjudged && !(holds && feels);
+        if matches!(gripper.jaws, Jaws::Nothing | Jaws::Lost) || is_empty {
             return Grasped::Never(Ending::NothingHeld);
         }
         Grasped::NotYet(GripDecision { force_n, arm: ArmMotion::Pause })
+    }
+
+    /// What is missing, while something is.
+    pub fn missing(&self) -> Option<Missing> {
+        self.missing
+    }
+
+    /// The starting force, or what the controller answers to slip; it never falls while hold is taken.
+    fn force_n(&self, observation: &Observation<'_>, hand: &HandReport, grip: &mut Guard, is_felt: bool) -> f64 {
+        let (now_ns, gripper) = (observation.now_ns, observation.gripper);
+        let before_n = grip.force_n();
+        let slips = is_felt && matches!(hand.state, SlipState::Incipient | SlipState::Gross);
+        let wanted_n = if slips { grip.decide(now_ns, hand, gripper).force_n.max(before_n) } else { before_n };
+        grip.hold(now_ns, hand, gripper, wanted_n).force_n
+    }
+
+    /// For how long everything but the force is as it should be, ns.
+    fn stands_for_ns(&mut self, observation: &Observation<'_>) -> u64 {
+        let (now_ns, now_mm) = (observation.now_ns, observation.gripper.opening_mm);
+        let moved = |before_mm: Option<f64>| before_mm.zip(now_mm).is_some_and(|(a, b)| (a - b).abs() > STILL_MM);
+        let (since_ns, before_mm) = *self.stands.get_or_insert((now_ns, now_mm));
+        if moved(before_mm) {
+            (self.stands, self.pressed_since_ns) = (Some((now_ns, now_mm)), None);
+            return 0;
+        }
+        now_ns.saturating_sub(since_ns)
+    }
+
+    /// How long it has to stand like that, ns.
+    fn needed_ns(&mut self, now_ns: u64, is_pressed: bool) -> u64 {
+        if !is_pressed {
+            self.pressed_since_ns = None;
+            return WITHOUT_FORCE_NS;
+        }
+        let pressed_ns = *self.pressed_since_ns.get_or_insert(now_ns);
+        if now_ns.saturating_sub(pressed_ns) >= SETTLE_NS { SETTLE_NS } else { WITHOUT_FORCE_NS }
     }
 }

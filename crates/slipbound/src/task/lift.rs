@@ -1,10 +1,11 @@
 //! Lifting and holding: raise what was taken, then hold it for a time, whatever is poured into it or pulls at it.
 
 use super::grasp::{Grasp, Grasped};
-use super::step::{Ending, Observation, PAUSE, Phase, Task, TaskStep, lower};
+use super::step::{Ending, Missing, Observation, PAUSE, Phase, Task, TaskStep, lower};
 use super::tare::Tare;
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard};
 use crate::hand::Allowed;
+use crate::monitor::SlipState;
 use crate::port::{Jaws, WristMotion};
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
@@ -17,7 +18,7 @@ pub struct LiftSettings {
     pub lift_mm: f64,
     /// Rate, mm/s.
     pub rate_mm_per_s: f64,
-    /// How long to hold it after that, ns.
+    /// How long to hold it after that, ns. Time in which no finger saw that it was held does not count.
     pub hold_ns: u64,
     /// Where the object may slide: nowhere.
     pub allowed: Allowed,
@@ -47,7 +48,11 @@ pub struct Lift {
     tare: Tare,
     phase: Phase,
     start_mm: Option<f64>,
-    up_since_ns: Option<u64>,
+    /// Time of the last step of work, ns.
+    worked_ns: Option<u64>,
+    is_up: bool,
+    /// For how long it was held up and seen to be, ns.
+    held_ns: u64,
     last: GripDecision,
 }
 
@@ -57,23 +62,36 @@ impl Lift {
         settings.check()?;
         let last = GripDecision { force_n: grip.limits().start_n, arm: ArmMotion::Pause };
         let (grasp, phase) = (Grasp::default(), Phase::Grasping);
-        Ok(Lift { settings, grip, grasp, tare: Tare::default(), phase, start_mm: None, up_since_ns: None, last })
+        Ok(Lift {
+            settings,
+            grip,
+            grasp,
+            tare: Tare::default(),
+            phase,
+            start_mm: None,
+            worked_ns: None,
+            is_up: false,
+            held_ns: 0,
+            last,
+        })
     }
 
     fn work(&mut self, observation: &Observation<'_>) {
         let start_mm = *self.start_mm.get_or_insert(observation.wrist.lowered_mm);
         let seen = self.tare.correct(&self.settings.allowed.filter(observation.hand), observation.gripper.pressed_n());
         self.last = self.grip.decide(observation.now_ns, &seen, observation.gripper);
-        if start_mm - observation.wrist.lowered_mm >= self.settings.lift_mm - 0.01 {
-            self.up_since_ns.get_or_insert(observation.now_ns);
+        let since_ns = self.worked_ns.replace(observation.now_ns).unwrap_or(observation.now_ns);
+        // What was not seen to be held was not held.
+        let sees = observation.hand.state != SlipState::Unjudged;
+        if self.is_up && sees {
+            self.held_ns += observation.now_ns.saturating_sub(since_ns);
         }
-        let held_ns = self.up_since_ns.map(|up_ns| observation.now_ns.saturating_sub(up_ns));
-        self.phase = match held_ns {
+        self.is_up |= start_mm - observation.wrist.lowered_mm >= self.settings.lift_mm - 0.01;
+        self.phase = match () {
             _ if observation.gripper.jaws == Jaws::Lost => Phase::Ended(Ending::Lost),
-            Some(ns) if ns >= self.settings.hold_ns => Phase::Ended(Ending::Held),
-            Some(_) => Phase::Waiting,
-            None if self.last.arm == ArmMotion::Go => Phase::Working,
-            None => Phase::Waiting,
+            _ if self.is_up && sees && self.held_ns >= self.settings.hold_ns => Phase::Ended(Ending::Held),
+            _ if self.is_up || self.last.arm == ArmMotion::Pause => Phase::Waiting,
+            _ => Phase::Working,
         };
     }
 }
@@ -81,14 +99,16 @@ impl Lift {
 impl Task for Lift {
     fn step(&mut self, observation: &Observation<'_>) -> TaskStep {
         match self.phase {
-            Phase::Grasping => match self.grasp.step(observation, &self.grip) {
-                Grasped::NotYet(grip) => self.last = grip,
-                Grasped::Yes => {
-                    self.tare.take(observation.hand, observation.gripper.pressed_n());
-                    self.phase = Phase::Working;
+            Phase::Grasping => {
+                match self.grasp.step(observation, &self.settings.allowed.filter(observation.hand), &mut self.grip) {
+                    Grasped::NotYet(grip) => self.last = grip,
+                    Grasped::Yes => {
+                        self.tare.take(observation.hand, observation.gripper.pressed_n());
+                        self.phase = Phase::Working;
+                    }
+                    Grasped::Never(ending) => self.phase = Phase::Ended(ending),
                 }
-                Grasped::Never(ending) => self.phase = Phase::Ended(ending),
-            },
+            }
             Phase::Ended(_) => {}
             _ => self.work(observation),
         }
@@ -104,5 +124,9 @@ impl Task for Lift {
 
     fn grip(&self) -> &Guard {
         &self.grip
+    }
+
+    fn missing(&self) -> Option<Missing> {
+        self.grasp.missing().filter(|_| self.phase == Phase::Grasping)
     }
 }

@@ -9,7 +9,7 @@
 //! ```
 
 use super::grasp::{Grasp, Grasped};
-use super::step::{Ending, Observation, PAUSE, Phase, Task, TaskStep, lower};
+use super::step::{Ending, Missing, Observation, PAUSE, Phase, Task, TaskStep, lower};
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
 use crate::port::{GripCommand, Jaws};
@@ -117,17 +117,26 @@ impl Place {
 
     fn work(&mut self, observation: &Observation<'_>) {
         let hand = observation.hand;
-        self.last = self.grip.decide(observation.now_ns, &self.settings.allowed.filter(hand), observation.gripper);
+        self.last = match self.touched_ns {
+            None => self.grip.decide(observation.now_ns, &self.settings.allowed.filter(hand), observation.gripper),
+            Some(_) => self.loosen(observation),
+        };
         if observation.gripper.jaws == Jaws::Lost {
             self.phase = Phase::Ended(Ending::Lost);
             return;
         }
         self.phase = if self.last.arm == ArmMotion::Go { Phase::Working } else { Phase::Waiting };
-        let (Some(shear), Some(pivot_rad)) = (hand.shear_mm, hand.pivot_rad) else { return };
+        let (Some(shear), Some(pivot_rad)) = (hand.shear_mm, hand.pivot_rad) else {
+            if self.touched_ns.is_some() {
+                self.phase = Phase::Waiting; // nothing is lowered onto ground whose answer is not felt
+            }
+            return;
+        };
         let hanging = *self.hanging.get_or_insert(Hanging { lowered_mm: observation.wrist.lowered_mm, pivot_rad });
         let pivots = (pivot_rad - hanging.pivot_rad).abs() >= self.settings.touch_rad;
         if self.touched_ns.is_none() && (pivots || hand.slip.is_some_and(|slip| slip.pivots)) {
             self.touched_ns = Some(observation.now_ns);
+            self.last = self.loosen(observation);
         }
         let Some(touched_ns) = self.touched_ns else {
             if observation.wrist.lowered_mm - hanging.lowered_mm >= self.settings.most_mm {
@@ -135,8 +144,6 @@ impl Place {
             }
             return;
         };
-        // It rests on one end and turns; a loose grip keeps the ground's answer small.
-        self.last.force_n = self.settings.laying_n.clamp(self.grip.limits().least_n, self.grip.limits().most_n);
         if observation.now_ns.saturating_sub(touched_ns) < self.settings.loosen_ns {
             self.phase = Phase::Waiting;
             return;
@@ -147,11 +154,19 @@ impl Place {
             self.phase = if late { Phase::Ended(Ending::GripStays) } else { Phase::Waiting };
             return;
         }
+        if self.last.arm == ArmMotion::Pause {
+            return;
+        }
         self.phase = Phase::Working;
         let push_mm = *self.laying_mm.get_or_insert(shear.along) - shear.along;
         if self.carried(hand, push_mm) {
             self.phase = Phase::Releasing;
         }
+    }
+
+    /// It rests on one end and turns; a loose grip keeps the ground's answer small.
+    fn loosen(&mut self, observation: &Observation<'_>) -> GripDecision {
+        self.grip.hold(observation.now_ns, observation.hand, observation.gripper, self.settings.laying_n)
     }
 
     /// Whether the ground pushes the object against the fingers.
@@ -166,11 +181,13 @@ impl Place {
 impl Task for Place {
     fn step(&mut self, observation: &Observation<'_>) -> TaskStep {
         match self.phase {
-            Phase::Grasping => match self.grasp.step(observation, &self.grip) {
-                Grasped::NotYet(grip) => self.last = grip,
-                Grasped::Yes => self.phase = Phase::Working,
-                Grasped::Never(ending) => self.phase = Phase::Ended(ending),
-            },
+            Phase::Grasping => {
+                match self.grasp.step(observation, &self.settings.allowed.filter(observation.hand), &mut self.grip) {
+                    Grasped::NotYet(grip) => self.last = grip,
+                    Grasped::Yes => self.phase = Phase::Working,
+                    Grasped::Never(ending) => self.phase = Phase::Ended(ending),
+                }
+            }
             Phase::Ended(_) => {}
             Phase::Releasing => {
                 if observation.gripper.jaws == Jaws::Open {
@@ -191,5 +208,9 @@ impl Task for Place {
 
     fn grip(&self) -> &Guard {
         &self.grip
+    }
+
+    fn missing(&self) -> Option<Missing> {
+        self.grasp.missing().filter(|_| self.phase == Phase::Grasping)
     }
 }

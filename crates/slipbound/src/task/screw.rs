@@ -7,8 +7,8 @@
 //! The paper stops at incipient slip at 60 N. Incipient is not yet all: half of the torque can be unused then. Here
 //! the wrist turns on until the shear of the gels stays flat while it turns ([`ScrewEnd::Evidence`]).
 
-use super::step::{Ending, Observation, Task, TaskStep};
-use super::turning::{SlideSettings, Turning};
+use super::step::{Ending, Missing, Observation, Task, TaskStep};
+use super::turning::{FASTEST_RAD_PER_S, SlideSettings, Turning};
 use crate::grip::Guard;
 use crate::hand::Allowed;
 use crate::setting::{SettingError, within};
@@ -34,7 +34,7 @@ pub struct ScrewSettings {
     pub rate_rad_per_s: f64,
     /// Furthest turn, rad.
     pub most_rad: f64,
-    /// Turn over which the shear has to stay flat, rad: 8 deg, 2 mm at the rim of a bottle cap. Over 4 deg
+    /// Turn over which the shear has to stay flat, rad: 8 deg, 2 mm at the rim of a bottle cap. Below `most_rad`.
     pub flat_window_rad: f64,
     /// Growth of the shear over that turn, as a share of itself, that still is flat.
     pub flat_fraction: f64,
@@ -61,11 +61,11 @@ impl Default for ScrewSettings {
 impl ScrewSettings {
     /// Checks every setting; the error names the first one that cannot be.
     pub fn check(&self) -> Result<(), SettingError> {
-        within("screw.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, 0.7)?;
+        within("screw.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, FASTEST_RAD_PER_S)?;
         within("screw.most_rad", self.most_rad, 0.01, 100.0)?;
-        within("screw.flat_window_rad", self.flat_window_rad, 0.01, 1.0)?;
+        within("screw.flat_window_rad", self.flat_window_rad, 0.01, self.most_rad.min(1.0))?;
         within("screw.flat_fraction", self.flat_fraction, 0.0, 0.5)?;
-        self.slide.check()
+        self.slide.check(self.most_rad)
     }
 }
 
@@ -82,7 +82,8 @@ impl Screw {
     pub fn new(settings: ScrewSettings, grip: Guard, stiffness_mpa_per_mm: Option<f64>) -> Result<Self, SettingError> {
         settings.check()?;
         let way = (settings.rate_rad_per_s, settings.most_rad);
-        let turning = Turning::new(grip, way, settings.allowed, settings.slide, stiffness_mpa_per_mm);
+        let turning =
+            Turning::new(grip, way, settings.allowed, settings.slide, stiffness_mpa_per_mm, settings.flat_window_rad);
         Ok(Screw { settings, turning })
     }
 }
@@ -99,5 +100,9 @@ impl Task for Screw {
 
     fn grip(&self) -> &Guard {
         &self.turning.grip
+    }
+
+    fn missing(&self) -> Option<Missing> {
+        self.turning.missing()
     }
 }

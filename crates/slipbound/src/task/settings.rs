@@ -5,7 +5,7 @@ use super::place::{Place, PlaceSettings};
 use super::screw::{Screw, ScrewEnd, ScrewSettings};
 use super::step::Task;
 use super::unscrew::{Unscrew, UnscrewSettings};
-use crate::grip::{GripLimits, Law, MarginSettings, OnSlipSettings};
+use crate::grip::{GripLimits, Guard, Law, MarginSettings, OnSlipSettings};
 use crate::setting::{SettingError, named};
 use serde::{Deserialize, Serialize};
 
@@ -98,7 +98,18 @@ impl TaskSettings {
             ControllerKind::OnSlip | ControllerKind::Paper => Law::OnSlip(self.on_slip),
             ControllerKind::Margin => Law::Margin(self.margin.for_finger(stiffness_mpa_per_mm)?),
         };
-        let grip = law.controller(&self.grip)?;
+        self.task_with(kind, law.controller(&self.grip)?, stiffness_mpa_per_mm)
+    }
+
+    /// The same with a controller of one's own behind its guard, `Guard::new(Box::new(controller), settings.grip)`;
+    /// those of the settings are passed over.
+    pub fn task_with(
+        &self,
+        kind: TaskKind,
+        grip: Guard,
+        stiffness_mpa_per_mm: Option<f64>,
+    ) -> Result<Box<dyn Task + Send>, SettingError> {
+        self.check()?;
         let mut screw = self.screw;
         if self.controller == ControllerKind::Paper {
             screw.end = ScrewEnd::SlipAtMost;

@@ -7,8 +7,13 @@
 //!         +----------------> turn                                    +------------> turn
 //! ```
 
-/// Samples kept: at 30 Hz and 20 deg/s, 42 deg.
+/// Samples kept, evenly over the turn: the longest window that is asked about has [`STEPS_COUNT`] of them, so that a
+/// window fills whatever the rate of the loop and the speed of the wrist.
 const SAMPLES_COUNT: usize = 64;
+const STEPS_COUNT: f64 = 48.0;
+
+/// Turns that are the same, rad.
+const SAME_RAD: f64 = 1e-4;
 
 /// Change of shear below which nothing has changed, mm: three times the noise of a mean over a contact's markers.
 const NOISE_MM: f64 = 0.015;
@@ -20,6 +25,8 @@ const FALLEN_FRACTION: f64 = 0.7;
 /// Shear over turn, since the grip last changed.
 #[derive(Debug, Clone)]
 pub(super) struct ShearWatch {
+    /// Least turn between two samples, rad.
+    step_rad: f64,
     samples: [(f64, f64); SAMPLES_COUNT],
     count: usize,
     peak_mm: f64,
@@ -27,8 +34,10 @@ pub(super) struct ShearWatch {
 }
 
 impl ShearWatch {
-    pub fn new() -> Self {
-        ShearWatch { samples: [(0.0, 0.0); SAMPLES_COUNT], count: 0, peak_mm: 0.0, fallen_at_rad: None }
+    /// Keeps enough for windows up to this one, rad.
+    pub fn new(longest_window_rad: f64) -> Self {
+        let step_rad = (longest_window_rad / STEPS_COUNT).max(SAME_RAD);
+        ShearWatch { step_rad, samples: [(0.0, 0.0); SAMPLES_COUNT], count: 0, peak_mm: 0.0, fallen_at_rad: None }
     }
 
     /// The grip has changed: shear is compared only with what follows. The peak stays.
@@ -36,17 +45,22 @@ impl ShearWatch {
         self.count = 0;
     }
 
-    /// Takes the shear, in the sense of the task, at an angle turned so far. Samples at the same angle replace each
-    /// other.
+    /// Takes the shear, in the sense of the task, at an angle turned so far. The newest sample is moved on
+    /// until it is a step away from the one before.
     pub fn see(&mut self, turned_rad: f64, shear_mm: f64) {
         self.peak_mm = self.peak_mm.max(shear_mm);
         let fallen = shear_mm < FALLEN_FRACTION * self.peak_mm;
         self.fallen_at_rad = if fallen { self.fallen_at_rad.or(Some(turned_rad)) } else { None };
-        if let Some(last) = self.count.checked_sub(1).map(|i| &mut self.samples[i])
-            && (last.0 - turned_rad).abs() < 1e-4
-        {
-            last.1 = shear_mm;
-            return;
+        let is_full_step = match self.samples[..self.count] {
+            [.., before, last] => (last.0 - before.0).abs() >= self.step_rad,
+            _ => true,
+        };
+        if let Some(last) = self.samples[..self.count].last_mut() {
+            match is_full_step {
+                false => return *last = (turned_rad, shear_mm),
+                true if (last.0 - turned_rad).abs() < SAME_RAD => return last.1 = shear_mm,
+                true => {}
+            }
         }
         if self.count == SAMPLES_COUNT {
             self.samples.rotate_left(1);
@@ -76,7 +90,7 @@ mod tests {
 
     #[test]
     fn what_still_grows_is_not_flat_and_what_grew_before_the_window_does_not_count() {
-        let mut watch = ShearWatch::new();
+        let mut watch = ShearWatch::new(0.07);
         for i in 0..40 {
             let turned_rad = 0.01 * f64::from(i);
             watch.see(turned_rad, (0.05 * f64::from(i)).min(1.0));
@@ -89,7 +103,7 @@ mod tests {
 
     #[test]
     fn a_fall_counts_from_where_it_fell_and_not_when_the_shear_comes_back() {
-        let mut watch = ShearWatch::new();
+        let mut watch = ShearWatch::new(0.2);
         for (turned_rad, shear_mm) in [(0.0, 0.2), (0.1, 1.0), (0.2, 0.3), (0.3, 0.2)] {
             watch.see(turned_rad, shear_mm);
         }
@@ -97,5 +111,21 @@ mod tests {
         assert_eq!(watch.fallen_for_rad(0.3, 1.5), None, "a peak that was none");
         watch.see(0.4, 0.9);
         assert_eq!(watch.fallen_for_rad(0.4, 0.5), None);
+    }
+
+    /// 64 samples of a window that holds 480 of them: it fills all the same, and is judged at its ends.
+    #[test]
+    fn a_window_fills_however_fine_the_samples_are() {
+        for step_rad in [1e-5, 1e-4, 7e-4, 0.01, 0.1] {
+            let mut watch = ShearWatch::new(0.35);
+            let (mut turned_rad, mut flat_at_rad) = (0.0, None);
+            while turned_rad < 1.5 && flat_at_rad.is_none() {
+                watch.see(turned_rad, (2.0 * turned_rad).min(1.0));
+                flat_at_rad = watch.is_flat(0.35, 0.03).then_some(turned_rad);
+                turned_rad += step_rad;
+            }
+            let at_rad = flat_at_rad.expect("flat");
+            assert!((0.83..=0.85 + 1.01 * step_rad).contains(&at_rad), "{step_rad}: {at_rad}");
+        }
     }
 }

@@ -95,6 +95,33 @@ impl Ending {
     }
 }
 
+/// What a task that is still taking hold waits for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Missing {
+    /// A finger that can be judged.
+    Sight,
+    /// The gripper's word that it holds something.
+    Hold,
+    /// The fingers' contact.
+    Contact,
+    /// A grip that stands.
+    Rest,
+}
+
+impl Missing {
+    /// What is missing, in words.
+    pub const fn in_words(self) -> &'static str {
+        match self {
+            Missing::Sight => "the fingers are blind",
+            Missing::Hold => "the gripper does not say that it holds something",
+            Missing::Contact => "the gripper holds something that the fingers do not feel",
+            Missing::Rest => "the grip did not come to rest",
+        }
+    }
+}
+
 /// A task. It never fails: a hand that sees nothing is answered with a wrist that waits and a grip that stays.
 pub trait Task {
     /// What to do now.
@@ -102,6 +129,11 @@ pub trait Task {
 
     /// The controller that holds the object.
     fn grip(&self) -> &Guard;
+
+    /// What it waits for before its work can begin; None once it has begun, and before the first step.
+    fn missing(&self) -> Option<Missing> {
+        None
+    }
 }
 
 /// A turn that may go on until the next renewal but one.

@@ -2,7 +2,7 @@
 
 use super::grasp::{Grasp, Grasped};
 use super::shear_watch::ShearWatch;
-use super::step::{Ending, Observation, PAUSE, Phase, TaskStep, turn};
+use super::step::{Ending, Missing, Observation, PAUSE, Phase, TaskStep, turn};
 use super::tare::Tare;
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
@@ -10,6 +10,9 @@ use crate::monitor::SlipState;
 use crate::port::Jaws;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
+
+/// Fastest turn, rad/s: a little over 60 deg/s.
+pub(super) const FASTEST_RAD_PER_S: f64 = 1.1;
 
 /// When fingers that turn are sliding round a cap though no slip was seen begin: a slide in steady state moves no
 /// marker. Then the shear stays flat while they turn, under a load that friction could just carry.
@@ -31,8 +34,9 @@ impl Default for SlideSettings {
 }
 
 impl SlideSettings {
-    pub(super) fn check(&self) -> Result<(), SettingError> {
-        within("slide.window_rad", self.window_rad, 0.01, 1.0)?;
+    /// `most_rad` is the furthest turn: a window beyond it could never fill.
+    pub(super) fn check(&self, most_rad: f64) -> Result<(), SettingError> {
+        within("slide.window_rad", self.window_rad, 0.01, most_rad.min(1.0))?;
         within("slide.flat_fraction", self.flat_fraction, 0.0, 0.5)?;
         within("slide.least_mu", self.least_mu, 0.01, 2.0)
     }
@@ -72,6 +76,7 @@ impl Turning {
         allowed: Allowed,
         slide: SlideSettings,
         stiffness_mpa_per_mm: Option<f64>,
+        longest_window_rad: f64,
     ) -> Self {
         let last = GripDecision { force_n: grip.limits().start_n, arm: ArmMotion::Pause };
         Turning {
@@ -85,21 +90,23 @@ impl Turning {
             tare: Tare::default(),
             phase: Phase::Grasping,
             start_rad: None,
-            shear: ShearWatch::new(),
+            shear: ShearWatch::new(longest_window_rad.max(slide.window_rad)),
             last,
         }
     }
 
     pub fn step(&mut self, observation: &Observation<'_>, end: impl Fn(Evidence<'_>) -> Option<Ending>) -> TaskStep {
         match self.phase {
-            Phase::Grasping => match self.grasp.step(observation, &self.grip) {
-                Grasped::NotYet(grip) => self.last = grip,
-                Grasped::Yes => {
-                    self.tare.take(observation.hand, observation.gripper.pressed_n());
-                    self.phase = Phase::Working;
+            Phase::Grasping => {
+                match self.grasp.step(observation, &self.allowed.filter(observation.hand), &mut self.grip) {
+                    Grasped::NotYet(grip) => self.last = grip,
+                    Grasped::Yes => {
+                        self.tare.take(observation.hand, observation.gripper.pressed_n());
+                        self.phase = Phase::Working;
+                    }
+                    Grasped::Never(ending) => self.phase = Phase::Ended(ending),
                 }
-                Grasped::Never(ending) => self.phase = Phase::Ended(ending),
-            },
+            }
             Phase::Ended(_) => {}
             _ => self.work(observation, end),
         }
@@ -130,14 +137,21 @@ impl Turning {
         let ending = if observation.gripper.jaws == Jaws::Lost {
             Some(Ending::Lost)
         } else {
-            end(Evidence { shear: &self.shear, turned_rad, slip_at_most })
-                .or((turned_rad >= self.most_rad).then_some(Ending::Limit))
+            // What was seen before the fingers went blind says nothing of the turn since.
+            let sees = seen.state != SlipState::Unjudged;
+            let seen_ending = sees.then(|| end(Evidence { shear: &self.shear, turned_rad, slip_at_most })).flatten();
+            seen_ending.or((turned_rad >= self.most_rad).then_some(Ending::Limit))
         };
         self.phase = match (ending, self.last.arm) {
             (Some(ending), _) => Phase::Ended(ending),
             (None, ArmMotion::Go) => Phase::Working,
             (None, _) => Phase::Waiting,
         };
+    }
+
+    /// What it waits for before it can turn.
+    pub fn missing(&self) -> Option<Missing> {
+        self.grasp.missing().filter(|_| self.phase == Phase::Grasping)
     }
 
     /// Whether the fingers slide round the cap. Never where the stiffness of the gel is unknown: a cap that runs

@@ -5,8 +5,8 @@
 //!                                      -> Ended(Stuck):  at the largest force the fingers slide over the cap
 //! ```
 
-use super::step::{Ending, Observation, Task, TaskStep};
-use super::turning::{SlideSettings, Turning};
+use super::step::{Ending, Missing, Observation, Task, TaskStep};
+use super::turning::{FASTEST_RAD_PER_S, SlideSettings, Turning};
 use crate::grip::Guard;
 use crate::hand::Allowed;
 use crate::setting::{SettingError, within};
@@ -52,12 +52,12 @@ impl Default for UnscrewSettings {
 impl UnscrewSettings {
     /// Checks every setting; the error names the first one that cannot be.
     pub fn check(&self) -> Result<(), SettingError> {
-        within("unscrew.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, 0.7)?;
+        within("unscrew.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, FASTEST_RAD_PER_S)?;
         within("unscrew.most_rad", self.most_rad, 0.01, 100.0)?;
-        within("unscrew.open_rad", self.open_rad, 0.01, 10.0)?;
+        within("unscrew.open_rad", self.open_rad, 0.01, self.most_rad.min(10.0))?;
         within("unscrew.least_peak_mm", self.least_peak_mm, 0.0, 10.0)?;
-        within("unscrew.stuck_rad", self.stuck_rad, 0.01, 10.0)?;
-        self.slide.check()
+        within("unscrew.stuck_rad", self.stuck_rad, 0.01, self.most_rad.min(10.0))?;
+        self.slide.check(self.most_rad)
     }
 }
 
@@ -78,7 +78,8 @@ impl Unscrew {
     ) -> Result<Self, SettingError> {
         settings.check()?;
         let way = (settings.rate_rad_per_s, settings.most_rad);
-        let turning = Turning::new(grip, way, settings.allowed, settings.slide, stiffness_mpa_per_mm);
+        let turning =
+            Turning::new(grip, way, settings.allowed, settings.slide, stiffness_mpa_per_mm, settings.stuck_rad);
         Ok(Unscrew { settings, turning })
     }
 }
@@ -99,5 +100,9 @@ impl Task for Unscrew {
 
     fn grip(&self) -> &Guard {
         &self.turning.grip
+    }
+
+    fn missing(&self) -> Option<Missing> {
+        self.turning.missing()
     }
 }

@@ -7,15 +7,16 @@ use std::path::PathBuf;
 /// The arguments of `slipbound watch`.
 #[derive(Debug, clap::Args)]
 pub struct Watch {
-    /// An image folder, a quoted pattern ('run/*.png'), an image, a video file, or a scene to simulate:
-    /// 'sim:SCENE?seed=3&force_n=20' (see `slipbound scenes`)
+    /// An image folder, a quoted pattern ('run/*.png'), an image, a video file, a camera (docs/cameras.md), or a scene to
+    /// simulate: 'sim:SCENE?seed=3&force_n=20' (see `slipbound scenes`)
     pub(super) source: String,
     /// The finger: a built-in name (see `slipbound sensors`) or a sensor file [default: that of the
     /// scene, else by the size of the frames]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(super) sensor: Option<String>,
-    /// The finger at rest: an image, or frames A up to but not B of SOURCE [default: found among the first frames]
-    #[arg(long, value_name = "IMAGE|A..B", value_parser = RestArgument::parse)]
+    /// The finger at rest: an image, frames A up to but not B of SOURCE, or its first N frames, in which nothing may touch
+    /// it [default: found among the first frames]
+    #[arg(long, value_name = "IMAGE|A..B|live:N", value_parser = RestArgument::parse)]
     pub(super) rest: Option<RestArgument>,
     /// Write a report of one JSON object a line; `-` is standard output
     #[arg(long, value_name = "FILE|-")]
@@ -32,6 +33,15 @@ pub struct Watch {
     /// Write how many microseconds each step took, one JSON object a line
     #[arg(long, value_name = "FILE")]
     pub(super) timings: Option<PathBuf>,
+    /// Overwrite files that this program did not write (never a frame that is read)
+    #[arg(long)]
+    pub(super) force: bool,
+    /// Record every frame as it comes, with its report: `watch FILE.mcap` judges it again
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(super) record: Option<PathBuf>,
+    /// A camera without a frame for longer is told of
+    #[arg(long, value_name = "MS", default_value_t = 300)]
+    pub(super) max_silence_ms: u64,
     /// What the finger is called in the report
     #[arg(long, value_name = "NAME", default_value = "finger")]
     pub(super) finger: String,
@@ -51,11 +61,23 @@ pub enum RestArgument {
     Frames(Range<u64>),
     /// An image of its own.
     Image(PathBuf),
+    /// The first frames of the source, so many; nothing may touch the finger in them.
+    Live(u32),
+}
+
+/// The N of `live:N`; None for anything else.
+pub fn live_count(text: &str) -> Option<Result<u32, String>> {
+    let count = text.strip_prefix("live:")?;
+    let is_count = |count: &u32| (1..=10_000).contains(count);
+    Some(count.parse().ok().filter(is_count).ok_or(format!("expected live:N with 1 to 10000 frames, got {text}")))
 }
 
 impl RestArgument {
-    /// `A..B`, or the name of an image.
+    /// `A..B`, `live:N`, or the name of an image.
     pub fn parse(text: &str) -> Result<Self, String> {
+        if let Some(count) = live_count(text) {
+            return count.map(RestArgument::Live);
+        }
         let is_range = text.contains("..") && text.chars().all(|c| c == '.' || c.is_ascii_digit());
         let range = text.split_once("..").and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
         match range {
@@ -72,6 +94,7 @@ impl Display for RestArgument {
         match self {
             RestArgument::Frames(range) => write!(f, "--rest {}..{}", range.start, range.end),
             RestArgument::Image(path) => write!(f, "--rest {}", path.display()),
+            RestArgument::Live(count) => write!(f, "--rest live:{count}"),
         }
     }
 }
@@ -88,6 +111,8 @@ mod tests {
         for half in ["3..", "..3", "..", "3...5", "1..99999999999999999999"] {
             assert_eq!(RestArgument::parse(half), Err(format!("expected two whole numbers A..B, got {half}")));
         }
+        assert_eq!(RestArgument::parse("live:30"), Ok(RestArgument::Live(30)));
+        assert!(RestArgument::parse("live:0").is_err() && RestArgument::parse("live:x").is_err());
         assert_eq!(RestArgument::parse("9..9"), Err("expected A below B, got 9..9".into()));
     }
 }

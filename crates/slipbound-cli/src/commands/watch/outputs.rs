@@ -4,6 +4,7 @@ use super::args::Watch;
 use crate::outcome::Failure;
 use slipbound::monitor::{Reason, SlipMonitor, SlipReport};
 use slipbound::port::{Clock, FrameBuffer};
+use slipbound_rig::container::{Recorder, ReportLines};
 use slipbound_rig::overlay::{self, Overlay, OverlayWriter};
 use slipbound_rig::report_json::{Header, ReportJson, RestOrigin};
 use slipbound_rig::timings::{Stopwatch, Timings};
@@ -28,6 +29,7 @@ pub struct Outputs {
     /// Measures the steps while a frame is judged.
     pub stopwatch: Stopwatch,
     json: Option<Json>,
+    recorded: Option<ReportJson<ReportLines>>,
     overlay: Option<(Overlay, OverlayWriter)>,
     timings: Option<Timings>,
 }
@@ -41,19 +43,27 @@ struct Json {
 
 impl Outputs {
     /// Creates the files asked for.
-    pub fn open(args: &Watch, origin: Origin, monitor: &SlipMonitor) -> Result<Self, Failure> {
+    pub fn open(
+        args: &Watch,
+        origin: Origin,
+        monitor: &SlipMonitor,
+        recorder: Option<&Recorder>,
+    ) -> Result<Self, Failure> {
+        let header = Header {
+            finger: &args.finger,
+            sensor: monitor.sensor(),
+            settings: monitor.settings(),
+            source: &args.source,
+            clock: origin.clock,
+            rest: origin.rest,
+            note: origin.note,
+        };
+        let waits = !slipbound_rig::source::is_live(&args.source);
+        let recorded = recorder.map(|r| ReportJson::new(ReportLines::new(r.inlet(), &args.finger, waits), &header));
+        let recorded = recorded.transpose().map_err(|e| Failure::work("record", e))?;
         let json = match &args.json {
             None => None,
             Some(path) => {
-                let header = Header {
-                    finger: &args.finger,
-                    sensor: monitor.sensor(),
-                    settings: monitor.settings(),
-                    source: &args.source,
-                    clock: origin.clock,
-                    rest: origin.rest,
-                    note: origin.note,
-                };
                 let failed = |e| cannot_write(path, e);
                 let to: Box<dyn Write> = match args.json_on_stdout() {
                     true => Box::new(io::stdout()),
@@ -75,7 +85,7 @@ impl Outputs {
             None => None,
             Some(path) => Some(Timings::create(path).map_err(|e| cannot_write(path, e))?),
         };
-        Ok(Outputs { stopwatch: Stopwatch::new(), json, overlay, timings })
+        Ok(Outputs { stopwatch: Stopwatch::new(), json, recorded, overlay, timings })
     }
 
     /// Writes the report of a frame.
@@ -87,6 +97,9 @@ impl Outputs {
         if let Some(json) = &mut self.json {
             let markers = json.markers.then(|| monitor.markers());
             json.lines.frame(report, markers).map_err(|e| cannot_write(&json.path, e))?;
+        }
+        if let Some(lines) = &mut self.recorded {
+            lines.frame(report, None).map_err(|e| Failure::work("record", e))?;
         }
         if let Some((overlay, writer)) = &mut self.overlay {
             let whole = frame.frame().ok().filter(|_| report.reason != Some(Reason::Torn));

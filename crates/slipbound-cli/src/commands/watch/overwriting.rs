@@ -3,6 +3,7 @@
 use super::args::{RestArgument, Watch};
 use crate::outcome::Failure;
 use anyhow::anyhow;
+use slipbound_rig::{source::image_files, written};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -12,7 +13,9 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
         Some(RestArgument::Image(path)) => Some(path.as_path()),
         _ => None,
     };
-    let source = Path::new(&args.source);
+    // Of `FILE.mcap#TOPIC` the file.
+    let source =
+        Path::new(slipbound_rig::source::mcap_file(&args.source).map_or(args.source.as_str(), |(file, _)| file));
     let inputs = [
         ("SOURCE", Some(source)),
         ("--rest", rest),
@@ -23,6 +26,7 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
         ("--json", args.json.as_deref().filter(|_| !args.json_on_stdout())),
         ("--timings", args.timings.as_deref()),
         ("--overlay", args.overlay.as_deref()),
+        ("--record", args.record.as_deref()),
     ];
     let mut taken: Vec<(&str, PathBuf)> =
         inputs.into_iter().filter_map(|(name, path)| Some((name, place(path.filter(|p| p.exists())?)?))).collect();
@@ -32,6 +36,8 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
             taken.extend(place(folder).map(|folder| ("SOURCE", folder)));
         }
     }
+    let frames: Vec<PathBuf> =
+        image_files(&args.source).iter().filter_map(|file| fs::canonicalize(file).ok()).collect();
     for (name, path) in outputs {
         let (Some(path), Some(place)) = (path, path.and_then(place)) else {
             continue;
@@ -40,9 +46,41 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
             let path = path.display();
             return Err(Failure::Arguments(anyhow!("{name} {path}: expected a place of its own, got that of {other}")));
         }
+        let falls_on = |frame: &&PathBuf| **frame == place || frame.parent() == Some(&place);
+        if let Some(frame) = frames.iter().find(falls_on) {
+            let (path, frame) = (path.display(), frame.display());
+            return Err(Failure::Arguments(anyhow!(
+                "{name} {path}: expected a place of its own, got that of the frame {frame}"
+            )));
+        }
+        if !args.force {
+            refuse_foreign(name, &place)?;
+        }
         taken.push((name, place));
     }
     Ok(())
+}
+
+/// Refuses a file that is there and was not written by us, and a folder with such a picture that would be overwritten.
+fn refuse_foreign(name: &str, place: &Path) -> Result<(), Failure> {
+    let files: Vec<PathBuf> = match fs::read_dir(place) {
+        Ok(entries) => entries.flatten().map(|entry| entry.path()).filter(|path| is_numbered(path)).collect(),
+        Err(_) => vec![place.to_owned()],
+    };
+    match files.iter().find(|file| file.is_file() && !written::is_ours(file).unwrap_or(false)) {
+        None => Ok(()),
+        Some(file) => {
+            let file = file.display();
+            let expected = "expected a new file, or one that slipbound wrote";
+            Err(Failure::Arguments(anyhow!("{name}: {expected}, got {file} (--force overwrites it)")))
+        }
+    }
+}
+
+/// Whether it is named as a picture of an overlay is: `000057.png`.
+fn is_numbered(path: &Path) -> bool {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.extension().is_some_and(|e| e == "png") && stem.len() >= 6 && stem.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 /// Where a file is or would be; None for devices and pipes, which hold nothing, and for folders that are not there.

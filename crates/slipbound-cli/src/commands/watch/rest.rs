@@ -4,8 +4,8 @@ use super::args::{RestArgument, Watch};
 use crate::commands::recording;
 use crate::outcome::Failure;
 use anyhow::anyhow;
-use slipbound::finger_pipeline::{FoundRest, RestFinder};
-use slipbound::image::SizePx;
+use slipbound::finger_pipeline::{FoundRest, RestFinder, rest_from};
+use slipbound::image::{Frame, SizePx};
 use slipbound::monitor::{Rest, RestBuilder, RestKind, Settings};
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::Sensor;
@@ -41,7 +41,7 @@ pub fn find(
     settings: &Settings,
     sensor_for: impl Fn(SizePx) -> Result<(Sensor, Option<String>), Failure>,
 ) -> Result<Found, Failure> {
-    let given = args.rest.as_ref().map(|argument| given_frames(args, argument)).transpose()?;
+    let given = args.rest.as_ref().and_then(|argument| given_frames(args, argument)).transpose()?;
     // Also when rest is given: one frame alone could be of an odd size.
     let window: Vec<&AheadFrame> = recording.read_ahead(settings.rest.window_count as usize).collect();
     let seen: Vec<&FrameBuffer> = window.iter().filter(|a| a.torn.is_none()).map(|a| &a.buffer).collect();
@@ -74,6 +74,11 @@ pub fn find(
                 finder.see(frame).map_err(|e| Failure::work(&args.source, e))?;
             }
             let FoundRest { rest, seqs } = finder.find().map_err(|e| Failure::work(&args.source, e))?;
+            if let (Some(argument @ RestArgument::Live(_)), RestKind::InContact) = (&args.rest, rest.kind()) {
+                let source = &args.source;
+                let expected = "expected a finger that nothing touches, got one in contact: free it and start again";
+                return Err(anyhow!("{argument}: {source}: {expected}").into());
+            }
             let origin = RestOrigin { kind: rest.kind().into(), frames: Some([seqs.start, seqs.end]) };
             (rest, origin)
         }
@@ -88,31 +93,30 @@ fn build_given(
     args: &Watch,
     argument: &RestArgument,
     frames: &[FrameBuffer],
-    mut builder: RestBuilder,
+    builder: RestBuilder,
 ) -> Result<Rest, Failure> {
-    let looks = frames.iter().flat_map(FrameBuffer::frame).map(|frame| builder.look(&frame));
-    let touched_count = looks.filter(|look| look.touched).count();
-    let kind = if 2 * touched_count > frames.len() { RestKind::InContact } else { RestKind::Unloaded };
-    for buffer in frames {
-        let frame = buffer.frame().map_err(|e| Failure::work(&args.source, e))?;
-        let refused = |e| Failure::Arguments(anyhow!("{argument}: {}: {e}", frame_name(buffer)));
-        builder.add(&frame).map_err(refused)?;
-    }
-    builder.build(kind).map_err(|e| Failure::work(&args.source, e))
+    let all: Result<Vec<Frame<'_>>, _> = frames.iter().map(FrameBuffer::frame).collect();
+    let all = all.map_err(|e| Failure::work(&args.source, e))?;
+    rest_from(builder, &all).map_err(|(place, e)| match place.and_then(|i| frames.get(i)) {
+        Some(frame) => Failure::Arguments(anyhow!("{argument}: {}: {e}", frame_name(frame))),
+        None => Failure::work(&args.source, e),
+    })
 }
 
 fn origin_given(argument: &RestArgument) -> RestOrigin {
     let frames = match argument {
         RestArgument::Frames(range) => Some([range.start, range.end]),
-        RestArgument::Image(_) => None,
+        RestArgument::Image(_) | RestArgument::Live(_) => None,
     };
     RestOrigin { kind: RestOriginKind::Given, frames }
 }
 
-fn given_frames(args: &Watch, argument: &RestArgument) -> Result<Vec<FrameBuffer>, Failure> {
+/// The frames that the user named; None where they are those that come first.
+fn given_frames(args: &Watch, argument: &RestArgument) -> Option<Result<Vec<FrameBuffer>, Failure>> {
     match argument {
-        RestArgument::Image(path) => image(path),
-        RestArgument::Frames(range) => frames(&args.source, range),
+        RestArgument::Image(path) => Some(image(path)),
+        RestArgument::Frames(range) => Some(frames(&args.source, range)),
+        RestArgument::Live(_) => None,
     }
 }
 

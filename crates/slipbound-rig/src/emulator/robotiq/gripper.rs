@@ -19,6 +19,8 @@ pub(super) struct Gripper {
     pub outputs: [u8; 6],
     pub activation: u8,
     pub fault: u8,
+    /// Whether it presses on something that was in the way of a motion.
+    meets: bool,
     scales: Config,
 }
 
@@ -38,6 +40,7 @@ impl Gripper {
             outputs: [bit::ACTIVATE, 0, 0, 0, 0, 0],
             activation: ACTIVATED,
             fault: 0,
+            meets: false,
         }
     }
 
@@ -48,6 +51,7 @@ impl Gripper {
         }
         let was_active = self.outputs[0] & bit::ACTIVATE != 0;
         self.outputs = outputs;
+        self.meets = false;
         match (was_active, outputs[0] & bit::ACTIVATE != 0) {
             (_, false) => {
                 (self.activation, self.fault) = (0, 0);
@@ -73,14 +77,21 @@ impl Gripper {
         if self.activation == 1 && self.jaws.is_there() {
             self.activation = ACTIVATED;
         }
+        // Whatever is in the way of closing fingers is gripped.
+        let goes = self.activation == ACTIVATED && self.fault == 0 && self.outputs[0] & bit::GO_TO != 0;
+        if goes && self.outputs[3] < GRIPS_FROM && !self.meets && self.jaws.is_blocked() {
+            self.meets = true;
+            self.jaws.grasp(read_table(&self.scales.force_table, 0, f64::from(self.outputs[5])));
+        }
     }
 
     pub fn object(&self) -> u8 {
-        let grips = self.outputs[3] >= GRIPS_FROM && self.outputs[0] & bit::GO_TO != 0;
+        let grips = (self.outputs[3] >= GRIPS_FROM || self.meets) && self.outputs[0] & bit::GO_TO != 0;
         match grips {
             true if self.jaws.touches() => object::CONTACT_CLOSING,
             true if self.jaws.has_begun() && self.jaws.opening_mm() <= 0.0 => object::THERE,
             false if self.jaws.is_there() => object::THERE,
+            _ if self.meets => object::CONTACT_CLOSING, // the moment before it presses
             _ => object::MOVING,
         }
     }

@@ -13,11 +13,14 @@ use slipbound::plant::Plant;
 pub struct Socket {
     gripper: Gripper,
     lines: Lines,
+    /// ATR and ADR: an automatic release was asked for, and which way. It is remembered, not done.
+    releases: u8,
+    release_direction: u8,
 }
 
 impl Default for Socket {
     fn default() -> Self {
-        Socket { gripper: Gripper::new(), lines: Lines::default() }
+        Socket { gripper: Gripper::new(), lines: Lines::default(), releases: 0, release_direction: 0 }
     }
 }
 
@@ -47,6 +50,8 @@ impl Socket {
             "PRE" => outputs[3],
             "POS" => gripper.position(),
             "FLT" => gripper.fault,
+            "ATR" => self.releases,
+            "ADR" => self.release_direction,
             _ => return None,
         })
     }
@@ -65,6 +70,8 @@ impl Socket {
                 "POS" => outputs[3] = value,
                 "SPE" => outputs[4] = value,
                 "FOR" => outputs[5] = value,
+                "ATR" => self.releases = value,
+                "ADR" => self.release_direction = value,
                 _ => return false,
             }
         }

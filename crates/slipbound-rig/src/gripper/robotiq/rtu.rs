@@ -16,7 +16,17 @@ const CRC: Crc<u16> = Crc::<u16>::new(&CRC_16_MODBUS);
 const READ_HOLDING: u8 = 3;
 const READ: u8 = 4;
 const WRITE: u8 = 16;
+const WRITE_ONE: u8 = 6;
 const REFUSED: u8 = 0x80;
+
+/// The first output register.
+pub const FIRST_OUTPUT: u16 = 1000;
+
+/// The first input register.
+pub const FIRST_INPUT: u16 = 2000;
+
+/// How many there are of each.
+pub const REGISTERS_COUNT: u8 = 3;
 
 /// Where the outputs are, and how many registers.
 const OUTPUT: [u8; 4] = [0x03, 0xE8, 0x00, 0x03];
@@ -56,6 +66,13 @@ pub fn answer_write(into: &mut Vec<u8>) {
     message(into, &[&[SLAVE, WRITE], &OUTPUT]);
 }
 
+/// Appends the answer to a write of some registers: of the one by function 6 its value, else how many.
+pub fn answer_write_some(into: &mut Vec<u8>, function: u8, register: u16, registers_count: u8, bytes: [u8; 6]) {
+    let [high, low] = register.to_be_bytes();
+    let last = if function == WRITE_ONE { [bytes[0], bytes[1]] } else { [0, registers_count] };
+    message(into, &[&[SLAVE, function, high, low], &last]);
+}
+
 /// Appends the answer to a read by this function (3 or 4): the first registers of the inputs.
 pub fn answer_read(into: &mut Vec<u8>, function: u8, inputs: &[u8]) {
     message(into, &[&[SLAVE, function, inputs.len() as u8], inputs]);
@@ -82,6 +99,26 @@ pub enum Answer {
 pub enum Ask {
     /// Write the six output bytes.
     Write([u8; 6]),
+    /// Write one to three output registers, by function 6 or 16.
+    WriteSome {
+        /// 6 or 16.
+        function: u8,
+        /// The register, from [`FIRST_OUTPUT`] on.
+        register: u16,
+        /// 1 to 3.
+        registers_count: u8,
+        /// Their bytes; what is beyond them is 0.
+        bytes: [u8; 6],
+    },
+    /// Read so many registers of any place, by function 3 or 4.
+    ReadSome {
+        /// 3 or 4.
+        function: u8,
+        /// The first.
+        register: u16,
+        /// How many.
+        registers_count: u8,
+    },
     /// Read so many input registers, by function 3 or 4.
     Read {
         /// 3 or 4.
@@ -171,9 +208,33 @@ fn ask(bytes: &[u8]) -> Look<Ask> {
         [] | [SLAVE] => Look::Short,
         [SLAVE, READ | READ_HOLDING, ..] => sound(bytes, 8, |body| {
             let is_ours = body[2..4] == INPUT && body[4] == 0 && (1..=3).contains(&body[5]);
-            let unknown = Ask::Unknown(body[1]);
-            Some(if is_ours { Ask::Read { function: body[1], registers_count: body[5] } } else { unknown })
+            let register = u16::from_be_bytes([body[2], body[3]]);
+            let (function, registers_count) = (body[1], body[5]);
+            Some(match is_ours {
+                true => Ask::Read { function, registers_count },
+                false if body[4] == 0 => Ask::ReadSome { function, register, registers_count },
+                false => Ask::Unknown(function),
+            })
         }),
+        [SLAVE, WRITE_ONE, ..] => sound(bytes, 8, |body| {
+            let register = u16::from_be_bytes([body[2], body[3]]);
+            Some(Ask::WriteSome {
+                function: WRITE_ONE,
+                register,
+                registers_count: 1,
+                bytes: [body[4], body[5], 0, 0, 0, 0],
+            })
+        }),
+        [SLAVE, WRITE, high, low, 0, count @ 1..=2, twice, ..] if *twice == 2 * count => {
+            let length = 9 + 2 * usize::from(*count);
+            let register = u16::from_be_bytes([*high, *low]);
+            sound(bytes, length, |body| {
+                let mut written = [0; 6];
+                written[..body.len() - 7].copy_from_slice(&body[7..]);
+                Some(Ask::WriteSome { function: WRITE, register, registers_count: *count, bytes: written })
+            })
+        }
+        [SLAVE, WRITE, ..] if bytes.len() < 7 => Look::Short,
         [SLAVE, WRITE, ..] => {
             let head = bytes.len().min(7);
             let expected = [&[SLAVE, WRITE], OUTPUT.as_slice(), &[6]].concat();

@@ -1,6 +1,7 @@
 //! The 2F-85 by the text socket of a UR controller: `SET NAME value ...` is answered by `ack`, `GET NAME` by
-//! `NAME value`, both possibly without an end of line. One request is in flight at a time; a value without an end
-//! counts when nothing more has come for a moment.
+//! `NAME value`, both possibly without an end of line. One request is in flight at a time. A gripper that ends its lines
+//! may pause anywhere within one; of one that does not, which is known when the first answer has come without an end
+//! within the reply time, a value counts when nothing more has come for a moment.
 
 use super::actuator::{Actuator, Goal};
 use super::status::Status;
@@ -13,7 +14,7 @@ use slipbound::port::{DriverEvent, GripCommand};
 /// What is asked in turn.
 const QUESTIONS: [&str; 5] = ["STA", "OBJ", "PRE", "POS", "FLT"];
 
-/// Quiet after which a value without an end of line is taken as whole, ns.
+/// Quiet after which a value without an end of line is taken as whole, ns, where lines have none.
 const QUIET_NS: u64 = 5_000_000;
 
 /// Longest answer, bytes; more is garbage.
@@ -31,6 +32,8 @@ enum Message {
 pub struct Socket {
     buffer: Vec<u8>,
     received_ns: u64,
+    /// Whether its values end with a line; None before the first.
+    ends_lines: Option<bool>,
     actuator: Actuator,
     /// The answers so far.
     status: Status,
@@ -76,11 +79,20 @@ impl Socket {
 
     /// Takes what is buffered as an answer, if it is whole.
     fn read_answer(&mut self, driver: &mut DriverState) {
-        let Some(message) = self.in_flight.as_ref().map(|sent| sent.message) else { return self.buffer.clear() };
+        let Some(sent) = &self.in_flight else { return self.buffer.clear() };
+        let (message, age_ns) = (sent.message, sent.age_ns(driver.now_ns()));
+        // The end of an answer that was known before it came.
+        let ends_count = self.buffer.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
+        self.buffer.drain(..ends_count);
         let end = self.buffer.iter().position(|byte| *byte == b'\n');
-        let is_quiet = driver.now_ns().saturating_sub(self.received_ns) >= QUIET_NS;
+        let quiet_ns = driver.now_ns().saturating_sub(self.received_ns);
+        let is_quiet = match self.ends_lines {
+            Some(ends_lines) => !ends_lines && quiet_ns >= QUIET_NS,
+            None => age_ns + 2 * QUIET_NS >= driver.config.reply_ms * 1_000_000,
+        };
         let is_acknowledged = matches!(message, Message::Set(_)) && self.buffer.trim_ascii() == b"ack";
-        let is_whole = end.is_some() || is_quiet || is_acknowledged || self.buffer.len() > LONGEST;
+        let is_full = matches!(message, Message::Get(name) if is_full(name, &self.buffer));
+        let is_whole = end.is_some() || is_quiet || is_acknowledged || is_full || self.buffer.len() > LONGEST;
         if self.buffer.is_empty() || !is_whole {
             return;
         }
@@ -94,13 +106,19 @@ impl Socket {
             }
             Message::Set(_) => false,
             Message::Get(name) => text.split_once(' ').is_some_and(|(got, value)| {
-                got == name && value.trim().parse().is_ok_and(|value| self.take_value(driver, name, value))
+                got == name && number(value.trim()).is_some_and(|value| self.take_value(driver, name, value))
             }),
         };
         if is_taken {
+            if matches!(message, Message::Get(_)) && (end.is_some() || is_quiet) {
+                self.ends_lines = Some(end.is_some() || self.ends_lines == Some(true));
+            }
             driver.heard();
             self.in_flight = None;
         } else {
+            if end.is_some() && matches!(message, Message::Get(_)) {
+                self.in_flight = None; // it is asked again in its turn
+            }
             driver.push_event(DriverEvent::Garbled { bytes_count: buffer.len() });
         }
     }
@@ -120,6 +138,21 @@ impl Socket {
             self.actuator.take_status(driver, self.status, name == "STA");
         }
         true
+    }
+}
+
+/// Whether no further digit can follow: the states have one, and no number has more than three.
+fn is_full(name: &str, answer: &[u8]) -> bool {
+    let value = answer.strip_prefix(name.as_bytes()).unwrap_or_default().trim_ascii();
+    let digits_count = if matches!(name, "STA" | "OBJ") { 1 } else { 3 };
+    value.len() == digits_count && value.iter().all(u8::is_ascii_digit)
+}
+
+/// A value as a decimal or, with `0x` in front, a hexadecimal number.
+fn number(text: &str) -> Option<u8> {
+    match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+        Some(digits) => u8::from_str_radix(digits, 16).ok(),
+        None => text.parse().ok(),
     }
 }
 

@@ -15,8 +15,11 @@ pub mod id {
     pub const ACKNOWLEDGE: u8 = 0x24;
     pub const GRASP: u8 = 0x25;
     pub const RELEASE: u8 = 0x26;
+    pub const SET_ACCELERATION: u8 = 0x30;
+    pub const GET_ACCELERATION: u8 = 0x31;
     pub const SET_LIMIT: u8 = 0x32;
     pub const GET_LIMIT: u8 = 0x33;
+    pub const TARE: u8 = 0x38;
     pub const SYSTEM_STATE: u8 = 0x40;
     pub const GRASP_STATE: u8 = 0x41;
     pub const OPENING: u8 = 0x43;
@@ -39,6 +42,53 @@ pub mod status {
     pub const PENDING: u16 = 26;
     pub const RANGE: u16 = 28;
     pub const BLOCKED: u16 = 29;
+
+    /// The names by which the text interface may call them, from 0 on.
+    const NAMES: [&str; 31] = [
+        "SUCCESS",
+        "NOT_AVAILABLE",
+        "NO_SENSOR",
+        "NOT_INITIALIZED",
+        "ALREADY_RUNNING",
+        "FEATURE_NOT_SUPPORTED",
+        "INCONSISTENT_DATA",
+        "TIMEOUT",
+        "READ_ERROR",
+        "WRITE_ERROR",
+        "INSUFFICIENT_RESOURCES",
+        "CHECKSUM_ERROR",
+        "NO_PARAM_EXPECTED",
+        "NOT_ENOUGH_PARAMS",
+        "CMD_UNKNOWN",
+        "CMD_FORMAT_ERROR",
+        "ACCESS_DENIED",
+        "ALREADY_OPEN",
+        "CMD_FAILED",
+        "CMD_ABORTED",
+        "INVALID_HANDLE",
+        "NOT_FOUND",
+        "NOT_OPEN",
+        "IO_ERROR",
+        "INVALID_PARAMETER",
+        "INDEX_OUT_OF_BOUNDS",
+        "CMD_PENDING",
+        "OVERRUN",
+        "RANGE_ERROR",
+        "AXIS_BLOCKED",
+        "FILE_EXISTS",
+    ];
+
+    /// The name of a status.
+    pub fn name(code: u16) -> Option<&'static str> {
+        NAMES.get(usize::from(code)).copied()
+    }
+
+    /// A status as a number or by its name; the largest number where it is neither.
+    pub fn read(text: &str) -> u16 {
+        let name = text.strip_prefix("E_").unwrap_or(text);
+        let named = || NAMES.iter().position(|known| *known == name).and_then(|code| u16::try_from(code).ok());
+        text.parse().ok().or_else(named).unwrap_or(u16::MAX)
+    }
 
     /// The status in words.
     pub fn in_words(status: u16) -> String {

@@ -10,7 +10,8 @@ use std::path::Path;
 /// Writes the PNG; answers the JPEG.
 pub(in crate::run) fn write(path: &Path, rgb: Rgb<'_>) -> Result<Vec<u8>, Error> {
     let size = rgb.size();
-    let bytes: Vec<u8> = (0..size.height).flat_map(|y| rgb.row(y)).copied().collect();
+    let pixels = (0..size.height).flat_map(|y| rgb.row(y).as_chunks::<3>().0);
+    let bytes: Vec<u8> = pixels.flat_map(|pixel| rgb.order().rgb(*pixel)).collect();
     let failed = |source| Error::Write { path: path.to_owned(), source };
     let refused = |why: String| Error::Encode { path: path.to_owned(), why };
     let file = BufWriter::new(File::create(path).map_err(failed)?);

@@ -1,0 +1,103 @@
+"""Recordings read by others, and others' by us.
+
+1. slipbound records a simulated scene with --record; PyPI's mcap and mcap-protobuf-support read every picture, every frame
+   record and every report, and count and compare them with the JSON lines.
+2. PyPI's rosbags writes ROS 2 CompressedImage and Image messages into an MCAP bag; slipbound watches them to the same reports
+   as the folder with the same pictures.
+
+    python3 bench/live/read_back.py [path of the program slipbound]
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+PROGRAM = str(Path(sys.argv[1] if len(sys.argv) > 1 else "target/release/slipbound").resolve())
+
+
+def slipbound(folder, *args):
+    ended = subprocess.run([PROGRAM, *args], cwd=folder, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, f"{args}: {ended.returncode}: {ended.stderr}"
+    return ended.stdout
+
+
+def lines(path):
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def ours(folder):
+    slipbound(folder, "simulate", "ramp", "--seed", "3", "-o", "scene")
+    slipbound(folder, "watch", "scene", "--sensor", "scene/sensor.toml", "--json", "scene.jsonl", "--record", "run.mcap")
+    report = lines(folder / "scene.jsonl")
+    pictures, frames, reports = [], [], []
+    with open(folder / "run.mcap", "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages(topics=["/finger/camera"]):
+            assert message.format == "jpeg", message.format
+            assert message.frame_id == "finger", message.frame_id
+            pictures.append(bytes(message.data))
+        for _, channel, message in reader.iter_messages(topics=["/finger/frame", "/finger/report"]):
+            (frames if channel.topic == "/finger/frame" else reports).append(json.loads(message.data))
+        attachments = sorted(a.name for a in reader.iter_attachments())
+        schemas = {s.name: s.encoding for s in reader.get_summary().schemas.values()}
+    files = sorted(p for p in (folder / "scene").glob("*") if p.suffix in (".jpg", ".png"))
+    assert [f.read_bytes() for f in files] == pictures, "pictures are the files' bytes"
+    assert len(frames) == len(pictures) and all(f["fate"] == "judged" and f["is_kept"] for f in frames), frames[:3]
+    assert reports == report, "reports are the JSON lines"
+    assert attachments == ["finger.sensor.toml", "settings.toml"], attachments
+    assert schemas["foxglove.CompressedImage"] == "protobuf" and schemas["slipbound.Report"] == "jsonschema", schemas
+    slipbound(folder, "watch", "run.mcap", "--sensor", "scene/sensor.toml", "--json", "again.jsonl")
+    assert lines(folder / "again.jsonl")[1:] == report[1:], "judged again to the same"
+    print(f"read by mcap: {len(pictures)} pictures, {len(frames)} frame records, {len(reports)} report lines, all equal")
+    return files, report
+
+
+def ros(folder, files, report):
+    import numpy
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types = store.types
+    header = lambda at: types["std_msgs/msg/Header"](
+        stamp=types["builtin_interfaces/msg/Time"](sec=100 + at // 25, nanosec=at % 25 * 40_000_000), frame_id="finger"
+    )
+    with Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        kind = "sensor_msgs/msg/CompressedImage"
+        topic = writer.add_connection("/finger/image/compressed", kind, typestore=store)
+        grey_kind = "sensor_msgs/msg/Image"
+        grey_topic = writer.add_connection("/grey", grey_kind, typestore=store)
+        for at, file in enumerate(files):
+            data = numpy.frombuffer(file.read_bytes(), dtype=numpy.uint8)
+            message = types[kind](header=header(at), format="jpeg", data=data)
+            writer.write(topic, 1_000_000_000 + at * 40_000_000, store.serialize_cdr(message, kind))
+            pixels = numpy.full(64 * 48, at % 256, dtype=numpy.uint8)
+            message = types[grey_kind](
+                header=header(at), height=48, width=64, encoding="mono8", is_bigendian=0, step=64, data=pixels
+            )
+            writer.write(grey_topic, 1_000_000_000 + at * 40_000_000, store.serialize_cdr(message, grey_kind))
+    bag = next((folder / "bag").glob("*.mcap"))
+    watch = ["watch", f"{bag}#/finger/image/compressed", "--sensor", "scene/sensor.toml", "--json", "ros.jsonl"]
+    slipbound(folder, *watch)
+    watched = lines(folder / "ros.jsonl")
+    assert watched[0]["clock"] == "container", watched[0]["clock"]
+    assert watched[1]["time_ns"] == 100_000_000_000, watched[1]["time_ns"]
+    keys = ["seq", "state", "markers", "contact"]
+    same = [all(a[k] == b[k] for k in keys) for a, b in zip(watched[1:], report[1:], strict=True)]
+    # Times are 40 ms apart here and the scene's own there: what looks back in time may differ, what looks at a frame not.
+    assert sum(same) >= 0.9 * len(same), f"{sum(same)} of {len(same)} frames alike"
+    slipbound(folder, "record", f"{bag}#/grey", "-o", "grey.mcap")
+    with open(folder / "grey.mcap", "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        grey = [message for *_, message in reader.iter_decoded_messages(topics=["/finger/camera"])]
+    assert len(grey) == len(files) and all(m.encoding == "mono8" and m.data[5] == i % 256 for i, m in enumerate(grey))
+    print(f"written by rosbags: {len(watched) - 1} compressed and {len(grey)} grey pictures read, {sum(same)} reports alike")
+
+
+with tempfile.TemporaryDirectory() as scratch:
+    ros(Path(scratch), *ours(Path(scratch)))

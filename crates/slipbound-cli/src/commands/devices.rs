@@ -1,0 +1,113 @@
+//! `slipbound devices`: the cameras and serial lines of this computer, and how to name them.
+
+use crate::outcome::{Failure, Outcome};
+use crate::terminal::Terminal;
+use slipbound_rig::devices::{self, CameraNode, SerialLine};
+
+/// The arguments of `slipbound devices`.
+#[derive(Debug, clap::Args)]
+pub struct Devices {
+    /// Print udev rules that give every camera and serial line with a serial number a name that stays, and that everybody
+    /// may open
+    #[arg(long)]
+    udev: bool,
+}
+
+impl Devices {
+    /// Lists them; a computer without any is no failure.
+    pub fn run(&self) -> Result<Outcome, Failure> {
+        let (cameras, refused) = devices::cameras();
+        let lines = devices::serial_lines();
+        let mut terminal = Terminal::plain();
+        let text = if self.udev { rules(&cameras, &lines) } else { list(&cameras, &lines) };
+        for line in text {
+            terminal.say(&line)?;
+        }
+        for reason in refused {
+            terminal.note(&format!("{reason} (may this user open it? its group is mostly `video`)"));
+        }
+        Ok(Outcome::Done)
+    }
+}
+
+fn list(cameras: &[CameraNode], lines: &[SerialLine]) -> Vec<String> {
+    let mut out = vec!["cameras".to_owned()];
+    for camera in cameras {
+        let name = camera.serial.as_deref().unwrap_or(&camera.name);
+        out.push(format!("  'v4l2:{name}'  {}  {}", camera.described(), camera.formats.join(" ")));
+    }
+    if cameras.is_empty() {
+        out.push("  none found; a camera on a network is http://HOST:PORT/PATH (docs/cameras.md)".into());
+    }
+    out.push("serial lines".into());
+    for line in lines {
+        out.push(format!("  {}  {}", line.path.display(), line.described()));
+        out.extend(line.gripper().map(|(what, address)| format!("    {what}: --gripper {address}")));
+    }
+    if lines.is_empty() {
+        out.push("  none found".into());
+    }
+    out.push(
+        "grippers that are known (docs/grippers.md), by their protocols; those on a network answer at an address"
+            .into(),
+    );
+    out.extend(devices::GRIPPERS.iter().map(|(what, address)| format!("  {what}: {address}")));
+    out
+}
+
+fn rules(cameras: &[CameraNode], lines: &[SerialLine]) -> Vec<String> {
+    let mut out = vec![
+        "# /etc/udev/rules.d/60-slipbound.rules; then: udevadm control --reload && udevadm trigger".to_owned(),
+        "# A finger keeps its name wherever it is plugged in: v4l2:/dev/finger-SERIAL".to_owned(),
+    ];
+    for camera in cameras {
+        if let (Some((vendor, product)), Some(serial)) = (&camera.usb_id, &camera.serial) {
+            out.push(rule("video4linux", "index}==\"0", vendor, product, serial, "finger"));
+        }
+    }
+    for line in lines {
+        if let (Some((vendor, product)), Some(serial)) = (&line.usb_id, &line.serial) {
+            out.push(rule("tty", "", vendor, product, serial, "gripper"));
+        }
+    }
+    if out.len() == 2 {
+        out.push("# nothing with a serial number is plugged in now; such a rule looks like this:".into());
+        out.push(format!("# {}", rule("video4linux", "index}==\"0", "1234", "abcd", "SERIAL", "finger")));
+    }
+    out
+}
+
+fn rule(subsystem: &str, node: &str, vendor: &str, product: &str, serial: &str, name: &str) -> String {
+    let node = if node.is_empty() { String::new() } else { format!("ATTR{{{node}\", ") };
+    let plain: String = serial.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    format!(
+        "SUBSYSTEM==\"{subsystem}\", {node}ATTRS{{idVendor}}==\"{vendor}\", ATTRS{{idProduct}}==\"{product}\", \
+         ATTRS{{serial}}==\"{serial}\", SYMLINK+=\"{name}-{plain}\", MODE=\"0666\""
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rule_names_a_device_by_its_serial_number() {
+        let ids = Some(("0c45".into(), "636d".into()));
+        let camera = CameraNode {
+            path: "/dev/video2".into(),
+            name: "GelSight Mini".into(),
+            serial: Some("28H8-X".into()),
+            usb_id: ids,
+            formats: vec!["MJPG".into()],
+        };
+        let lines = rules(std::slice::from_ref(&camera), &[]);
+        assert_eq!(
+            lines[2],
+            "SUBSYSTEM==\"video4linux\", ATTR{index}==\"0\", ATTRS{idVendor}==\"0c45\", ATTRS{idProduct}==\"636d\", \
+             ATTRS{serial}==\"28H8-X\", SYMLINK+=\"finger-28H8_X\", MODE=\"0666\""
+        );
+        assert!(rules(&[], &[]).iter().all(|line| line.starts_with('#')), "none there: only an example");
+        assert!(list(&[camera], &[])[1].starts_with("  'v4l2:28H8-X'  /dev/video2 GelSight Mini serial 28H8-X  MJPG"));
+        assert!(list(&[], &[]).iter().any(|line| line.contains("none found")));
+    }
+}

@@ -1,0 +1,148 @@
+//! `slipbound doctor`: is everything there that a hand needs? A line for each, good or with what to do.
+
+mod finding;
+mod finger;
+
+use super::recording;
+use crate::interruption;
+use crate::outcome::{Failure, Outcome};
+use crate::terminal::Terminal;
+use anyhow::anyhow;
+use finding::{Finding, bad, good, judged};
+use slipbound::port::{Clock, FrameBuffer, FrameSource as _, Next};
+use slipbound_rig::gripper::{Device, Session, describe};
+use slipbound_rig::link::now_ns;
+use slipbound_rig::sensors;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::thread;
+use std::time::Duration;
+
+/// Frames that are looked at.
+const FRAMES_COUNT: usize = 90;
+/// Longest wait for them, ns.
+const LONGEST_NS: u64 = 10_000_000_000;
+/// Longest wait for a gripper, ns.
+const GRIPPER_NS: u64 = 3_000_000_000;
+/// A camera that gives less of its rate than this says where the rest goes.
+const RATE_FRACTION: f64 = 0.9;
+
+/// The arguments of `slipbound doctor`.
+#[derive(Debug, clap::Args)]
+pub struct Doctor {
+    /// A camera (docs/cameras.md) or a recording, of a finger that nothing touches
+    source: String,
+    /// The finger: a built-in name or a sensor file [default: markers are not looked for]
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    sensor: Option<String>,
+    /// A gripper that should answer, as in `slipbound gripper`; it does not move
+    #[arg(long, value_name = "ADDRESS")]
+    gripper: Option<String>,
+    /// A TOML file of gripper settings
+    #[arg(long, value_name = "FILE")]
+    gripper_config: Option<PathBuf>,
+}
+
+/// Frames and what is to be said of their source; a finding alone when there are none.
+type Looked = Result<(Vec<FrameBuffer>, Vec<Finding>), Finding>;
+
+impl Doctor {
+    /// Looks at everything; fails when something is to be mended.
+    pub fn run(&self) -> Result<Outcome, Failure> {
+        let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
+        let mut terminal = Terminal::plain();
+        let mut findings = match self.look()? {
+            Ok((frames, mut findings)) => {
+                findings.extend(finger::lighting(&frames));
+                findings.extend(sensor.iter().flat_map(|sensor| finger::markers(&frames, sensor)));
+                findings
+            }
+            Err(finding) => vec![finding],
+        };
+        findings.extend(self.gripper.as_deref().map(|address| self.gripper(address)));
+        for Finding { name, is, advice } in &findings {
+            let mark = if advice.is_none() { "good" } else { "BAD " };
+            terminal.say(&format!("{mark}  {name}: {is}"))?;
+            if let Some(advice) = advice {
+                terminal.say(&format!("      {advice}"))?;
+            }
+        }
+        match findings.iter().filter(|finding| finding.advice.is_some()).count() {
+            0 => Ok(Outcome::Done),
+            count => Err(anyhow!("{count} of {} things are to be mended", findings.len()).into()),
+        }
+    }
+
+    /// The frames, and what is to be said of camera, rate and clock; a finding alone when there are none.
+    fn look(&self) -> Result<Looked, Failure> {
+        let (mut source, camera) = match recording::open_watched(&self.source, None) {
+            Ok(opened) => opened,
+            Err(Failure::Work(e) | Failure::Arguments(e)) => {
+                let advice = "plug it in and look at `slipbound devices`; of a stream, open its address in a browser";
+                return Ok(Err(bad("camera", format!("{e:#}"), advice)));
+            }
+            Err(other) => return Err(other),
+        };
+        let stop = interruption::listen()?;
+        let (mut frames, mut torn_count, mut buffer) = (Vec::new(), 0, FrameBuffer::default());
+        let until_ns = now_ns() + LONGEST_NS;
+        while frames.len() < FRAMES_COUNT && now_ns() < until_ns && !stop.load(Ordering::Relaxed) {
+            match source.next(&mut buffer)? {
+                Next::Frame => frames.push(buffer.clone()),
+                Next::Torn { .. } => torn_count += 1,
+                Next::Silent => {}
+                Next::End => break,
+            }
+        }
+        let Some(first) = frames.first() else {
+            let advice = "is the stream the right one, and the camera not in use by another program?";
+            return Ok(Err(bad("camera", format!("{} gives no whole frame", self.source), advice)));
+        };
+        let mut findings = vec![good("camera", format!("{}, frames of {}", self.source, first.size))];
+        let advice = "a shorter or shielded cable, another USB port, or fewer cameras on one hub";
+        findings.push(judged(
+            "whole frames",
+            format!("{torn_count} torn of {}", frames.len()),
+            torn_count == 0,
+            advice,
+        ));
+        if let Some(camera) = &camera {
+            findings.push(rate(&camera.tally.counts(), &camera.facts));
+            let is_loose = |(_, value): &&(String, String)| value.contains("left to") || value.contains("not locked");
+            let loose: Vec<&str> = camera.facts.iter().filter(is_loose).map(|(name, _)| name.as_str()).collect();
+            let is = if loose.is_empty() { "nothing is left to the camera".into() } else { loose.join(", ") };
+            let advice = "set them in the address: ?exposure=..&gain=.. (docs/cameras.md)";
+            findings.push(judged("locked", is, loose.is_empty(), advice));
+            findings.push(match first.clock {
+                Clock::Device => good("clock", "the camera or its driver stamps its frames"),
+                _ => good("clock", "frames carry no stamps: their time is that of arrival"),
+            });
+        }
+        Ok(Ok((frames, findings)))
+    }
+
+    fn gripper(&self, address: &str) -> Finding {
+        let advice = "is it switched on, and the address right? `slipbound gripper ADDRESS status` says more";
+        let mut device = match Device::open(address, self.gripper_config.as_deref()) {
+            Ok(device) => device,
+            Err(e) => return bad("gripper", e.to_string(), advice),
+        };
+        let (stop, until_ns) = (Default::default(), now_ns() + GRIPPER_NS);
+        loop {
+            match Session::new(&mut device, &stop, &mut |_| {}).state() {
+                Ok(state) => return good("gripper", format!("{address}: {}", describe(&state))),
+                Err(e) if now_ns() > until_ns => return bad("gripper", e.to_string(), advice),
+                Err(_) => thread::sleep(Duration::from_millis(20)),
+            }
+        }
+    }
+}
+
+fn rate(counts: &slipbound_rig::source::CameraCounts, facts: &[(String, String)]) -> Finding {
+    let negotiated = facts.iter().find(|(name, _)| name == "rate_hz").and_then(|(_, value)| value.parse::<f64>().ok());
+    let measured = counts.rate_hz().unwrap_or(0.0);
+    let expected = negotiated.map_or(String::new(), |hz| format!(", {hz:.1} Hz were negotiated"));
+    let is_good = negotiated.map_or(measured >= 10.0, |hz| measured >= RATE_FRACTION * hz);
+    let advice = "more light or a shorter exposure, format=mjpg, a smaller size, or a USB port of its own";
+    judged("rate", format!("{counts}{expected}"), is_good, advice)
+}

@@ -1,0 +1,150 @@
+//! `slipbound record`: frames of cameras into an MCAP file, as they come.
+
+use super::recording::refused;
+use crate::interruption;
+use crate::outcome::{Failure, Outcome};
+use crate::terminal::Terminal;
+use anyhow::anyhow;
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use slipbound_rig::container::{Recorder, TappedSource};
+use slipbound_rig::link::now_ns;
+use slipbound_rig::sensors;
+use slipbound_rig::source::{self, CameraTally};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+/// The arguments of `slipbound record`.
+#[derive(Debug, clap::Args)]
+pub struct Record {
+    /// Cameras (docs/cameras.md), or recordings to be put into one file
+    #[arg(required = true, value_name = "SOURCE")]
+    sources: Vec<String>,
+    /// The file, which is replaced
+    #[arg(short, long, value_name = "FILE.mcap")]
+    output: PathBuf,
+    /// What the fingers are called, as often as there are sources [default: finger, or left and right]
+    #[arg(long, value_name = "NAME")]
+    finger: Vec<String>,
+    /// The sensor of every finger, to go with the recording: a built-in name or a sensor file
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    sensor: Option<String>,
+    /// For how long, in seconds [default: until Ctrl-C or the end of every source]
+    #[arg(long, value_name = "SECONDS")]
+    for_s: Option<f64>,
+}
+
+/// A source on its thread: frames and torn ones counted.
+type Counted = Result<(u64, u64), SourceError>;
+
+impl Record {
+    /// Records until the sources end, the time is over, or Ctrl-C.
+    pub fn run(&self) -> Result<Outcome, Failure> {
+        let names = self.names()?;
+        let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
+        let recorder = Recorder::create(&self.output, &names, false).map_err(Failure::arguments)?;
+        if let Some(sensor) = sensor {
+            let text = toml::to_string(&sensor).map_err(|e| Failure::work("sensor", e))?;
+            names
+                .iter()
+                .for_each(|n| recorder.attach(&format!("{n}.sensor.toml"), "text/toml", text.clone().into_bytes()));
+        }
+        let mut terminal = Terminal::with_status();
+        let stop = interruption::listen()?;
+        let mut running = Vec::new();
+        for (number, uri) in self.sources.iter().enumerate() {
+            let is_live = source::is_live(uri);
+            let (source, tally) = match is_live {
+                true => {
+                    let camera = source::open_camera(uri).map_err(refused)?;
+                    recorder.metadata(&format!("slipbound.camera.{}", names[number]), camera.facts.clone());
+                    let facts: Vec<String> =
+                        camera.facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
+                    terminal.note(&format!("{}: {}", names[number], facts.join(", ")));
+                    (camera.source, Some(camera.tally))
+                }
+                false => (source::open(uri).map_err(refused)?, None),
+            };
+            let tapped = TappedSource::new(source, number, recorder.inlet(), !is_live);
+            let theirs = stop.clone();
+            running.push((thread::spawn(move || drain(tapped, &theirs)), tally));
+        }
+        self.wait(&stop, &running, &terminal);
+        terminal.clear_bar();
+        stop.store(true, Ordering::Relaxed);
+        let mut torn_count = 0;
+        let mut failed = None;
+        for ((thread, tally), name) in running.into_iter().zip(&names) {
+            match thread.join() {
+                Ok(Ok((frames, torn))) => {
+                    torn_count += torn;
+                    let told =
+                        tally.map_or(format!("{frames} frames, {torn} torn"), |tally| tally.counts().to_string());
+                    terminal.say(&format!("{name}: {told}"))?;
+                }
+                Ok(Err(error)) => drop(failed.get_or_insert(error)),
+                Err(_) => return Err(anyhow!("{name}: the thread that reads it has broken down").into()),
+            }
+        }
+        let written = recorder.finish().map_err(|e| Failure::Work(e.into()))?;
+        terminal.say(&format!("{}: {} frames", self.output.display(), written.frames_count))?;
+        if written.lost_count > 0 {
+            terminal.note(&format!("{} frames were not recorded: the disk did not keep up", written.lost_count));
+        }
+        match failed {
+            Some(error) => Err(error.into()),
+            None if torn_count + written.lost_count > 0 => Ok(Outcome::DataLost),
+            None => Ok(Outcome::Done),
+        }
+    }
+
+    fn wait(
+        &self,
+        stop: &AtomicBool,
+        running: &[(thread::JoinHandle<Counted>, Option<Arc<CameraTally>>)],
+        terminal: &Terminal,
+    ) {
+        let until_ns = self.for_s.map(|s| now_ns() + (s.clamp(0.0, 1e9) * 1e9) as u64);
+        while !stop.load(Ordering::Relaxed) && running.iter().any(|(thread, _)| !thread.is_finished()) {
+            if until_ns.is_some_and(|until_ns| now_ns() >= until_ns) {
+                return;
+            }
+            let told: Vec<String> =
+                running.iter().flat_map(|(_, tally)| Some(tally.as_ref()?.counts().to_string())).collect();
+            terminal.status(&told.join(" | "));
+            thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn names(&self) -> Result<Vec<String>, Failure> {
+        let (names, sources_count) = (&self.finger, self.sources.len());
+        let names: Vec<String> = match (names.is_empty(), sources_count) {
+            (false, _) => names.clone(),
+            (true, 1) => vec!["finger".into()],
+            (true, 2) => vec!["left".into(), "right".into()],
+            (true, count) => (0..count).map(|number| format!("finger{number}")).collect(),
+        };
+        let is_twice = names.iter().enumerate().any(|(i, name)| names[..i].contains(name));
+        if names.len() != sources_count || is_twice {
+            let got = names.join(", ");
+            return Err(Failure::Arguments(anyhow!("--finger: expected {sources_count} different names, got {got}")));
+        }
+        Ok(names)
+    }
+}
+
+fn drain(mut source: impl FrameSource, stop: &AtomicBool) -> Counted {
+    let (mut frames_count, mut torn_count) = (0, 0);
+    let mut frame = FrameBuffer::default();
+    while !stop.load(Ordering::Relaxed) {
+        match source.next(&mut frame)? {
+            Next::Frame => frames_count += 1,
+            Next::Torn { .. } => torn_count += 1,
+            Next::Silent => {}
+            Next::End => break,
+        }
+    }
+    Ok((frames_count, torn_count))
+}

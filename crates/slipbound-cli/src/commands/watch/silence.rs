@@ -1,0 +1,47 @@
+//! A camera that gives no frames for a while: told once, and told when it is back.
+
+/// How long a camera has been silent.
+pub struct Silence {
+    longest_ns: u64,
+    heard_ns: Option<u64>,
+    is_told: bool,
+}
+
+impl Silence {
+    /// Silence beyond this is told, ms.
+    pub fn new(longest_ms: u64) -> Self {
+        Silence { longest_ns: longest_ms.saturating_mul(1_000_000), heard_ns: None, is_told: false }
+    }
+
+    /// Looked at a camera that gave a frame or was silent; a line when that is worth one.
+    pub fn see(&mut self, now_ns: u64, is_silent: bool) -> Option<String> {
+        let heard_ns = *self.heard_ns.get_or_insert(now_ns);
+        let silent_ns = now_ns.saturating_sub(heard_ns);
+        if !is_silent {
+            self.heard_ns = Some(now_ns);
+            let was_told = std::mem::take(&mut self.is_told);
+            return was_told.then(|| format!("frames again after {:.1} s", silent_ns as f64 * 1e-9));
+        }
+        if self.is_told || silent_ns <= self.longest_ns {
+            return None;
+        }
+        self.is_told = true;
+        Some(format!("no frame for {:.1} s", silent_ns as f64 * 1e-9))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stall_is_told_once_and_its_end_with_its_length() {
+        let mut silence = Silence::new(300);
+        let ms = |ms: u64| ms * 1_000_000;
+        assert_eq!((silence.see(ms(0), false), silence.see(ms(300), true)), (None, None));
+        assert_eq!(silence.see(ms(400), true), Some("no frame for 0.4 s".into()));
+        assert_eq!(silence.see(ms(500), true), None);
+        assert_eq!(silence.see(ms(2000), false), Some("frames again after 2.0 s".into()));
+        assert_eq!((silence.see(ms(2033), false), silence.see(ms(2100), true)), (None, None));
+    }
+}

@@ -1,0 +1,238 @@
+//! Live sources from outside: a served stream is watched, recorded, killed and judged again; a hand holds on two of them.
+#![cfg(unix)]
+
+use serde_json::Value;
+use std::fs;
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+const SIZE: (usize, usize) = (320, 240);
+const PERIOD: Duration = Duration::from_millis(33);
+
+/// Dots of 11 px on a grid of 30.8 px, a little further to the right from frame to frame.
+fn jpeg(frame: usize) -> Vec<u8> {
+    let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1)
+        .map(|i| {
+            let (x, y) = ((i % SIZE.0) as f64 - 20.0 - 0.01 * (frame % 50) as f64, (i / SIZE.0) as f64 - 27.0);
+            let off = |v: f64| v - 30.8 * (v / 30.8).round();
+            let cover = (6.0 - (off(x) * off(x) + off(y) * off(y)).sqrt()).clamp(0.0, 1.0);
+            (140.0 - 110.0 * cover) as u8
+        })
+        .collect();
+    let mut out = Vec::new();
+    let encoder = jpeg_encoder::Encoder::new(&mut out, 90);
+    encoder.encode(&pixels, SIZE.0 as u16, SIZE.1 as u16, jpeg_encoder::ColorType::Luma).expect("encodes");
+    out
+}
+
+/// What the stream does beside giving a frame every 33 ms.
+#[derive(Clone, Copy, Default)]
+struct Trouble {
+    /// Stalls for so long before this frame.
+    stall: Option<(usize, Duration)>,
+    /// Tears this frame.
+    tears: Option<usize>,
+    /// Is silent for good from this frame.
+    silent_from: Option<usize>,
+}
+
+/// Serves a finger's camera to whoever connects; the address.
+fn serve(trouble: Trouble) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let url = format!("http://{}/left", listener.local_addr().expect("bound"));
+    thread::spawn(move || {
+        for socket in listener.incoming().flatten() {
+            thread::spawn(move || drop(play(socket, trouble))); // who hangs up has seen enough
+        }
+    });
+    url
+}
+
+fn play(mut socket: TcpStream, trouble: Trouble) -> std::io::Result<()> {
+    assert!(socket.read(&mut [0; 1000])? > 0, "no request");
+    socket.write_all(b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=cam\r\n\r\n")?;
+    for frame in 0.. {
+        if trouble.silent_from == Some(frame) {
+            thread::sleep(Duration::from_secs(60));
+        }
+        match trouble.stall {
+            Some((at, long)) if at == frame => thread::sleep(long),
+            _ => thread::sleep(PERIOD),
+        }
+        let mut bytes = jpeg(frame);
+        if trouble.tears == Some(frame) {
+            bytes.truncate(bytes.len() / 2);
+        }
+        write!(socket, "--cam\r\nContent-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", bytes.len())?;
+        socket.write_all(&bytes)?;
+        socket.write_all(b"\r\n")?;
+    }
+    Ok(())
+}
+
+fn slipbound(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
+    command.current_dir(folder).args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+fn interrupt(child: &Child) {
+    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
+    assert!(told.success());
+}
+
+fn told(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// Waits until a file has so many lines.
+fn until_lines(path: &Path, count: usize) {
+    let from = Instant::now();
+    while fs::read_to_string(path).map_or(0, |text| text.lines().count()) < count {
+        assert!(from.elapsed() < Duration::from_secs(60), "{} never had {count} lines", path.display());
+        thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// The lines of a report without its header.
+fn lines(path: &Path) -> Vec<String> {
+    fs::read_to_string(path).expect("a report").lines().skip(1).map(str::to_owned).collect()
+}
+
+const WATCH: [&str; 3] = ["watch", "--sensor", "gelsight_mini_wide"];
+
+#[test]
+fn what_was_watched_live_is_judged_again_from_its_recording_to_the_same_lines() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let trouble = Trouble { stall: Some((30, Duration::from_millis(700))), tears: Some(40), silent_from: None };
+    let url = serve(trouble);
+    let live = ["--json", "live.jsonl", "--record", "run.mcap", "--rest", "live:20", &url];
+    let child = slipbound(scratch.path(), &[&WATCH[..], &live].concat()).spawn().expect("starts");
+    until_lines(&scratch.path().join("live.jsonl"), 60);
+    interrupt(&child);
+    let ended = child.wait_with_output().expect("ends");
+    let said = told(&ended);
+    assert_eq!(ended.status.code(), Some(3), "a torn frame: {said}");
+    for words in ["no frame for 0.", "frames again after 0.", "camera: ", "1 torn", "format Motion JPEG over HTTP"] {
+        assert!(said.contains(words), "no `{words}` in {said}");
+    }
+    let again = ["--json", "again.jsonl", "run.mcap"];
+    let replayed = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
+    let (live, again) = (lines(&scratch.path().join("live.jsonl")), lines(&scratch.path().join("again.jsonl")));
+    assert!(live.len() >= 59, "{}", live.len());
+    assert_eq!(live, again);
+    // On a slow machine a newer frame may have overtaken the torn one.
+    let is_torn_judged = live.iter().any(|line| line.contains("\"torn frame\""));
+    assert_eq!(replayed.status.code(), Some(if is_torn_judged { 3 } else { 0 }), "{}", told(&replayed));
+    let time_ns = |line: &String| serde_json::from_str::<Value>(line).expect("JSON")["time_ns"].as_u64();
+    assert!(live.iter().all(|line| time_ns(line).is_some()), "times of arrival");
+}
+
+#[test]
+fn a_recording_that_was_killed_is_readable_to_its_last_chunk() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let url = serve(Trouble::default());
+    let live = ["--json", "live.jsonl", "--record", "run.mcap", &url];
+    let mut child = slipbound(scratch.path(), &[&WATCH[..], &live].concat()).spawn().expect("starts");
+    until_lines(&scratch.path().join("live.jsonl"), 80);
+    child.kill().expect("kill -9");
+    child.wait().expect("ends");
+    let again = ["--json", "again.jsonl", "run.mcap"];
+    let replayed = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
+    let said = told(&replayed);
+    assert!(said.contains("cut off"), "{said}");
+    let (live, mut again) = (lines(&scratch.path().join("live.jsonl")), lines(&scratch.path().join("again.jsonl")));
+    assert!(again.pop().is_some_and(|line| line.contains("\"torn frame\"")), "the end is said to be missing");
+    assert!(live.starts_with(&again), "what is there is the same");
+    let lost_count = live.len() - again.len();
+    assert!(lost_count <= 40, "{lost_count} of {} frames were lost, at 30 Hz and chunks of half a second", live.len());
+}
+
+#[test]
+fn two_cameras_hold_are_recorded_and_a_blocked_one_does_not_keep_ctrl_c_waiting() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (left, right) = (serve(Trouble::default()), serve(Trouble { silent_from: Some(90), ..Trouble::default() }));
+    let hold = ["hold", &left, &right, "--sensor", "gelsight_mini_wide", "--gripper", "dry", "--rest", "live:20"];
+    let files = ["--record=run.mcap", "-o", "run"];
+    let child = slipbound(scratch.path(), &[&hold[..], &files].concat()).spawn().expect("starts");
+    until_lines(&scratch.path().join("run/reports.jsonl"), 130);
+    let from = Instant::now();
+    interrupt(&child);
+    let ended = child.wait_with_output().expect("ends");
+    assert!(from.elapsed() < Duration::from_secs(8), "{:?}", from.elapsed());
+    let said = told(&ended);
+    for words in ["right: no frame for 0.3 s", "left: camera: ", "right: camera: ", "interrupted"] {
+        assert!(said.contains(words), "no `{words}` in {said}");
+    }
+    let again = ["--json", "left.jsonl", "run.mcap#left"];
+    let replayed = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
+    assert_eq!(replayed.status.code(), Some(0), "{}", told(&replayed));
+    assert!(lines(&scratch.path().join("left.jsonl")).len() > 100);
+    let run = fs::read_to_string(scratch.path().join("run/run.toml")).expect("what was run");
+    assert!(run.contains("Motion JPEG over HTTP"), "{run}");
+}
+
+#[test]
+fn record_takes_cameras_as_they_come_and_devices_needs_none() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (left, right) = (serve(Trouble::default()), serve(Trouble::default()));
+    let record = ["record", &left, &right, "-o", "run.mcap", "--for-s", "1.5", "--sensor", "gelsight_mini_wide"];
+    let ended = slipbound(scratch.path(), &record).output().expect("runs");
+    assert_eq!(ended.status.code(), Some(0), "{}", told(&ended));
+    assert!(told(&ended).contains("left: ") && told(&ended).contains(" Hz"), "{}", told(&ended));
+    let watched = slipbound(scratch.path(), &[&WATCH[..], &["run.mcap#right"]].concat()).output().expect("runs");
+    assert_eq!(watched.status.code(), Some(0), "{}", told(&watched));
+
+    let devices = slipbound(scratch.path(), &["devices"]).output().expect("runs");
+    assert_eq!(devices.status.code(), Some(0), "{}", told(&devices));
+    assert!(told(&devices).contains("wsg50://HOST:1000"), "{}", told(&devices));
+    let rules = slipbound(scratch.path(), &["devices", "--udev"]).output().expect("runs");
+    assert!(told(&rules).contains("SUBSYSTEM==\"video4linux\""), "{}", told(&rules));
+}
+
+#[test]
+fn what_cannot_be_a_camera_is_refused() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    for (uri, code, expected) in [
+        ("v4l2:0", 2, "numbers change"),
+        ("v4l2:no such camera", 2, "`slipbound devices`"),
+        ("v4l2:x?size=9", 2, "size=WIDTHxHEIGHT"),
+        ("http://127.0.0.1:1/", 1, "127.0.0.1:1"),
+        ("http://", 2, "expected http://HOST"),
+    ] {
+        let ended = slipbound(scratch.path(), &["watch", uri]).output().expect("runs");
+        assert_eq!(ended.status.code(), Some(code), "{uri}: {}", told(&ended));
+        assert!(told(&ended).contains(expected), "{uri}: {}", told(&ended));
+    }
+}
+
+/// Frames of a simulated scene from a touched one on.
+#[test]
+fn a_touched_finger_is_refused_where_rest_is_to_be_live() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let made = slipbound(scratch.path(), &["simulate", "ramp", "--seed", "3", "-o", "all"]).output().expect("runs");
+    assert!(made.status.success(), "{}", told(&made));
+    let mut frames: Vec<_> =
+        fs::read_dir(scratch.path().join("all")).expect("a folder").flatten().map(|e| e.path()).collect();
+    frames.retain(|path| path.extension().is_some_and(|kind| kind == "jpg" || kind == "png"));
+    frames.sort();
+    let touched = scratch.path().join("touched");
+    fs::create_dir(&touched).expect("makes a folder");
+    for frame in &frames[frames.len() / 2..] {
+        fs::copy(frame, touched.join(frame.file_name().expect("a name"))).expect("copies");
+    }
+    for (source, code) in [("all", 0), ("touched", 1)] {
+        let watch = ["watch", source, "--sensor", "all/sensor.toml", "--rest", "live:10"];
+        let ended = slipbound(scratch.path(), &watch).output().expect("runs");
+        assert_eq!(ended.status.code(), Some(code), "{source}: {}", told(&ended));
+        assert_eq!(told(&ended).contains("expected a finger that nothing touches"), code == 1, "{}", told(&ended));
+    }
+    let hold = ["hold", "touched", "--sensor", "all/sensor.toml", "--gripper", "dry", "--rest", "live:10", "-o", "run"];
+    let ended = slipbound(scratch.path(), &hold).output().expect("runs");
+    assert_eq!(ended.status.code(), Some(1), "{}", told(&ended));
+    assert!(told(&ended).contains("expected a finger that nothing touches"), "{}", told(&ended));
+}

@@ -1,0 +1,29 @@
+//! MCAP files: frames as they came, with everything that was said of them.
+//!
+//! ```text
+//!   camera --tap--> every frame that arrives      /left/camera  foxglove.CompressedImage or RawImage, protobuf
+//!     | Newest                                    /left/frame   slipbound.Frame, JSON: number, time, judged or skipped
+//!   monitor ------> report of every judged frame  /left/report  slipbound.Report, JSON (docs/report.schema.json)
+//!   loop ---------> commands, gripper, wrist      /cycle        slipbound.Cycle, JSON
+//!   settings, sensor files, camera facts          attachments and metadata
+//! ```
+//!
+//! Everything is written by a thread of its own behind a bounded queue: what does not fit is lost and counted, and never
+//! delays a frame or a cycle. A chunk is closed every half second, so that a program that is killed loses no more.
+//! [`McapSource`] gives the frames that were judged, and those alone, so that a recording is judged again to the same bits.
+
+mod cdr;
+mod foxglove;
+mod frame_record;
+mod observer;
+mod pictures;
+mod reader;
+mod recorder;
+mod tap;
+mod wire;
+
+pub use frame_record::{Fate, FrameRecord};
+pub use observer::McapObserver;
+pub use reader::McapSource;
+pub use recorder::{Error, Inlet, Recorder, Written};
+pub use tap::{MarkedSource, ReportLines, TappedSource};

@@ -1,0 +1,331 @@
+//! Writes a recording, on a thread of its own.
+
+use super::foxglove;
+use super::frame_record::{Fate, FrameRecord, camera_topic};
+use crate::link::now_ns;
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{Attachment, WriteOptions, Writer};
+use slipbound::port::FrameBuffer;
+use std::collections::{BTreeMap, VecDeque};
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// What may wait for the disk: one to two seconds of two fingers.
+const QUEUE_COUNT: usize = 128;
+/// A chunk is closed after this time, so that no more is lost when the program is killed, ns.
+const CHUNK_NS: u64 = 500_000_000;
+/// A chunk is closed beyond this size, bytes.
+const CHUNK_BYTES: u64 = 8 << 20;
+
+/// The schema of a report, the same as that of its JSON lines.
+const REPORT_SCHEMA: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/report.schema.json"));
+/// A schema that says no more than that it is an object.
+const OBJECT_SCHEMA: &[u8] = br#"{"type":"object"}"#;
+const FRAME_SCHEMA: &[u8] =
+    br#"{"type":"object","title":"slipbound.Frame","required":["seq","time_ns","clock","fate","torn","is_kept"],
+"properties":{"seq":{"type":"integer"},"time_ns":{"type":["integer","null"]},"clock":{"type":"string"},
+"fate":{"enum":["judged","skipped","recorded"]},"torn":{"type":["string","null"]},"is_kept":{"type":"boolean"}}}"#;
+
+/// A recording that cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The file cannot be made.
+    #[error("{}: cannot write: {source}", path.display())]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// It could be made, and not be written to its end; what came before is readable.
+    #[error("{}: cannot write on: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: Box<mcap::McapError>,
+    },
+    /// The thread that writes has broken down.
+    #[error("{}: the thread that writes it has broken down", path.display())]
+    Thread {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// What has become of a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Written {
+    /// Frames in the file.
+    pub frames_count: u64,
+    /// Frames and lines that did not get into the file, for the disk did not keep up.
+    pub lost_count: u64,
+}
+
+/// What is on its way to the file.
+pub(super) enum Item {
+    Frame { finger: usize, frame: Box<FrameBuffer>, torn: Option<String>, log_ns: u64 },
+    Taken { finger: usize, record: FrameRecord },
+    Line { topic: String, log_ns: u64, json: Vec<u8> },
+    Attachment { name: String, media_type: &'static str, bytes: Vec<u8> },
+    Metadata { name: String, facts: BTreeMap<String, String> },
+    End,
+}
+
+/// Where frames and lines are handed in. Clones write to the same file.
+#[derive(Clone)]
+pub struct Inlet {
+    to: SyncSender<Item>,
+    lost: Arc<AtomicU64>,
+}
+
+impl Inlet {
+    /// Hands in what may wait if there is room; what does not fit is lost and counted. False when it was lost.
+    pub(super) fn offer(&self, item: Item) -> bool {
+        let is_taken = self.to.try_send(item).is_ok();
+        if !is_taken {
+            self.lost.fetch_add(1, Ordering::Relaxed);
+        }
+        is_taken
+    }
+
+    /// Hands in what must not be lost: waits for room.
+    pub(super) fn send(&self, item: Item) {
+        if self.to.send(item).is_err() {
+            self.lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// A recording that is being written.
+pub struct Recorder {
+    path: PathBuf,
+    inlet: Inlet,
+    thread: JoinHandle<Result<u64, mcap::McapError>>,
+}
+
+impl Recorder {
+    /// Begins a recording of these fingers. `judges`: somebody will say which frames are judged
+    /// ([`MarkedSource`](super::MarkedSource)); otherwise all are just recorded.
+    pub fn create(path: &Path, fingers: &[String], judges: bool) -> Result<Self, Error> {
+        let file = File::create(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
+        let wrong = |source| Error::Write { path: path.to_owned(), source: Box::new(source) };
+        let sheet = Sheet::create(file, fingers, judges).map_err(wrong)?;
+        let (to, items) = sync_channel(QUEUE_COUNT);
+        let thread = thread::spawn(move || sheet.run(&items));
+        Ok(Recorder { path: path.to_owned(), inlet: Inlet { to, lost: Arc::default() }, thread })
+    }
+
+    /// Where frames and lines are handed in.
+    pub fn inlet(&self) -> Inlet {
+        self.inlet.clone()
+    }
+
+    /// A file that goes with the recording: a sensor file, settings.
+    pub fn attach(&self, name: &str, media_type: &'static str, bytes: Vec<u8>) {
+        self.inlet.send(Item::Attachment { name: name.into(), media_type, bytes });
+    }
+
+    /// Facts of a kind.
+    pub fn metadata(&self, name: &str, facts: impl IntoIterator<Item = (String, String)>) {
+        self.inlet.send(Item::Metadata { name: name.into(), facts: facts.into_iter().collect() });
+    }
+
+    /// Closes the file. Whoever still hands in is told nothing: it is counted as lost.
+    pub fn finish(self) -> Result<Written, Error> {
+        let Recorder { path, inlet, thread } = self;
+        inlet.send(Item::End);
+        let lost_count = inlet.lost.load(Ordering::Relaxed);
+        match thread.join() {
+            Ok(Ok(frames_count)) => Ok(Written { frames_count, lost_count }),
+            Ok(Err(source)) => Err(Error::Write { path, source: Box::new(source) }),
+            Err(_) => Err(Error::Thread { path }),
+        }
+    }
+}
+
+impl Inlet {
+    /// A line of JSON on a topic, now. Lost, and counted, when the disk does not keep up.
+    pub fn line(&self, topic: &str, json: Vec<u8>) {
+        self.offer(Item::Line { topic: topic.into(), log_ns: log_ns(), json });
+    }
+
+    /// The same, and never lost: waits for the disk.
+    pub fn line_patiently(&self, topic: &str, json: Vec<u8>) {
+        self.send(Item::Line { topic: topic.into(), log_ns: log_ns(), json });
+    }
+}
+
+/// The time of day in ns when the program began, by a clock that is not put back meanwhile, plus what has passed since.
+pub(super) fn log_ns() -> u64 {
+    static OFFSET: std::sync::OnceLock<u64> = std::sync::OnceLock::new();
+    let offset_ns = *OFFSET.get_or_init(|| {
+        let day = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        u64::try_from(day.as_nanos()).unwrap_or(0).saturating_sub(now_ns())
+    });
+    offset_ns + now_ns()
+}
+
+/// The file, on its thread.
+struct Sheet {
+    writer: Writer<BufWriter<File>>,
+    fingers: Vec<Finger>,
+    judges: bool,
+    /// By topic and schema: a source may give pictures now and pixels then.
+    channels: BTreeMap<(String, u16), u16>,
+    schemas: [u16; 5],
+    frames_count: u64,
+}
+
+struct Finger {
+    name: String,
+    /// Frames of which it is not known yet what becomes of them.
+    pending: VecDeque<FrameRecord>,
+}
+
+impl Sheet {
+    fn create(file: File, fingers: &[String], judges: bool) -> Result<Self, mcap::McapError> {
+        let library = concat!("slipbound ", env!("CARGO_PKG_VERSION"));
+        let options = WriteOptions::new().library(library).compression(None).chunk_size(Some(CHUNK_BYTES));
+        let mut writer = options.create(BufWriter::new(file))?;
+        let mut schemas = [0; 5];
+        for (into, (name, encoding, data)) in schemas.iter_mut().zip([
+            (foxglove::COMPRESSED, "protobuf", foxglove::description(foxglove::COMPRESSED)),
+            (foxglove::RAW, "protobuf", foxglove::description(foxglove::RAW)),
+            ("slipbound.Frame", "jsonschema", FRAME_SCHEMA.to_vec()),
+            ("slipbound.Report", "jsonschema", REPORT_SCHEMA.to_vec()),
+            ("slipbound.Cycle", "jsonschema", OBJECT_SCHEMA.to_vec()),
+        ]) {
+            *into = writer.add_schema(name, encoding, &data)?;
+        }
+        let finger = |name: &String| Finger { name: name.clone(), pending: VecDeque::new() };
+        let fingers = fingers.iter().map(finger).collect();
+        Ok(Sheet { writer, fingers, judges, channels: BTreeMap::new(), schemas, frames_count: 0 })
+    }
+
+    /// Writes until the end is handed in. A chunk is closed whenever it has become old.
+    fn run(mut self, items: &Receiver<Item>) -> Result<u64, mcap::McapError> {
+        let mut flushed_ns = now_ns();
+        loop {
+            let left_ns = (flushed_ns + CHUNK_NS).saturating_sub(now_ns());
+            match items.recv_timeout(Duration::from_nanos(left_ns)) {
+                Ok(Item::End) | Err(RecvTimeoutError::Disconnected) => break,
+                Ok(item) => self.write(item)?,
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            if now_ns() >= flushed_ns + CHUNK_NS {
+                self.writer.flush()?;
+                flushed_ns = now_ns();
+            }
+        }
+        for finger in 0..self.fingers.len() {
+            while let Some(record) = self.fingers[finger].pending.pop_front() {
+                self.frame_record(finger, &FrameRecord { fate: Fate::Skipped, ..record })?;
+            }
+        }
+        self.writer.finish()?;
+        Ok(self.frames_count)
+    }
+
+    fn write(&mut self, item: Item) -> Result<(), mcap::McapError> {
+        match item {
+            Item::Frame { finger, frame, torn, log_ns } => self.frame(finger, &frame, torn, log_ns),
+            Item::Taken { finger, record } => self.taken(finger, record),
+            Item::Line { topic, log_ns, json } => {
+                let schema = self.schemas[if topic.ends_with("/report") { 3 } else { 4 }];
+                self.message(&topic, schema, "json", 0, log_ns, log_ns, &json)
+            }
+            Item::Attachment { name, media_type, bytes } => {
+                let now = log_ns();
+                let media_type = media_type.into();
+                self.writer.attach(&Attachment {
+                    log_time: now,
+                    create_time: now,
+                    name,
+                    media_type,
+                    data: bytes.into(),
+                })
+            }
+            Item::Metadata { name, facts } => self.writer.write_metadata(&Metadata { name, metadata: facts }),
+            Item::End => Ok(()),
+        }
+    }
+
+    fn frame(
+        &mut self,
+        finger: usize,
+        frame: &FrameBuffer,
+        torn: Option<String>,
+        log_ns: u64,
+    ) -> Result<(), mcap::McapError> {
+        let Some(name) = self.fingers.get(finger).map(|finger| finger.name.clone()) else { return Ok(()) };
+        let has_bytes = !frame.encoded.is_empty() || torn.is_none();
+        if has_bytes {
+            let stamp_ns = frame.time_ns.unwrap_or(log_ns);
+            let (schema, bytes) = foxglove::write(frame, &name, stamp_ns);
+            let schema = self.schemas[if schema == foxglove::COMPRESSED { 0 } else { 1 }];
+            self.message(&camera_topic(&name), schema, "protobuf", frame.seq, log_ns, stamp_ns, &bytes)?;
+            self.frames_count += 1;
+        }
+        let (seq, time_ns, clock) = (frame.seq, frame.time_ns, frame.clock);
+        let record = FrameRecord { seq, time_ns, clock, fate: Fate::Recorded, torn, is_kept: has_bytes };
+        if self.judges {
+            self.fingers[finger].pending.push_back(record);
+            return Ok(());
+        }
+        self.frame_record(finger, &record)
+    }
+
+    /// A frame was taken: those before it, that still wait, were not.
+    fn taken(&mut self, finger: usize, record: FrameRecord) -> Result<(), mcap::McapError> {
+        while let Some(first) = self.fingers.get_mut(finger).and_then(|finger| finger.pending.pop_front()) {
+            if first.seq == record.seq {
+                return self.frame_record(finger, &FrameRecord { fate: Fate::Judged, ..first });
+            }
+            if first.seq > record.seq {
+                self.fingers[finger].pending.push_front(first);
+                break;
+            }
+            self.frame_record(finger, &FrameRecord { fate: Fate::Skipped, ..first })?;
+        }
+        // It was judged, but never got here.
+        self.frame_record(finger, &FrameRecord { is_kept: false, fate: Fate::Judged, ..record })
+    }
+
+    fn frame_record(&mut self, finger: usize, record: &FrameRecord) -> Result<(), mcap::McapError> {
+        let Some(name) = self.fingers.get(finger).map(|finger| finger.name.clone()) else { return Ok(()) };
+        let json = serde_json::to_vec(record).map_err(|e| mcap::McapError::Io(e.into()))?;
+        let now = log_ns();
+        self.message(&format!("/{name}/frame"), self.schemas[2], "json", record.seq, now, now, &json)
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn message(
+        &mut self,
+        topic: &str,
+        schema: u16,
+        encoding: &str,
+        seq: u64,
+        log_time: u64,
+        publish_time: u64,
+        data: &[u8],
+    ) -> Result<(), mcap::McapError> {
+        let key = (topic.to_owned(), schema);
+        let channel_id = match self.channels.get(&key) {
+            Some(&id) => id,
+            None => {
+                let id = self.writer.add_channel(schema, topic, encoding, &BTreeMap::new())?;
+                self.channels.insert(key, id);
+                id
+            }
+        };
+        let sequence = (seq & u64::from(u32::MAX)) as u32;
+        self.writer.write_to_known_channel(&MessageHeader { channel_id, sequence, log_time, publish_time }, data)
+    }
+}

@@ -1,0 +1,120 @@
+//! Frames on their way past a recorder.
+
+use super::frame_record::{Fate, FrameRecord};
+use super::recorder::{Inlet, Item, log_ns};
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use std::io::{self, Write};
+
+/// A source of which every frame that arrives is recorded too, before anybody decides whether to judge it.
+pub struct TappedSource<S> {
+    source: S,
+    finger: usize,
+    inlet: Inlet,
+    waits: bool,
+}
+
+impl<S> TappedSource<S> {
+    /// The frames of this source are those of the finger with this number. `waits`: for the disk, as a recording can; a
+    /// camera's frame is rather lost, and counted.
+    pub fn new(source: S, finger: usize, inlet: Inlet, waits: bool) -> Self {
+        TappedSource { source, finger, inlet, waits }
+    }
+}
+
+impl<S: FrameSource> FrameSource for TappedSource<S> {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        let next = self.source.next(into)?;
+        let torn = match &next {
+            Next::Frame => None,
+            Next::Torn { reason } => Some(reason.clone()),
+            Next::Silent | Next::End => return Ok(next),
+        };
+        // Pixels are copied only where they are what is recorded.
+        let pixels = if into.encoded.is_empty() && torn.is_none() { into.pixels.clone() } else { Vec::new() };
+        let frame = FrameBuffer { encoded: into.encoded.clone(), pixels, label: String::new(), ..*into };
+        let item = Item::Frame { finger: self.finger, frame: Box::new(frame), torn, log_ns: log_ns() };
+        match self.waits {
+            true => self.inlet.send(item),
+            false => drop(self.inlet.offer(item)), // counted there
+        }
+        Ok(next)
+    }
+
+    fn frames_count(&self) -> Option<u64> {
+        self.source.frames_count()
+    }
+}
+
+/// A source whose frames are judged: every one that is taken is marked in the recording.
+pub struct MarkedSource<S> {
+    source: S,
+    finger: usize,
+    inlet: Inlet,
+    waits: bool,
+}
+
+impl<S> MarkedSource<S> {
+    /// Marks the frames of the finger with this number. `waits` as in [`TappedSource::new`].
+    pub fn new(source: S, finger: usize, inlet: Inlet, waits: bool) -> Self {
+        MarkedSource { source, finger, inlet, waits }
+    }
+}
+
+impl<S: FrameSource> FrameSource for MarkedSource<S> {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        let next = self.source.next(into)?;
+        let torn = match &next {
+            Next::Frame => None,
+            Next::Torn { reason } => Some(reason.clone()),
+            Next::Silent | Next::End => return Ok(next),
+        };
+        let (seq, time_ns, clock) = (into.seq, into.time_ns, into.clock);
+        let record = FrameRecord { seq, time_ns, clock, fate: Fate::Judged, torn, is_kept: true };
+        let item = Item::Taken { finger: self.finger, record };
+        match self.waits {
+            true => self.inlet.send(item),
+            false => drop(self.inlet.offer(item)), // counted there
+        }
+        Ok(next)
+    }
+
+    fn frames_count(&self) -> Option<u64> {
+        self.source.frames_count()
+    }
+}
+
+/// Where [`ReportJson`](crate::report_json::ReportJson) writes the reports of a finger, to have them in the recording.
+pub struct ReportLines {
+    inlet: Inlet,
+    topic: String,
+    waits: bool,
+    line: Vec<u8>,
+}
+
+impl ReportLines {
+    /// `waits` as in [`TappedSource::new`].
+    pub fn new(inlet: Inlet, finger: &str, waits: bool) -> Self {
+        ReportLines { inlet, topic: format!("/{finger}/report"), waits, line: Vec::new() }
+    }
+}
+
+impl Write for ReportLines {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.line.extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    /// A line is whole when it is flushed.
+    fn flush(&mut self) -> io::Result<()> {
+        let mut line = std::mem::take(&mut self.line);
+        if line.ends_with(b"\n") {
+            line.pop();
+        }
+        match self.waits {
+            _ if line.is_empty() => {}
+            true => self.inlet.line_patiently(&self.topic, line),
+            false => self.inlet.line(&self.topic, line),
+        }
+        Ok(())
+    }
+}

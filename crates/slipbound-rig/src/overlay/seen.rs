@@ -1,0 +1,29 @@
+//! What an overlay shows beside the report.
+
+use slipbound::image::Mask;
+use slipbound::monitor::{Marker, SlipMonitor};
+use slipbound::sensor::Sensor;
+
+/// What was found on a frame, borrowed from the monitor that has just judged it, or from a copy that was kept.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen<'a> {
+    /// The facts of the finger at the size of its frames.
+    pub sensor: &'a Sensor,
+    /// Every marker as it was known after the frame.
+    pub markers: &'a [Marker],
+    /// The contact region, rectified.
+    pub contact_region: &'a Mask,
+    /// The inner contact region, rectified.
+    pub inner_region: &'a Mask,
+}
+
+impl<'a> From<&'a SlipMonitor> for Seen<'a> {
+    fn from(monitor: &'a SlipMonitor) -> Self {
+        Seen {
+            sensor: monitor.sensor(),
+            markers: monitor.markers(),
+            contact_region: monitor.contact_region(),
+            inner_region: monitor.inner_region(),
+        }
+    }
+}

@@ -1,0 +1,337 @@
+//! Motion JPEG over HTTP: `http://HOST[:PORT]/PATH`, as cameras on a network and small computers serve it.
+//!
+//! ```text
+//!   connect --> head --> multipart parts --> JPEG --> frame       a part that is no whole JPEG is torn
+//!      ^                    | cut, silent for 3 s, cannot be followed
+//!      '--- wait 0.1 s, 0.2 s .. 3 s
+//! ```
+//!
+//! The time of a frame is the server's `X-Timestamp` where it sends one (its clock says device), else that of arrival.
+
+use super::camera::{Camera, CameraTally};
+use super::multipart::{Found, Multipart};
+use super::{Error, picture};
+use crate::link::now_ns;
+use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{TcpStream, ToSocketAddrs};
+use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
+
+/// Longest wait of one call.
+const LONGEST_WAIT: Duration = Duration::from_millis(100);
+/// Longest wait for a connection.
+const CONNECT: Duration = Duration::from_secs(2);
+/// A stream without a byte for so long is opened anew, ns; so is a request without an answer.
+const SILENT_NS: u64 = 3_000_000_000;
+/// Wait before the first try to connect again, and the longest, ns: it doubles.
+const FIRST_RETRY_NS: u64 = 100_000_000;
+const LONGEST_RETRY_NS: u64 = 3_000_000_000;
+/// Longest head of an answer, bytes.
+const LONGEST_HEAD_BYTES: usize = 16 << 10;
+
+/// What a URL names.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Address {
+    host: String,
+    port: u16,
+    path: String,
+}
+
+/// The frames of a stream. It comes back by itself when it was cut off.
+#[derive(Debug)]
+pub struct MjpegHttp {
+    address: Address,
+    stream: Option<Stream>,
+    retry_at_ns: u64,
+    retry_ns: u64,
+    seq: u64,
+    tally: Arc<CameraTally>,
+    bytes: Vec<u8>,
+}
+
+/// An open connection.
+#[derive(Debug)]
+struct Stream {
+    socket: TcpStream,
+    parts: Multipart,
+    heard_ns: u64,
+}
+
+impl MjpegHttp {
+    /// Connects. Fails when nobody answers, or with something else than a stream of pictures.
+    pub fn open(url: &str) -> Result<Camera, Error> {
+        let address = Address::parse(url).map_err(|expected| Error::Address { uri: url.into(), expected })?;
+        let stream = Stream::open(&address).map_err(|source| Error::Stream { uri: url.into(), source })?;
+        let tally = Arc::new(CameraTally::default());
+        let source = MjpegHttp {
+            address,
+            stream: Some(stream),
+            retry_at_ns: 0,
+            retry_ns: FIRST_RETRY_NS,
+            seq: 0,
+            tally: tally.clone(),
+            bytes: vec![0; 64 << 10],
+        };
+        let facts = vec![("stream".into(), url.into()), ("format".into(), "Motion JPEG over HTTP".into())];
+        Ok(Camera { source: Box::new(source), facts, tally })
+    }
+
+    /// Tries to connect again when it is time for that; waits for a moment otherwise.
+    fn reconnect(&mut self) {
+        let now = now_ns();
+        if now < self.retry_at_ns {
+            thread::sleep(Duration::from_nanos(self.retry_at_ns - now).min(LONGEST_WAIT));
+            return;
+        }
+        match Stream::open(&self.address) {
+            Ok(stream) => {
+                self.stream = Some(stream);
+                self.tally.change(|counts| counts.returns_count += 1);
+            }
+            Err(_) => {
+                // Nobody is there (yet): why does not matter, what counts is when there is.
+                self.retry_at_ns = now_ns() + self.retry_ns;
+                self.retry_ns = (2 * self.retry_ns).min(LONGEST_RETRY_NS);
+            }
+        }
+    }
+
+    /// The connection is of no more use.
+    fn give_up(&mut self) {
+        self.stream = None;
+        self.retry_at_ns = now_ns() + self.retry_ns;
+        self.retry_ns = (2 * self.retry_ns).min(LONGEST_RETRY_NS);
+    }
+
+    fn torn(&mut self, into: &mut FrameBuffer, reason: String) -> Next {
+        self.stamp(into, None);
+        self.tally.change(|counts| counts.torn_count += 1);
+        Next::Torn { reason }
+    }
+
+    /// Number and time of the frame.
+    fn stamp(&mut self, into: &mut FrameBuffer, device_ns: Option<u64>) {
+        into.seq = self.seq;
+        self.seq += 1;
+        into.time_ns = device_ns.or(self.stream.as_ref().map(|stream| stream.heard_ns)).or_else(|| Some(now_ns()));
+        into.clock = if device_ns.is_some() { Clock::Device } else { Clock::Host };
+        into.label.clear();
+    }
+
+    /// The stream ended in the middle of something, or between two frames.
+    fn cut(&mut self, into: &mut FrameBuffer, why: &str) -> Next {
+        let begun_bytes = self.stream.as_ref().map_or(0, |stream| stream.parts.begun_bytes());
+        self.give_up();
+        if begun_bytes == 0 {
+            return Next::Silent;
+        }
+        into.encoded.clear();
+        self.torn(into, format!("{why} after {begun_bytes} bytes of a frame"))
+    }
+}
+
+impl FrameSource for MjpegHttp {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        loop {
+            let Some(stream) = &mut self.stream else {
+                self.reconnect();
+                return Ok(Next::Silent);
+            };
+            match stream.parts.next(&mut into.encoded) {
+                Ok(Found::Part(head)) => {
+                    let decoded = picture::decode(into);
+                    if let Err(reason) = decoded {
+                        return Ok(self.torn(into, reason));
+                    }
+                    self.retry_ns = FIRST_RETRY_NS;
+                    self.tally.frame(stream.heard_ns, head.time_ns.is_some());
+                    self.stamp(into, head.time_ns);
+                    return Ok(Next::Frame);
+                }
+                Ok(Found::Nothing) => {}
+                Ok(Found::End) => return Ok(self.cut(into, "the stream ended")),
+                Err(fault) => {
+                    into.encoded.clear();
+                    let torn = self.torn(into, fault.to_string());
+                    self.give_up();
+                    return Ok(torn);
+                }
+            }
+            match stream.socket.read(&mut self.bytes) {
+                Ok(0) => return Ok(self.cut(into, "the connection was closed")),
+                Ok(count) => {
+                    stream.heard_ns = now_ns();
+                    stream.parts.push(&self.bytes[..count]);
+                }
+                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                    return Ok(match now_ns().saturating_sub(stream.heard_ns) > SILENT_NS {
+                        true => self.cut(into, "the stream stalled"),
+                        false => Next::Silent,
+                    });
+                }
+                Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                Err(e) => return Ok(self.cut(into, &format!("the connection broke ({e})"))),
+            }
+        }
+    }
+}
+
+impl Stream {
+    fn open(address: &Address) -> io::Result<Self> {
+        let mut failed = io::Error::other("the host's name has no address");
+        for socket_address in (address.host.as_str(), address.port).to_socket_addrs()? {
+            match TcpStream::connect_timeout(&socket_address, CONNECT) {
+                Ok(socket) => return Stream::ask(socket, address),
+                Err(e) => failed = e,
+            }
+        }
+        Err(failed)
+    }
+
+    /// Asks for the stream. HTTP/1.0, for an answer to that is never cut into chunks.
+    fn ask(mut socket: TcpStream, address: &Address) -> io::Result<Self> {
+        socket.set_read_timeout(Some(LONGEST_WAIT))?;
+        socket.set_write_timeout(Some(CONNECT))?;
+        let Address { host, port, path } = address;
+        let version = env!("CARGO_PKG_VERSION");
+        let request = format!("GET {path} HTTP/1.0\r\nHost: {host}:{port}\r\nUser-Agent: slipbound/{version}\r\n\r\n");
+        socket.write_all(request.as_bytes())?;
+        let (head, begun) = read_head(&mut socket)?;
+        let mut parts = Multipart::new(&boundary(&head).map_err(io::Error::other)?);
+        parts.push(&begun);
+        Ok(Stream { socket, parts, heard_ns: now_ns() })
+    }
+}
+
+/// The head of the answer, and what came after it.
+fn read_head(socket: &mut TcpStream) -> io::Result<(String, Vec<u8>)> {
+    let until_ns = now_ns() + SILENT_NS;
+    let (mut bytes, mut piece) = (Vec::new(), [0; 1024]);
+    loop {
+        let ends = [&b"\r\n\r\n"[..], b"\n\n"];
+        let end = ends.iter().filter_map(|end| Some(position(&bytes, end)? + end.len())).min();
+        if let Some(end) = end {
+            let begun = bytes.split_off(end);
+            return Ok((String::from_utf8_lossy(&bytes).into_owned(), begun));
+        }
+        if bytes.len() > LONGEST_HEAD_BYTES {
+            return Err(io::Error::other(format!("expected a head of at most {LONGEST_HEAD_BYTES} bytes, got more")));
+        }
+        match socket.read(&mut piece) {
+            Ok(0) => return Err(io::Error::other("expected an answer, got a closed connection")),
+            Ok(count) => bytes.extend_from_slice(&piece[..count]),
+            Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+            Err(e) => return Err(e),
+        }
+        if now_ns() > until_ns {
+            return Err(io::Error::other(format!(
+                "expected an answer within {} s, got none",
+                SILENT_NS / 1_000_000_000
+            )));
+        }
+    }
+}
+
+fn position(bytes: &[u8], of: &[u8]) -> Option<usize> {
+    bytes.windows(of.len()).position(|window| window == of)
+}
+
+/// The boundary that the head of an answer names; in words what is wrong with it otherwise.
+fn boundary(head: &str) -> Result<String, String> {
+    let mut lines = head.lines();
+    let status = lines.next().unwrap_or_default();
+    let value = |name: &str| {
+        let named = |line: &&str| line.split_once(':').is_some_and(|(n, _)| n.trim().eq_ignore_ascii_case(name));
+        head.lines().skip(1).find(named).and_then(|line| line.split_once(':')).map(|(_, value)| value.trim())
+    };
+    let code = status.split_whitespace().nth(1).unwrap_or_default();
+    match (code, value("location")) {
+        ("200", _) => {}
+        (_, Some(elsewhere)) => return Err(format!("expected a stream, got `{status}`: try {elsewhere}")),
+        ("401", _) => {
+            return Err(format!("expected a stream, got `{status}`: streams behind a password are not supported"));
+        }
+        _ => return Err(format!("expected a stream, got `{status}`")),
+    }
+    let kind = value("content-type").unwrap_or_default();
+    let lower = kind.to_ascii_lowercase();
+    if !lower.starts_with("multipart/") {
+        return Err(format!(
+            "expected the content type multipart/x-mixed-replace, got `{kind}`: is this the address of the stream, not of \
+             its page or of a single picture?"
+        ));
+    }
+    // Found in the lower case copy, which has the same length: taken from the other.
+    let name = lower.find("boundary=").map(|at| &kind[at + "boundary=".len()..]).unwrap_or_default();
+    let name = name.split(';').next().unwrap_or_default().trim().trim_matches('"');
+    if name.trim_start_matches('-').is_empty() {
+        return Err(format!("expected a boundary in the content type, got `{kind}`"));
+    }
+    Ok(name.to_owned())
+}
+
+impl Address {
+    /// `http://HOST[:PORT][/PATH]`; in words what was expected otherwise.
+    fn parse(url: &str) -> Result<Self, String> {
+        let rest = url.strip_prefix("http://").ok_or("http://HOST[:PORT]/PATH")?;
+        let (authority, path) = rest.find(['/', '?']).map_or((rest, ""), |at| rest.split_at(at));
+        if authority.contains('@') {
+            return Err("an address without a user and a password, which are not supported".into());
+        }
+        let (host, port) = match authority.rsplit_once(':').filter(|(_, port)| !port.ends_with(']')) {
+            Some((host, port)) => (host, port.parse().map_err(|_| format!("a port of 1 to 65535, got `{port}`"))?),
+            None => (authority, 80),
+        };
+        if host.is_empty() || port == 0 {
+            return Err("http://HOST[:PORT]/PATH".into());
+        }
+        if path.bytes().any(|byte| byte.is_ascii_control() || byte == b' ') {
+            return Err("a path without blanks".into());
+        }
+        let path = if path.starts_with('/') { path.to_owned() } else { format!("/{path}") };
+        Ok(Address { host: host.trim_matches(['[', ']']).to_owned(), port, path })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_taken_apart_and_wrong_ones_refused_in_words() {
+        let of = |host: &str, port, path: &str| Ok(Address { host: host.into(), port, path: path.into() });
+        assert_eq!(Address::parse("http://pi:8080/stream.mjpg"), of("pi", 8080, "/stream.mjpg"));
+        assert_eq!(Address::parse("http://10.0.0.7"), of("10.0.0.7", 80, "/"));
+        assert_eq!(Address::parse("http://[::1]:81?action=stream"), of("::1", 81, "/?action=stream"));
+        assert_eq!(Address::parse("http://[::1]/a"), of("::1", 80, "/a"));
+        for (url, expected) in [
+            ("http://", "http://HOST"),
+            ("http://:80/", "http://HOST"),
+            ("http://a:0/", "http://HOST"),
+            ("http://a:x/", "a port"),
+            ("http://me:secret@a/", "without a user"),
+            ("http://a/b c", "without blanks"),
+        ] {
+            assert!(Address::parse(url).expect_err(url).contains(expected), "{url}");
+        }
+    }
+
+    #[test]
+    fn an_answer_that_is_no_stream_is_refused_with_what_it_is() {
+        let head = |status: &str, kind: &str| boundary(&format!("HTTP/1.0 {status}\r\nContent-Type: {kind}\r\n\r\n"));
+        assert_eq!(head("200 OK", "multipart/x-mixed-replace; boundary=\"a b\""), Ok("a b".into()));
+        assert_eq!(head("200 OK", "Multipart/X-Mixed-Replace;Boundary=--Cam;x=y"), Ok("--Cam".into()));
+        for (status, kind, expected) in [
+            ("404 Not Found", "text/html", "404 Not Found"),
+            ("401 Unauthorized", "text/html", "password"),
+            ("302 Found\r\nLocation: http://b/c", "text/html", "try http://b/c"),
+            ("200 OK", "image/jpeg", "single picture"),
+            ("200 OK", "multipart/x-mixed-replace", "a boundary"),
+        ] {
+            let refused = head(status, kind).expect_err(status);
+            assert!(refused.contains(expected), "{refused}");
+        }
+    }
+}

@@ -1,0 +1,266 @@
+//! Cameras of this computer, through the kernel's Video4Linux2: `v4l2:CAMERA?key=value&key=value`.
+//!
+//! ```text
+//!   choose by path, serial or name -> negotiate -> settle -> lock -> stream --> MJPG, YUYV, GREY -> frame
+//!      ^                                                               | gone, or silent for 3 s
+//!      '---------------------- look for it every half second ----------'
+//! ```
+//!
+//! | key | what it sets | without it |
+//! |---|---|---|
+//! | `format` | `mjpg`, `yuyv` or `grey` | the first of these that the camera has |
+//! | `size` | `640x480` | what the camera is set to |
+//! | `rate_hz` | frames per second | what the camera is set to |
+//! | `exposure` `gain` `white_balance` `focus` | the camera's own number, or `auto` | locked where the camera has settled |
+//!
+//! The time of a frame is the driver's, on the system's monotonic clock. A gap in the driver's numbers is a frame that was
+//! lost, and counted.
+
+mod locks;
+mod nodes;
+mod options;
+mod sys;
+
+pub use nodes::cameras;
+
+use super::camera::{Camera, CameraTally};
+use super::{Error, picture};
+use crate::link::now_ns;
+use nodes::{choose, four_letters};
+use options::{Options, PixelKind};
+use slipbound::image::SizePx;
+use slipbound::pixels::yuyv;
+use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
+use std::fs;
+use std::io;
+use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
+use sys::{Device, Picture, PictureLayout, Stream};
+
+/// Longest wait of one call, ms.
+const LONGEST_WAIT_MS: u16 = 100;
+/// A camera without a frame for so long is opened anew, ns.
+const SILENT_NS: u64 = 3_000_000_000;
+/// Time between two looks for a camera that is gone, ns.
+const RETRY_NS: u64 = 500_000_000;
+/// Buffers of the driver. Few, for a picture that waits is old; enough for one late turn of this thread.
+const BUFFERS_COUNT: u32 = 4;
+/// Frames passed over before exposure and the like are locked, and the longest time for that, ns.
+const SETTLE_COUNT: u32 = 15;
+const SETTLE_NS: u64 = 1_500_000_000;
+
+/// The frames of a camera. It comes back by itself after it was unplugged.
+#[derive(Debug)]
+pub struct V4l2 {
+    options: Options,
+    open: Option<Open>,
+    retry_at_ns: u64,
+    seq: u64,
+    tally: Arc<CameraTally>,
+}
+
+/// A camera that streams.
+#[derive(Debug)]
+struct Open {
+    stream: Stream,
+    kind: PixelKind,
+    layout: PictureLayout,
+    heard_ns: u64,
+    last_sequence: Option<u32>,
+}
+
+impl V4l2 {
+    /// Finds, sets and starts the camera.
+    pub fn open(uri: &str) -> Result<Camera, Error> {
+        let options = Options::parse(uri).map_err(|expected| Error::Address { uri: uri.into(), expected })?;
+        let (open, facts) = start(&options).map_err(|problem| match problem {
+            Problem::Asked(expected) => Error::Address { uri: uri.into(), expected },
+            Problem::Device(source) => Error::Stream { uri: uri.into(), source },
+        })?;
+        let tally = Arc::new(CameraTally::default());
+        let source = V4l2 { options, open: Some(open), retry_at_ns: 0, seq: 0, tally: tally.clone() };
+        Ok(Camera { source: Box::new(source), facts, tally })
+    }
+
+    /// Looks for the camera when it is time for that; waits for a moment otherwise.
+    fn look_for_it(&mut self) {
+        let now = now_ns();
+        if now < self.retry_at_ns {
+            thread::sleep(Duration::from_nanos(self.retry_at_ns - now).min(Duration::from_millis(100)));
+            return;
+        }
+        match start(&self.options) {
+            Ok((open, _)) => {
+                self.open = Some(open);
+                self.tally.change(|counts| counts.returns_count += 1);
+            }
+            // It is not there (yet): why does not matter, what counts is when it is.
+            Err(_) => self.retry_at_ns = now_ns() + RETRY_NS,
+        }
+    }
+
+    fn give_up(&mut self) {
+        self.open = None;
+        self.retry_at_ns = now_ns() + RETRY_NS;
+    }
+}
+
+impl FrameSource for V4l2 {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        let Some(open) = &mut self.open else {
+            self.look_for_it();
+            return Ok(Next::Silent);
+        };
+        match open.next(into) {
+            Err(_) => {
+                self.give_up();
+                Ok(Next::Silent)
+            }
+            Ok(None) => {
+                if now_ns().saturating_sub(open.heard_ns) > SILENT_NS {
+                    self.give_up();
+                }
+                Ok(Next::Silent)
+            }
+            Ok(Some((missing_count, read))) => {
+                into.seq = self.seq + u64::from(missing_count);
+                self.seq = into.seq + 1;
+                into.label.clear();
+                self.tally.change(|counts| counts.missing_count += u64::from(missing_count));
+                match read {
+                    Ok(()) => {
+                        self.tally.frame(now_ns(), into.clock == Clock::Device);
+                        Ok(Next::Frame)
+                    }
+                    Err(reason) => {
+                        self.tally.change(|counts| counts.torn_count += 1);
+                        Ok(Next::Torn { reason })
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Open {
+    /// The next picture, with the count of those that the driver lost before it; None while there is none.
+    fn next(&mut self, into: &mut FrameBuffer) -> io::Result<Option<(u32, Result<(), String>)>> {
+        if !self.stream.wait(LONGEST_WAIT_MS)? {
+            return Ok(None);
+        }
+        let (kind, layout) = (self.kind, self.layout);
+        let Some((sequence, read)) =
+            self.stream.take(|picture| (picture.sequence, read(picture, kind, &layout, into)))?
+        else {
+            return Ok(None);
+        };
+        self.heard_ns = now_ns();
+        if into.clock != Clock::Device {
+            into.time_ns = Some(self.heard_ns);
+        }
+        let step = self.last_sequence.replace(sequence).map_or(1, |last| sequence.wrapping_sub(last));
+        // A driver that counts from zero again, or not at all, has lost nothing that it tells of.
+        let missing_count = if (1..1000).contains(&step) { step - 1 } else { 0 };
+        if kind == PixelKind::Mjpg && read.is_ok() {
+            return Ok(Some((missing_count, picture::decode(into)))); // after the buffer was given back
+        }
+        Ok(Some((missing_count, read)))
+    }
+}
+
+/// Takes a picture out of the driver's buffer; in words why it is torn.
+fn read(picture: Picture<'_>, kind: PixelKind, layout: &PictureLayout, into: &mut FrameBuffer) -> Result<(), String> {
+    let is_device = picture.flags & sys::STAMP_MASK == sys::STAMP_MONOTONIC && picture.stamp_ns > 0;
+    (into.clock, into.time_ns) = if is_device { (Clock::Device, Some(picture.stamp_ns)) } else { (Clock::Host, None) };
+    into.encoded.clear();
+    if picture.flags & sys::DAMAGED != 0 {
+        return Err("the driver marked it as damaged".into());
+    }
+    into.size = SizePx::new(layout.width as usize, layout.height as usize);
+    let row_bytes = layout.row_bytes as usize;
+    match kind {
+        PixelKind::Mjpg => into.encoded.extend_from_slice(picture.bytes),
+        PixelKind::Yuyv => {
+            into.format = PixelFormat::Rgb;
+            into.pixels.resize(3 * into.size.area(), 0);
+            let stride_bytes = if row_bytes > 0 { row_bytes } else { 2 * into.size.width };
+            yuyv::to_rgb(picture.bytes, into.size, stride_bytes, &mut into.pixels).map_err(|e| e.to_string())?;
+        }
+        PixelKind::Grey => {
+            into.format = PixelFormat::Gray;
+            let stride_bytes = if row_bytes > 0 { row_bytes } else { into.size.width };
+            let rows = slipbound::image::Gray::with_stride(picture.bytes, into.size, stride_bytes);
+            let rows = rows.map_err(|e| e.to_string())?;
+            into.pixels.clear();
+            (0..into.size.height).for_each(|y| into.pixels.extend_from_slice(rows.row(y)));
+        }
+    }
+    Ok(())
+}
+
+/// Why a camera cannot be had.
+enum Problem {
+    /// What was asked for cannot be; what was expected.
+    Asked(String),
+    /// The device refused.
+    Device(io::Error),
+}
+
+impl From<io::Error> for Problem {
+    fn from(error: io::Error) -> Self {
+        Problem::Device(error)
+    }
+}
+
+/// Finds, sets and starts a camera; what was negotiated and locked.
+fn start(options: &Options) -> Result<(Open, Vec<(String, String)>), Problem> {
+    let (cameras, refused) = cameras();
+    // A name that udev gave leads to the node.
+    let path = fs::canonicalize(&options.camera).ok().filter(|_| options.camera.starts_with('/'));
+    let wanted = path.map_or(options.camera.clone(), |path| path.display().to_string());
+    let node = choose(&cameras, &wanted).map_err(|expected| match refused.as_slice() {
+        [] => Problem::Asked(expected),
+        refused => Problem::Asked(format!("{expected}; not readable: {}", refused.join(", "))),
+    })?;
+    let device = Device::open(&node.path)?;
+    let kind = options.kind_of(&device.formats()).map_err(Problem::Asked)?;
+    let set = device.layout()?;
+    let (width, height) = options.size.unwrap_or((set.width, set.height));
+    let layout = device.set_layout(width, height, kind.four_cc())?;
+    if options.size.is_some_and(|size| size != (layout.width, layout.height)) || layout.four_cc != kind.four_cc() {
+        let sizes: Vec<String> = device.sizes(kind.four_cc()).iter().map(|(w, h)| format!("{w}x{h}")).collect();
+        return Err(Problem::Asked(format!(
+            "a size that the camera has in {}: {}; got {width}x{height}",
+            four_letters(&kind.four_cc()),
+            sizes.join(", ")
+        )));
+    }
+    let rate_hz = device.set_rate(options.rate_hz);
+    let mut stream = Stream::start(device, BUFFERS_COUNT)?;
+    if locks::can_change(stream.device()) {
+        settle(&mut stream)?;
+    }
+    let mut facts = vec![
+        ("camera".into(), node.name.clone()),
+        ("node".into(), node.path.display().to_string()),
+        ("serial".into(), node.serial.clone().unwrap_or_else(|| "none".into())),
+        ("format".into(), four_letters(&kind.four_cc())),
+        ("size_px".into(), format!("{}x{}", layout.width, layout.height)),
+        ("rate_hz".into(), rate_hz.map_or("unknown".into(), |hz| format!("{hz:.2}"))),
+    ];
+    facts.extend(locks::lock(stream.device(), &options.locks).map_err(Problem::Asked)?);
+    Ok((Open { stream, kind, layout, heard_ns: now_ns(), last_sequence: None }, facts))
+}
+
+/// Passes frames over until exposure and white balance have found their values.
+fn settle(stream: &mut Stream) -> io::Result<()> {
+    let until_ns = now_ns() + SETTLE_NS;
+    let mut seen_count = 0;
+    while seen_count < SETTLE_COUNT && now_ns() < until_ns {
+        if stream.wait(LONGEST_WAIT_MS)? && stream.take(|_| ())?.is_some() {
+            seen_count += 1;
+        }
+    }
+    Ok(())
+}

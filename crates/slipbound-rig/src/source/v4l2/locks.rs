@@ -1,0 +1,73 @@
+//! Exposure, gain, white balance and focus, taken out of the camera's own hands: a picture that changes its brightness by
+//! itself looks like a contact, and one that focuses moves every marker.
+
+use super::options::{LOCKS, Lock};
+use super::sys::Device;
+
+/// The controls behind one of [`LOCKS`]: the switch to automatic with its value for manual, and the value itself.
+struct Controls {
+    switch: u32,
+    manual: i32,
+    value: u32,
+}
+
+/// In the order of [`LOCKS`]; the numbers are those of `linux/v4l2-controls.h`.
+const CONTROLS: [Controls; 4] = [
+    Controls { switch: 0x009a_0901, manual: 1, value: 0x009a_0902 },
+    Controls { switch: 0x0098_0912, manual: 0, value: 0x0098_0913 },
+    Controls { switch: 0x0098_090c, manual: 0, value: 0x0098_091a },
+    Controls { switch: 0x009a_090c, manual: 0, value: 0x009a_090a },
+];
+
+/// Lets exposure lower the frame rate (`V4L2_CID_EXPOSURE_AUTO_PRIORITY`).
+const EXPOSURE_BEFORE_RATE: u32 = 0x009a_0903;
+
+/// Whether the camera changes something by itself now, so that it is worth waiting for where it settles.
+pub fn can_change(device: &Device) -> bool {
+    CONTROLS.iter().any(|controls| device.control(controls.switch).is_ok_and(|value| value != controls.manual))
+}
+
+/// Locks what is to be locked; what it is locked at, in words. Fails for a value that the camera does not have.
+pub fn lock(device: &Device, locks: &[Lock; 4]) -> Result<Vec<(String, String)>, String> {
+    if device.control_range(EXPOSURE_BEFORE_RATE).is_some() {
+        // A camera that refuses only runs slower in the dark, which its rate shows.
+        let _ = device.set_control(EXPOSURE_BEFORE_RATE, 0);
+    }
+    let mut facts = Vec::new();
+    for ((name, controls), lock) in LOCKS.iter().zip(&CONTROLS).zip(locks) {
+        facts.push(((*name).to_owned(), lock_one(device, name, controls, *lock)?));
+    }
+    Ok(facts)
+}
+
+fn lock_one(device: &Device, name: &str, controls: &Controls, lock: Lock) -> Result<String, String> {
+    let range = device.control_range(controls.value);
+    if lock == Lock::Auto {
+        return Ok("left to the camera".into());
+    }
+    if device.control_range(controls.switch).is_some() {
+        let set = device.set_control(controls.switch, controls.manual);
+        // Some cameras have a switch that knows no manual setting; a value they were given must still be taken.
+        if let (Err(e), Lock::Here) = (set, lock) {
+            return Ok(format!("not locked: the camera refuses ({e})"));
+        }
+    }
+    match (lock, range) {
+        (Lock::At(value), None) => Err(format!("a camera whose {name} can be set to {value}, got one without it")),
+        (Lock::At(value), Some(range)) if !(range.least..=range.most).contains(&value) => {
+            Err(format!("{name}={} to {}, got {value}", range.least, range.most))
+        }
+        (Lock::At(value), Some(_)) => {
+            device
+                .set_control(controls.value, value)
+                .map_err(|e| format!("a camera that takes {name}={value}: {e}"))?;
+            Ok(locked(device, controls))
+        }
+        (_, Some(_)) => Ok(locked(device, controls)),
+        (_, None) => Ok("the camera has none".into()),
+    }
+}
+
+fn locked(device: &Device, controls: &Controls) -> String {
+    device.control(controls.value).map_or("locked".into(), |value| format!("locked at {value}"))
+}

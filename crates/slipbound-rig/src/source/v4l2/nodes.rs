@@ -1,0 +1,131 @@
+//! Which cameras there are: `/sys/class/video4linux`, and what each node says of itself.
+
+use super::sys::{Device, STREAMS_PICTURES};
+use crate::devices::CameraNode;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Where the kernel lists video devices.
+const LIST: &str = "/sys/class/video4linux";
+
+/// How far above a node the USB device with the serial number may be.
+const LEVELS_MOST: usize = 6;
+
+/// Every camera that streams pictures, by number. Nodes that do not (a camera's metadata, say) are left out, and so are
+/// those that may not be opened: their paths and reasons are the second answer.
+pub fn cameras() -> (Vec<CameraNode>, Vec<String>) {
+    let (mut found, mut refused) = (Vec::new(), Vec::new());
+    let Ok(list) = fs::read_dir(LIST) else { return (found, refused) };
+    let mut names: Vec<String> = list.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.retain(|name| name.starts_with("video"));
+    names.sort_by_key(|name| (name.len(), name.clone()));
+    for name in names {
+        let path = Path::new("/dev").join(&name);
+        match look(&path, &Path::new(LIST).join(&name)) {
+            Ok(node) => found.extend(node),
+            Err(e) => refused.push(format!("{}: {e}", path.display())),
+        }
+    }
+    (found, refused)
+}
+
+/// The camera behind a node; None when it does not stream pictures.
+pub(super) fn look(path: &Path, listed: &Path) -> std::io::Result<Option<CameraNode>> {
+    let device = Device::open(path)?;
+    let identity = device.identity()?;
+    let formats: Vec<String> = device.formats().iter().map(four_letters).collect();
+    if identity.can & STREAMS_PICTURES != STREAMS_PICTURES || formats.is_empty() {
+        return Ok(None);
+    }
+    let (serial, usb_id) = usb_facts(listed);
+    Ok(Some(CameraNode { path: path.to_owned(), name: identity.card, serial, usb_id, formats }))
+}
+
+/// Serial number, and vendor and product, of the USB device that a listed node belongs to.
+fn usb_facts(listed: &Path) -> (Option<String>, Option<(String, String)>) {
+    let read = |path: PathBuf| fs::read_to_string(path).ok().map(|text| text.trim().to_owned());
+    let Ok(start) = fs::canonicalize(listed.join("device")) else { return (None, None) };
+    for folder in start.ancestors().take(LEVELS_MOST) {
+        if let (Some(vendor), Some(product)) = (read(folder.join("idVendor")), read(folder.join("idProduct"))) {
+            return (read(folder.join("serial")), Some((vendor, product)));
+        }
+    }
+    (None, None)
+}
+
+/// As it is written: `YUYV`.
+pub(super) fn four_letters(four_cc: &[u8; 4]) -> String {
+    four_cc.iter().map(|&letter| if letter.is_ascii_graphic() { char::from(letter) } else { ' ' }).collect()
+}
+
+/// The one camera that `wanted` names: by path, serial number, whole name, or part of a name; in words why not otherwise.
+pub(super) fn choose<'a>(cameras: &'a [CameraNode], wanted: &str) -> Result<&'a CameraNode, String> {
+    let is = |test: &dyn Fn(&CameraNode) -> bool| cameras.iter().filter(|c| test(c)).collect::<Vec<_>>();
+    let lower = wanted.to_lowercase();
+    let tests: [&dyn Fn(&CameraNode) -> bool; 4] = [
+        &|camera| camera.path == Path::new(wanted),
+        &|camera| camera.serial.as_deref() == Some(wanted),
+        &|camera| camera.name == wanted,
+        &|camera| camera.name.to_lowercase().contains(&lower),
+    ];
+    let listed = || match cameras {
+        [] => "there is no camera".to_owned(),
+        some => format!("there are {}", some.iter().map(CameraNode::described).collect::<Vec<_>>().join("; ")),
+    };
+    if wanted.is_empty() || wanted.bytes().all(|byte| byte.is_ascii_digit()) && is(tests[1]).is_empty() {
+        return Err(format!(
+            "v4l2:PATH, NAME or SERIAL, for numbers change from start to start; {} (`slipbound devices`)",
+            listed()
+        ));
+    }
+    for test in tests {
+        match is(test).as_slice() {
+            [] => {}
+            [only] => return Ok(only),
+            // Nodes of one camera that both stream: the first, as every program takes.
+            [first, others @ ..] if first.serial.is_some() && others.iter().all(|o| o.serial == first.serial) => {
+                return Ok(first);
+            }
+            several => {
+                let all: Vec<String> = several.iter().map(|camera| camera.described()).collect();
+                return Err(format!("one camera, got {}: name the one by path or serial", all.join("; ")));
+            }
+        }
+    }
+    Err(format!("a camera `{wanted}`; {} (`slipbound devices`)", listed()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(number: u32, name: &str, serial: Option<&str>) -> CameraNode {
+        CameraNode {
+            path: format!("/dev/video{number}").into(),
+            name: name.into(),
+            serial: serial.map(str::to_owned),
+            usb_id: None,
+            formats: vec!["YUYV".into()],
+        }
+    }
+
+    #[test]
+    fn a_camera_is_chosen_by_path_serial_or_name_and_never_guessed() {
+        let all = [
+            camera(0, "Integrated Webcam", None),
+            camera(2, "GelSight Mini R0B 28H8", Some("28H8")),
+            camera(3, "GelSight Mini R0B 28H8", Some("28H8")),
+            camera(4, "GelSight Mini R0B 41AA", Some("41AA")),
+        ];
+        let path = |wanted: &str| choose(&all, wanted).map(|camera| camera.path.display().to_string());
+        assert_eq!(path("/dev/video4"), Ok("/dev/video4".into()));
+        assert_eq!(path("28H8"), Ok("/dev/video2".into()), "the first of the two nodes of one camera");
+        assert_eq!(path("webcam"), Ok("/dev/video0".into()));
+        let several = path("gelsight").expect_err("two fingers");
+        assert!(several.contains("serial 28H8") && several.contains("serial 41AA"), "{several}");
+        assert!(path("0").expect_err("a number").contains("numbers change"), "{:?}", path("0"));
+        assert!(path("").expect_err("nothing").contains("Integrated Webcam"));
+        assert!(path("digit").expect_err("none such").starts_with("a camera `digit`; there are"));
+        assert!(choose(&[], "x").expect_err("none").contains("there is no camera"));
+    }
+}

@@ -1,0 +1,52 @@
+//! Whether a file was written by this software, so that writing it anew destroys nothing of anybody else.
+//!
+//! | file | how it is known |
+//! |---|---|
+//! | report | its first line begins with `{"format":"slipbound-report"` |
+//! | timings | its first line begins with `{"seq":` and names a time in microseconds |
+//! | overlay video | `slipbound` in the reserved words of its AVI header |
+//! | overlay picture | the PNG text `Software: slipbound` |
+
+use crate::avi_writer;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+/// Bytes from the start that are looked at.
+const START_BYTES: u64 = 512;
+
+/// Whether the file was written here; an empty one counts, for it holds nothing.
+pub fn is_ours(path: &Path) -> io::Result<bool> {
+    let mut start = Vec::new();
+    File::open(path)?.take(START_BYTES).read_to_end(&mut start)?;
+    Ok(start.is_empty() || has_our_start(&start))
+}
+
+fn has_our_start(start: &[u8]) -> bool {
+    let first_line = start.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let holds = |text: &[u8]| start.windows(text.len()).any(|part| part == text);
+    let is_report = start.starts_with(b"{\"format\":\"slipbound-report\"");
+    let is_timings = first_line.starts_with(b"{\"seq\":") && first_line.windows(5).any(|part| part == b"_us\":");
+    let is_picture = start.starts_with(b"\x89PNG") && holds(b"tEXtSoftware\0slipbound");
+    is_report || is_timings || is_picture || avi_writer::is_ours(start)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ours_are_known_and_nothing_else_is() {
+        for (start, expected) in [
+            (&b"{\"format\":\"slipbound-report\",\"format_version\":1"[..], true),
+            (b"{\"seq\":0,\"imprint_us\":12.0,\"all_us\":13.0}\n", true),
+            (b"{\"seq\":0}\n{\"x_us\":1}", false),
+            (b"{\"format\":\"other\"}", false),
+            (b"RIFF....AVI LIST", false),
+            (b"\x89PNG\r\n\x1a\n", false),
+            (b"notes", false),
+        ] {
+            assert_eq!(has_our_start(start), expected, "{}", start.escape_ascii());
+        }
+    }
+}

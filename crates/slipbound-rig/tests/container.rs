@@ -1,0 +1,185 @@
+//! Recordings in MCAP files: what is written is read again, judged frames alone, and a file that is cut or damaged as far
+//! as it goes.
+#![cfg(feature = "mcap")]
+
+use jpeg_encoder::{ColorType, Encoder};
+use proptest::prelude::*;
+use slipbound::image::SizePx;
+use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
+use slipbound_rig::container::{MarkedSource, Recorder, ReportLines, TappedSource};
+use slipbound_rig::source;
+use std::fs;
+use std::io::Write as _;
+use std::path::Path;
+
+/// Frames as a camera would give them: JPEG, but every fifth grey pixels, and every seventh torn.
+#[derive(Clone)]
+struct Script {
+    seqs: Vec<u64>,
+}
+
+fn jpeg(seq: u64) -> Vec<u8> {
+    let pixels: Vec<u8> = (0..64 * 48).map(|i| ((i + 40 * seq) % 256) as u8).collect();
+    let mut out = Vec::new();
+    Encoder::new(&mut out, 85).encode(&pixels, 64, 48, ColorType::Luma).expect("encodes");
+    out
+}
+
+impl FrameSource for Script {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        let Some(seq) = self.seqs.pop() else { return Ok(Next::End) };
+        (into.seq, into.time_ns, into.clock) = (seq, Some(1_000_000_007 * seq), Clock::Device);
+        into.encoded = jpeg(seq);
+        if seq % 7 == 6 {
+            into.encoded.truncate(if seq == 6 { 0 } else { 300 });
+            return Ok(Next::Torn { reason: "cut".into() });
+        }
+        source::decode_image(into).expect("decodes");
+        if seq % 5 == 4 {
+            into.encoded.clear();
+        }
+        Ok(Next::Frame)
+    }
+}
+
+/// What was given: number, time, clock, whether it is whole, a sum over the pixels.
+type Given = (u64, Option<u64>, Clock, bool, u64);
+
+fn given(next: &Next, frame: &FrameBuffer) -> Given {
+    let whole = *next == Next::Frame;
+    let sum = frame.pixels.iter().fold(0u64, |sum, value| sum.wrapping_mul(31).wrapping_add(u64::from(*value)));
+    (frame.seq, frame.time_ns, frame.clock, whole, if whole { sum } else { 0 })
+}
+
+/// Records so many frames, of which those are judged that `is_judged` says; what was judged.
+fn record(path: &Path, count: u64, is_judged: impl Fn(u64) -> bool) -> Vec<Given> {
+    let recorder = Recorder::create(path, &["left".into()], true).expect("creates");
+    let seqs: Vec<u64> = (0..count).rev().collect();
+    let mut tapped = TappedSource::new(Script { seqs: seqs.clone() }, 0, recorder.inlet(), true);
+    let (mut frame, mut judged) = (FrameBuffer::default(), Vec::new());
+    let mut report = ReportLines::new(recorder.inlet(), "left", true);
+    while tapped.next(&mut frame).expect("goes on") != Next::End {
+        let seq = frame.seq;
+        if is_judged(seq) {
+            let mut marked = MarkedSource::new(Script { seqs: vec![seq] }, 0, recorder.inlet(), true);
+            let next = marked.next(&mut frame).expect("goes on");
+            judged.push(given(&next, &frame));
+            writeln!(report, "{{\"seq\":{seq}}}").and_then(|()| report.flush()).expect("hands in");
+        }
+        std::thread::sleep(std::time::Duration::from_millis(2)); // as slow as a fast camera, and no queue overflows
+    }
+    let written = recorder.finish().expect("closes");
+    assert_eq!(written.lost_count, 0);
+    judged
+}
+
+/// All that a file gives, until its end; the last element is why it was cut off.
+fn drain(path: &str) -> (Vec<Given>, Option<String>) {
+    let mut source = source::open(path).expect("opens");
+    let (mut frame, mut seen, mut cut) = (FrameBuffer::default(), Vec::new(), None);
+    loop {
+        match source.next(&mut frame).expect("goes on") {
+            Next::End => return (seen, cut),
+            Next::Torn { reason } if reason.contains("cut off or damaged") => cut = Some(reason),
+            next => seen.push(given(&next, &frame)),
+        }
+    }
+}
+
+#[test]
+fn exactly_the_judged_frames_come_back_with_their_numbers_times_and_pixels() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    let judged = record(&path, 40, |seq| seq % 3 != 1);
+    let shown = path.to_str().expect("UTF-8");
+    let (seen, cut) = drain(shown);
+    assert_eq!((seen.len(), cut), (27, None));
+    assert_eq!(seen, judged);
+    assert_eq!(drain(&format!("{shown}#/left/camera")).0, judged, "by its topic");
+    assert_eq!(drain(&format!("{shown}#left")).0, judged, "by the finger");
+    let refused = source::open(&format!("{shown}#right")).err().expect("no such finger").to_string();
+    assert!(refused.contains("expected a topic right"), "{refused}");
+}
+
+#[test]
+fn a_recording_without_a_judge_gives_every_frame() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    let recorder = Recorder::create(&path, &["left".into(), "right".into()], false).expect("creates");
+    for finger in 0..2 {
+        let mut tapped = TappedSource::new(Script { seqs: vec![3, 2, 1, 0] }, finger, recorder.inlet(), true);
+        let mut frame = FrameBuffer::default();
+        while tapped.next(&mut frame).expect("goes on") != Next::End {}
+    }
+    assert_eq!(recorder.finish().expect("closes").frames_count, 8);
+    let shown = path.to_str().expect("UTF-8");
+    let refused = source::open(shown).err().expect("two fingers").to_string();
+    assert!(refused.contains("/left/camera, /right/camera"), "{refused}");
+    let (seen, _) = drain(&format!("{shown}#right"));
+    assert_eq!(seen.iter().map(|given| given.0).collect::<Vec<_>>(), [0, 1, 2, 3]);
+}
+
+#[test]
+fn a_file_that_is_cut_anywhere_gives_what_came_before_and_says_so() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    let judged = record(&path, 12, |_| true);
+    let whole = fs::read(&path).expect("reads");
+    let part = scratch.path().join("part.mcap");
+    let mut most_count = 0;
+    for cut in (0..whole.len()).step_by(whole.len() / 40) {
+        fs::write(&part, &whole[..cut]).expect("writes");
+        let shown = part.to_str().expect("UTF-8");
+        match source::open(shown) {
+            Err(e) => assert!(e.to_string().contains("expected topics with pictures"), "{e}"),
+            Ok(_) => {
+                let (seen, said) = drain(shown);
+                assert!(judged.starts_with(&seen), "cut at {cut}: {seen:?} of {judged:?}");
+                assert!(said.is_some() || seen == judged, "cut at {cut}, and nothing said");
+                most_count = most_count.max(seen.len());
+            }
+        }
+    }
+    assert_eq!(most_count, judged.len(), "the longest parts hold all");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn damage_never_makes_it_panic_or_run_on(
+        damage in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..30),
+    ) {
+        let scratch = tempfile::tempdir().expect("a folder");
+        let path = scratch.path().join("run.mcap");
+        let recorder = Recorder::create(&path, &["left".into()], false).expect("creates");
+        let mut tapped = TappedSource::new(Script { seqs: vec![2, 1, 0] }, 0, recorder.inlet(), true);
+        let mut frame = FrameBuffer::default();
+        while tapped.next(&mut frame).expect("goes on") != Next::End {}
+        recorder.finish().expect("closes");
+        let mut bytes = fs::read(&path).expect("reads");
+        for (at, value) in damage {
+            let at = at.index(bytes.len());
+            bytes[at] = value;
+        }
+        fs::write(&path, &bytes).expect("writes");
+        if let Ok(mut source) = source::open(path.to_str().expect("UTF-8")) {
+            let mut steps_count = 0;
+            while !matches!(source.next(&mut frame), Ok(Next::End) | Err(_)) {
+                steps_count += 1;
+                prop_assert!(steps_count < 1000);
+            }
+        }
+    }
+}
+
+#[test]
+fn grey_pixels_stay_grey() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    record(&path, 5, |seq| seq == 4);
+    let mut source = source::open(path.to_str().expect("UTF-8")).expect("opens");
+    let mut frame = FrameBuffer::default();
+    assert_eq!(source.next(&mut frame).expect("goes on"), Next::Frame);
+    assert_eq!((frame.seq, frame.format, frame.size), (4, PixelFormat::Gray, SizePx::new(64, 48)));
+}

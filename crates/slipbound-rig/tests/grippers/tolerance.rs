@@ -1,0 +1,244 @@
+//! What real grippers do and the first emulators did not: forces that read wrong, slow and broken answers, other words
+//! for the same.
+
+use crate::bench::{Bench, MS, config, driver};
+use slipbound::port::{DriverEvent, GripCommand, Jaws};
+use slipbound_rig::emulator::NAMES;
+use slipbound_rig::gripper::check_hold::{CheckHold, Step, Verdict};
+use slipbound_rig::gripper::config::Config;
+use slipbound_rig::gripper::wsg50::frame;
+use slipbound_rig::gripper::{Driver, Error, Request, Settled};
+use slipbound_rig::link::Endpoint;
+
+/// What a motor's current reads on open jaws is no object.
+#[test]
+fn an_idle_reading_on_open_jaws_blocks_no_grasp() {
+    for name in ["wsg50", "gcl", "line"] {
+        for idle_n in [4.0, 9.0] {
+            let mut bench = Bench::of(name, &format!("idle={idle_n}"));
+            bench.driver.permit_lowering(false);
+            bench.run(200);
+            let read_n = bench.state().expect("there").force_n.expect("measured");
+            assert!((read_n - idle_n).abs() < 0.01, "{name}: {read_n}");
+            bench.grip(10.0).expect("nothing is held");
+            bench.until(5000, |state| state.jaws == Jaws::Holding);
+            bench.release().expect("taken over");
+            bench.until(5000, |state| state.jaws == Jaws::Open && state.opening_mm.is_some_and(|mm| mm > 99.0));
+            bench.grip(8.0).expect("nothing is held");
+        }
+    }
+}
+
+/// Jaws that were stopped press on, though the gripper does not say that it holds, whatever its force reads.
+#[test]
+fn what_was_held_before_a_fast_stop_is_not_loosened_whatever_the_force_reads() {
+    for faults in ["fast-stop@4000", "fast-stop@4000,bias=3", "fast-stop@4000,bias=-3", "fast-stop@4000,noise=1"] {
+        let mut bench = Bench::of("wsg50", faults);
+        bench.run(200);
+        bench.grip(20.0).expect("taken over");
+        bench.until(6000, |state| state.jaws == Jaws::Stopped);
+        bench.request(Request::Acknowledge).expect("taken over");
+        bench.until(1000, |state| state.jaws == Jaws::Open);
+        let lower = bench.grip(10.0);
+        assert!(matches!(lower, Err(Error::Lowering { .. })), "{faults}: {lower:?}");
+        assert!(bench.plant.force_n > 19.5, "{faults}");
+    }
+}
+
+#[test]
+fn a_force_that_is_no_number_is_refused_and_nothing_is_sent() {
+    for name in NAMES {
+        let mut bench = Bench::of(name, "");
+        bench.run(300);
+        for force_n in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert!(matches!(bench.grip(force_n), Err(Error::Force { .. })), "{name} {force_n}");
+        }
+        bench.run(500);
+        assert_eq!((bench.plant.force_n, bench.state().expect("there").jaws), (0.0, Jaws::Open), "{name}");
+    }
+}
+
+#[test]
+fn answers_400_ms_late_are_waited_for() {
+    for name in NAMES {
+        for faults in ["late=400", "late-every=3"] {
+            let mut bench = Bench::of(name, faults);
+            bench.run(4000);
+            bench.grip(30.0).expect(name);
+            bench.until(8000, |state| state.jaws == Jaws::Holding);
+            bench.run(2500);
+            assert!((bench.plant.force_n - 30.0).abs() < 0.6, "{name} {faults}: {}", bench.plant.force_n);
+            for _ in 0..500 {
+                bench.step();
+                bench.state().unwrap_or_else(|error| panic!("{name} {faults}: {error}"));
+            }
+        }
+    }
+}
+
+/// The state of a WSG-50 that is homed and holds nothing, and a grasp with 20 N on its way.
+fn grasping() -> Driver {
+    let mut driver = driver("wsg50", config("wsg50"));
+    driver.linked(0);
+    let mut bytes = Vec::new();
+    for (id, rest) in
+        [(0x40, &[1u8, 0, 0, 0][..]), (0x41, &[0]), (0x43, &110f32.to_le_bytes()), (0x33, &80f32.to_le_bytes())]
+    {
+        frame::write(&mut bytes, id, &[&[0, 0], rest].concat());
+    }
+    driver.receive(MS, &bytes);
+    driver.request(2 * MS, Request::Grip(GripCommand::Hold { force_n: 20.0 })).expect("taken over");
+    driver
+}
+
+#[test]
+fn a_wsg50_may_say_more_than_once_that_a_motion_is_under_way() {
+    let mut driver = grasping();
+    let say = |driver: &mut Driver, at_ms: u64, id: u8, code: u8| {
+        let mut bytes = Vec::new();
+        frame::write(&mut bytes, id, &[code, 0]);
+        driver.receive(at_ms * MS, &bytes);
+    };
+    say(&mut driver, 3, 0x32, 0);
+    for at_ms in [4, 5, 6] {
+        say(&mut driver, at_ms, 0x25, 26);
+        assert!(driver.is_busy(), "{:?}", driver.state(at_ms * MS));
+        driver.state(at_ms * MS).expect("no refusal");
+    }
+    say(&mut driver, 7, 0x25, 0);
+    driver.state(7 * MS).expect("done");
+    assert!(!driver.is_busy());
+}
+
+#[test]
+fn a_text_interface_may_call_its_errors_by_name() {
+    for (answer, said) in [
+        ("ERR GRIP 28\n", "status 28, out of range"),
+        ("ERR GRIP E_RANGE_ERROR\n", "status 28, out of range"),
+        ("ERR E_RANGE_ERROR\n", "status 28, out of range"),
+        ("ERR GRIP RANGE_ERROR\n", "status 28, out of range"),
+        ("ERR GRIP E_ACCESS_DENIED\n", "status 16, access denied"),
+    ] {
+        let mut driver = driver("gcl", config("gcl"));
+        driver.linked(0);
+        for (i, line) in ["POS=110.0\n", "FORCE=0.0\n", "GRIPSTATE=0\n"].iter().enumerate() {
+            driver.tick(i as u64 * 40 * MS);
+            driver.receive(i as u64 * 40 * MS, line.as_bytes());
+        }
+        driver.permit_lowering(true);
+        driver.request(130 * MS, Request::Grip(GripCommand::Hold { force_n: 20.0 })).expect("taken over");
+        driver.receive(140 * MS, b"POS=110.0\n"); // what was asked before
+        driver.tick(200 * MS);
+        driver.receive(210 * MS, answer.as_bytes());
+        let error = driver.state(210 * MS).expect_err(answer).to_string();
+        assert!(error.contains(said), "{answer}: {error}");
+    }
+}
+
+/// Answers of a Robotiq at its socket, byte by byte with pauses, its faults in three ways of writing.
+#[test]
+fn a_robotiq_may_pause_within_an_answer_and_write_its_faults_in_any_way() {
+    for fault in ["0", "00", "0x00", "0X0"] {
+        for pause_ms in [1u64, 20, 100] {
+            let mut driver = driver("robotiq", config("robotiq"));
+            driver.linked(0);
+            let (mut now_ns, mut answers_count, mut asked) = (0, 0, Vec::new());
+            while answers_count < 6 {
+                driver.tick(now_ns);
+                asked.append(driver.outgoing());
+                let text = String::from_utf8(std::mem::take(&mut asked)).expect("ASCII");
+                let Some(name) = text.trim().strip_prefix("GET ") else {
+                    now_ns += MS;
+                    assert!(now_ns < 60_000 * MS, "asked {text:?}");
+                    continue;
+                };
+                let value = match name {
+                    "STA" => "3",
+                    "OBJ" => "3",
+                    "POS" => "230",
+                    "FLT" => fault,
+                    "FOR" => "12",
+                    _ => "255",
+                };
+                // A pause before the last digit, which makes another number of it, and one before the end.
+                let line = format!("{name} {value}\n");
+                let cuts = [line.len() - 2, line.len() - 1];
+                for part in [&line[..cuts[0]], &line[cuts[0]..cuts[1]], &line[cuts[1]..]] {
+                    driver.receive(now_ns, part.as_bytes());
+                    for _ in 0..pause_ms {
+                        now_ns += MS;
+                        driver.tick(now_ns);
+                    }
+                }
+                assert!(
+                    std::iter::from_fn(|| driver.next_event())
+                        .all(|event| !matches!(event, DriverEvent::Garbled { .. }))
+                );
+                asked.append(driver.outgoing());
+                answers_count += 1;
+            }
+            let state = driver.state(now_ns).expect("known");
+            assert_eq!(state.jaws, Jaws::Nothing, "FLT {fault}, {pause_ms} ms");
+            assert!(state.opening_mm.is_some_and(|mm| mm < 0.01), "POS 230, {pause_ms} ms: {state:?}");
+        }
+    }
+}
+
+/// One notion of a settled force: noise of 0.3 N rms and more does not keep a grasp or a release from being done.
+#[test]
+fn grasp_and_release_settle_under_noise() {
+    for noise_n in [0.0, 0.3, 1.0, 2.0] {
+        let mut bench = Bench::of("wsg50", &format!("noise={noise_n},seed=5"));
+        bench.run(300);
+        for (request, wanted) in
+            [(GripCommand::Hold { force_n: 20.0 }, Jaws::Holding), (GripCommand::Release, Jaws::Open)]
+        {
+            bench.request(Request::Grip(request)).expect("taken over");
+            let (mut settled, from_ns) = (Settled::default(), bench.now_ns());
+            loop {
+                bench.step();
+                let state = bench.state().expect("there");
+                if settled.see(bench.now_ns(), &state, !bench.driver.is_busy() && state.jaws == wanted) {
+                    break;
+                }
+                assert!(bench.now_ns() - from_ns < 6000 * MS, "{noise_n} N rms: {request:?} never settles");
+            }
+        }
+    }
+}
+
+#[test]
+fn check_hold_is_not_misled_by_noise_bias_or_gain_and_still_finds_a_dip() {
+    let run = |faults: &str, config: Config| {
+        let mut bench = Bench::new("wsg50", config, faults);
+        bench.driver.permit_lowering(true);
+        let mut trial = CheckHold::new(20.0, 30.0);
+        for _ in 0..30_000 {
+            bench.step();
+            if bench.now_ns() < 300 * MS {
+                continue; // until its state is known
+            }
+            let now_ns = bench.now_ns();
+            let state = match bench.state() {
+                Ok(state) => state,
+                Err(error) => return Verdict::Failed { why: error.to_string() },
+            };
+            match trial.step(now_ns, &state) {
+                Step::Command(command) => bench.request(Request::Grip(command)).expect("taken over"),
+                Step::Wait => {}
+                Step::Done(verdict) => return verdict,
+            }
+        }
+        panic!("{faults}: no verdict");
+    };
+    for faults in
+        ["", "noise=1.5,seed=2", "noise=2,seed=3", "bias=3", "bias=-3", "gain=0.85", "gain=1.15,noise=1,bias=-2"]
+    {
+        let verdict = run(faults, config("wsg50"));
+        assert!(matches!(verdict, Verdict::Held { .. }), "{faults}: {verdict:?}");
+    }
+    for faults in ["lose-part@4000", "fixed-limit"] {
+        let verdict = run(faults, config("wsg50"));
+        assert!(matches!(verdict, Verdict::Failed { .. }), "{faults}: {verdict:?}");
+    }
+}

@@ -1,0 +1,239 @@
+//! Motion JPEG over HTTP against a server that stalls, cuts, tears, and states wrong lengths.
+
+use jpeg_encoder::{ColorType, Encoder};
+use slipbound::image::SizePx;
+use slipbound::port::{Clock, FrameBuffer, FrameSource as _, Next, SourceError, SourceErrorKind};
+use slipbound_rig::source::{self, Camera};
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::thread;
+use std::time::{Duration, Instant};
+
+const HEAD: &str = "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=--cam\r\n\r\n--cam\r\n";
+
+/// What the server does next.
+#[derive(Clone)]
+enum Step {
+    Send(Vec<u8>),
+    Wait(u64),
+}
+
+/// Serves one script a connection, the last of them again and again, and returns the address of the stream.
+fn serve(scripts: Vec<Vec<Step>>) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let url = format!("http://{}/stream", listener.local_addr().expect("bound"));
+    thread::spawn(move || {
+        let mut scripts = scripts.into_iter();
+        let mut script = Vec::new();
+        for socket in listener.incoming().flatten() {
+            script = scripts.next().unwrap_or(script);
+            let _ = play(socket, &script); // who hangs up has seen enough
+        }
+    });
+    url
+}
+
+fn play(mut socket: TcpStream, script: &[Step]) -> std::io::Result<()> {
+    let mut request = Vec::new();
+    while !request.ends_with(b"\r\n\r\n") {
+        let mut byte = [0];
+        socket.read_exact(&mut byte)?;
+        request.push(byte[0]);
+    }
+    assert!(request.starts_with(b"GET /stream HTTP/1.0\r\nHost: "), "{}", String::from_utf8_lossy(&request));
+    for step in script {
+        match step {
+            Step::Send(bytes) => socket.write_all(bytes)?,
+            Step::Wait(ms) => thread::sleep(Duration::from_millis(*ms)),
+        }
+    }
+    Ok(())
+}
+
+fn jpeg(shift: usize) -> Vec<u8> {
+    let pixels: Vec<u8> = (0..64 * 48).map(|i| ((i + 40 * shift) % 256) as u8).collect();
+    let mut out = Vec::new();
+    Encoder::new(&mut out, 85).encode(&pixels, 64, 48, ColorType::Luma).expect("encodes");
+    out
+}
+
+/// A part with this length in its head, and the delimiter after it.
+fn part_of(jpeg: &[u8], length: Option<usize>, more: &str) -> Step {
+    let mut bytes = b"Content-Type: image/jpeg\r\n".to_vec();
+    if let Some(length) = length {
+        bytes.extend_from_slice(format!("Content-Length: {length}\r\n").as_bytes());
+    }
+    bytes.extend_from_slice(format!("{more}\r\n").as_bytes());
+    bytes.extend_from_slice(jpeg);
+    bytes.extend_from_slice(b"\r\n--cam\r\n");
+    Step::Send(bytes)
+}
+
+fn part(shift: usize) -> Step {
+    let jpeg = jpeg(shift);
+    part_of(&jpeg, Some(jpeg.len()), "")
+}
+
+fn head() -> Step {
+    Step::Send(HEAD.as_bytes().to_vec())
+}
+
+fn open(scripts: Vec<Vec<Step>>) -> Camera {
+    source::open_camera(&serve(scripts)).expect("answers")
+}
+
+/// The next frame that is not silence.
+fn next(camera: &mut Camera, frame: &mut FrameBuffer) -> Next {
+    let from = Instant::now();
+    loop {
+        match camera.source.next(frame).expect("a stream never fails for good") {
+            Next::Silent => assert!(from.elapsed() < Duration::from_secs(20), "nothing came"),
+            next => return next,
+        }
+    }
+}
+
+/// What comes until this many whole frames have: first pixel of a frame, or why it is torn.
+fn drain(camera: &mut Camera, frames_count: usize) -> Vec<Result<u8, String>> {
+    let (mut seen, mut frame): (Vec<Result<u8, String>>, _) = (Vec::new(), FrameBuffer::default());
+    while seen.iter().filter(|next| next.is_ok()).count() < frames_count {
+        seen.push(match next(camera, &mut frame) {
+            Next::Frame => {
+                Ok((frame.frame().map(|_| frame.pixels[0]).expect("as many pixels as its size says") + 20) / 40)
+            }
+            Next::Torn { reason } => Err(reason),
+            other => panic!("expected a frame, got {other:?}"),
+        });
+    }
+    seen
+}
+
+#[test]
+fn frames_come_with_their_arrival_or_with_the_server_s_own_time() {
+    let stamped = part_of(&jpeg(1), None, "X-Timestamp: 12.5\r\n");
+    let mut camera = open(vec![vec![head(), part(0), stamped, part(2), Step::Wait(5000)]]);
+    let mut frame = FrameBuffer::default();
+    let mut seen = Vec::new();
+    for _ in 0..3 {
+        assert_eq!(next(&mut camera, &mut frame), Next::Frame);
+        assert_eq!(frame.size, SizePx::new(64, 48));
+        assert!(frame.encoded.starts_with(&[0xFF, 0xD8]), "as it was received");
+        seen.push((frame.seq, frame.clock, frame.time_ns == Some(12_500_000_000)));
+    }
+    assert_eq!(seen, [(0, Clock::Host, false), (1, Clock::Device, true), (2, Clock::Host, false)]);
+    assert_eq!(camera.tally.counts().frames_count, 3);
+}
+
+#[test]
+fn a_whole_frame_is_given_at_once_and_silence_lasts_a_tenth_of_a_second() {
+    let jpeg = jpeg(0);
+    let mut bare = format!("Content-Length: {}\r\n\r\n", jpeg.len()).into_bytes();
+    bare.extend_from_slice(&jpeg);
+    let mut camera = open(vec![vec![head(), Step::Send(bare), Step::Wait(5000)]]);
+    let mut frame = FrameBuffer::default();
+    let from = Instant::now();
+    assert_eq!(next(&mut camera, &mut frame), Next::Frame, "no delimiter after it has come yet");
+    assert_eq!(camera.source.next(&mut frame).expect("goes on"), Next::Silent);
+    assert!(from.elapsed() < Duration::from_secs(2), "{:?}", from.elapsed());
+}
+
+#[test]
+fn wrong_lengths_missing_lengths_and_missing_huffman_tables_lose_nothing() {
+    let bare = without_huffman_tables(&jpeg(3));
+    let script = vec![
+        head(),
+        part_of(&jpeg(0), Some(jpeg(0).len() - 100), ""),
+        part_of(&jpeg(1), Some(jpeg(1).len() + 700), ""),
+        part_of(&jpeg(2), None, ""),
+        part_of(&bare, Some(bare.len()), ""),
+        Step::Wait(5000),
+    ];
+    assert_eq!(drain(&mut open(vec![script]), 4), [Ok(0), Ok(1), Ok(2), Ok(3)]);
+}
+
+#[test]
+fn torn_frames_are_counted_and_never_given_as_frames() {
+    let whole = jpeg(1);
+    let cut = &whole[..whole.len() * 2 / 3];
+    let script = vec![
+        head(),
+        part(0),
+        part_of(cut, Some(cut.len()), ""),
+        part_of(b"no picture", None, ""),
+        part(2),
+        Step::Wait(5000),
+    ];
+    let mut camera = open(vec![script]);
+    let seen = drain(&mut camera, 2);
+    assert!(seen[1].as_ref().is_err_and(|why| why.contains("cut off")), "{seen:?}");
+    assert!(seen[2].as_ref().is_err_and(|why| why.contains("neither JPEG nor PNG")), "{seen:?}");
+    assert_eq!((seen[0].clone(), seen[3].clone(), seen.len()), (Ok(0), Ok(2), 4));
+    assert_eq!((camera.tally.counts().frames_count, camera.tally.counts().torn_count), (2, 2));
+}
+
+#[test]
+fn a_stream_that_is_cut_is_opened_again_and_what_was_begun_is_torn() {
+    let mut begun = b"Content-Length: 5000\r\n\r\n".to_vec();
+    begun.extend_from_slice(&jpeg(1)[..300]);
+    let first = vec![head(), part(0), Step::Send(begun)];
+    let refuses = vec![Step::Send(b"HTTP/1.0 503 Busy\r\n\r\n".to_vec())];
+    let second = vec![head(), part(2), Step::Wait(5000)];
+    let mut camera = open(vec![first, refuses, second]);
+    let seen = drain(&mut camera, 2);
+    assert_eq!(seen, [Ok(0), Err("the connection was closed after 300 bytes of a frame".into()), Ok(2)]);
+    assert_eq!(camera.tally.counts().returns_count, 1);
+}
+
+#[test]
+fn a_stream_that_stalls_is_silent_and_opened_again_after_three_seconds() {
+    let mut camera = open(vec![vec![head(), part(0), Step::Wait(4500)], vec![head(), part(1), Step::Wait(9000)]]);
+    let from = Instant::now();
+    assert_eq!(drain(&mut camera, 2), [Ok(0), Ok(1)]);
+    assert!(from.elapsed() > Duration::from_secs(3), "{:?}", from.elapsed());
+    assert!(camera.tally.counts().longest_ms() > 3000.0);
+}
+
+#[test]
+fn heads_without_an_end_are_refused() {
+    let endless = vec![b'x'; 100_000];
+    let refused = source::open_camera(&serve(vec![vec![
+        Step::Send(b"HTTP/1.0 200 OK\r\n".to_vec()),
+        Step::Send(endless.clone()),
+        Step::Wait(1000),
+    ]]));
+    let why = refused.err().expect("an error").to_string();
+    assert!(why.contains("head of at most 16384 bytes"), "{why}");
+
+    let part_head = vec![head(), part(0), Step::Send(b"X: ".to_vec()), Step::Send(endless), Step::Wait(1000)];
+    let mut camera = open(vec![part_head, vec![head(), part(1), Step::Wait(5000)]]);
+    let seen = drain(&mut camera, 2);
+    assert!(seen[1].as_ref().is_err_and(|why| why.contains("part's head of at most")), "{seen:?}");
+    assert_eq!((seen[0].clone(), seen[2].clone()), (Ok(0), Ok(1)), "and the stream is opened again");
+}
+
+#[test]
+fn what_is_no_stream_is_refused_when_it_is_opened() {
+    let refused = |uri: &str| SourceError::from(source::open(uri).err().expect("an error"));
+    assert_eq!(refused("http://").kind, SourceErrorKind::Settings);
+    let page = serve(vec![vec![Step::Send(b"HTTP/1.0 200 OK\r\nContent-Type: text/html\r\n\r\n<html>".to_vec())]]);
+    let error = refused(&page);
+    assert_eq!((error.kind, error.file.as_deref()), (SourceErrorKind::Disconnected, Some(page.as_str())));
+    assert!(error.to_string().contains("text/html"), "{error}");
+    let nobody = TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a port that is free again");
+    assert_eq!(refused(&format!("http://{nobody}/")).kind, SourceErrorKind::Disconnected);
+}
+
+/// The same picture as cameras send it that leave out the tables everybody knows.
+fn without_huffman_tables(jpeg: &[u8]) -> Vec<u8> {
+    let mut bare = jpeg[..2].to_vec();
+    let mut at = 2;
+    while jpeg[at + 1] != 0xDA {
+        let end = at + 2 + usize::from(u16::from_be_bytes([jpeg[at + 2], jpeg[at + 3]]));
+        if jpeg[at + 1] != 0xC4 {
+            bare.extend_from_slice(&jpeg[at..end]);
+        }
+        at = end;
+    }
+    bare.extend_from_slice(&jpeg[at..]);
+    bare
+}

@@ -1,0 +1,312 @@
+//! What a gripper's force reading is worth: its bias learned while the jaws are open, its noise measured and averaged
+//! away, and, once it stands still near what was commanded, read as that.
+//!
+//! ```text
+//!   reading --- idle reading ---> / noise > --- stands still, and within what the driver states? ---> as commanded
+//!                                 average        | no
+//!                                                '-----------------------------------------------> as averaged
+//! ```
+//!
+//! The loop, `gripper grasp`, `gripper release` and `check-hold` all go by it. A clean reading passes through as it is. Commands and faults rest on the result; the record of a run holds what the
+//! gripper said.
+
+use crate::port::{GripperState, Jaws};
+
+/// Readings of which the noise is measured.
+const NOISE_COUNT: usize = 24;
+
+/// Quartile of the absolute second difference of white noise over its standard deviation: 0.3186 times sqrt(6). The
+/// quartile is not moved by the few readings in which the force changes.
+const QUARTILE_PER_SD: f64 = 0.780;
+
+/// Noise below which a reading is taken as it is, N per finger.
+const CLEAN_SD_N: f64 = 0.1;
+
+/// Noise that is left on the average, N per finger, and the most readings it may take: half a second at 30 Hz.
+const AVERAGE_SD_N: f64 = 0.35;
+const MOST_READINGS_COUNT: f64 = 15.0;
+
+/// Time in which an average may not move to stand still, ns.
+const STILL_NS: u64 = 200_000_000;
+
+/// Least band within which it stands still, N per finger, and the band in standard deviations of the average.
+const STILL_N: f64 = 0.25;
+const STILL_SD: f64 = 3.0;
+
+/// What a reading may be off where the driver does not state it: this force, N per finger, and this share of it.
+const ERROR_N: f64 = 2.0;
+const ERROR_FRACTION: f64 = 0.2;
+
+/// What may be between command and reading of a clean sensor, N per finger, or as a share: within it nothing is
+/// corrected.
+const EXACT_N: f64 = 0.5;
+const EXACT_FRACTION: f64 = 0.05;
+
+/// Most idle readings that are averaged; from there on the oldest are forgotten.
+const IDLE_COUNT: u32 = 30;
+
+/// The reading of a gripper's force, corrected. One for a gripper and as long as the link to it is used.
+#[derive(Debug, Clone)]
+pub struct ForceSense {
+    idle_n: f64,
+    idle_count: u32,
+    /// Whether the idle reading is what it was set to.
+    is_idle_set: bool,
+    readings_n: [f64; NOISE_COUNT],
+    readings_count: usize,
+    last: Option<(u64, f64)>,
+    average_n: Option<f64>,
+    /// Readings in a row that leave the average the same way.
+    leaves_count: i32,
+    /// Since when the average stands still, ns, and at what.
+    still: Option<(u64, f64)>,
+    is_still: bool,
+    /// What the average is multiplied with.
+    gain: f64,
+}
+
+impl Default for ForceSense {
+    fn default() -> Self {
+        ForceSense {
+            idle_n: 0.0,
+            idle_count: 0,
+            is_idle_set: false,
+            readings_n: [0.0; NOISE_COUNT],
+            readings_count: 0,
+            last: None,
+            average_n: None,
+            leaves_count: 0,
+            still: None,
+            is_still: true,
+            gain: 1.0,
+        }
+    }
+}
+
+impl ForceSense {
+    /// Before anything is commanded: learns the idle reading of open jaws, unless `may_touch`, and answers with the state
+    /// without it. Nothing else is remembered, so that a run begins alike when it is replayed.
+    pub fn rest(&mut self, state: &GripperState, may_touch: bool) -> GripperState {
+        if !may_touch {
+            self.learn_idle(state);
+        }
+        GripperState { force_n: state.force_n.map(|n| (n - self.idle_n).max(0.0)), ..*state }
+    }
+
+    /// The idle reading, N per finger.
+    pub fn idle_n(&self) -> f64 {
+        self.idle_n
+    }
+
+    /// Takes this for the idle reading, N per finger, and learns no other.
+    pub fn set_idle(&mut self, idle_n: f64) {
+        (self.idle_n, self.is_idle_set) = (idle_n, true);
+    }
+
+    /// The state with its force corrected. `may_touch`: something may be between the fingers, so nothing is learned of
+    /// the idle reading.
+    pub fn see(&mut self, now_ns: u64, state: &GripperState, may_touch: bool) -> GripperState {
+        let Some(reading_n) = state.force_n.filter(|n| n.is_finite()) else { return *state };
+        if self.last != Some((state.time_ns, reading_n)) {
+            self.last = Some((state.time_ns, reading_n));
+            if !may_touch {
+                self.learn_idle(state);
+            }
+            self.take(reading_n);
+        }
+        let average_n = self.average_n.unwrap_or(reading_n - self.idle_n);
+        self.look_still(now_ns, average_n);
+        let force_n = match state.target_n.filter(|_| state.jaws == Jaws::Holding) {
+            Some(target_n) => self.against(average_n, target_n, state.force_error_n),
+            None => {
+                self.gain = 1.0;
+                average_n
+            }
+        };
+        GripperState { force_n: Some(force_n.max(0.0)), ..*state }
+    }
+
+    /// Whether the force stands still: the one notion of a settled force. True where none is measured.
+    pub fn is_still(&self) -> bool {
+        self.is_still
+    }
+
+    /// Standard deviation of the readings, N per finger.
+    fn noise_n(&self) -> f64 {
+        if self.readings_count < NOISE_COUNT {
+            return 0.0;
+        }
+        let at = |back: usize| self.readings_n[(self.readings_count - 1 - back) % NOISE_COUNT];
+        let mut steps_n: [f64; NOISE_COUNT - 2] = std::array::from_fn(|i| (at(i) - 2.0 * at(i + 1) + at(i + 2)).abs());
+        steps_n.sort_unstable_by(f64::total_cmp);
+        steps_n[(NOISE_COUNT - 2) / 4] / QUARTILE_PER_SD
+    }
+
+    fn averaged_count(&self, noise_n: f64) -> f64 {
+        let ratio = noise_n / AVERAGE_SD_N;
+        if noise_n < CLEAN_SD_N { 1.0 } else { (ratio * ratio).clamp(1.0, MOST_READINGS_COUNT) }
+    }
+
+    fn learn_idle(&mut self, state: &GripperState) {
+        let is_idle = state.jaws == Jaws::Open && !self.is_idle_set;
+        if let Some(reading_n) = state.force_n.filter(|n| is_idle && n.is_finite()) {
+            self.idle_count = (self.idle_count + 1).min(IDLE_COUNT);
+            self.idle_n += (reading_n - self.idle_n) / f64::from(self.idle_count);
+        }
+    }
+
+    fn take(&mut self, reading_n: f64) {
+        self.readings_n[self.readings_count % NOISE_COUNT] = reading_n;
+        self.readings_count += 1;
+        let noise_n = self.noise_n();
+        let (now_n, before_n) = (reading_n - self.idle_n, self.average_n.unwrap_or(reading_n - self.idle_n));
+        let share = 2.0 / (self.averaged_count(noise_n) + 1.0);
+        // Two readings far off on the same side are no noise: the force has changed.
+        let leaves = (now_n - before_n).abs() > STILL_SD * noise_n;
+        let way = if now_n > before_n { 1 } else { -1 };
+        self.leaves_count = if leaves { way * (self.leaves_count * way).max(0) + way } else { 0 };
+        let has_left = self.leaves_count.abs() >= 2;
+        self.average_n = Some(if has_left { now_n } else { before_n + share * (now_n - before_n) });
+    }
+
+    /// Noise that is left on the average, and the band within which it stands still, N per finger.
+    fn left_and_band_n(&self) -> (f64, f64) {
+        let noise_n = self.noise_n();
+        let left_n = noise_n / libm::sqrt(self.averaged_count(noise_n));
+        (left_n, STILL_N.max(STILL_SD * left_n))
+    }
+
+    fn look_still(&mut self, now_ns: u64, average_n: f64) {
+        let (_, band_n) = self.left_and_band_n();
+        let (since_ns, still_n) = *self.still.get_or_insert((now_ns, average_n));
+        let stays = (average_n - still_n).abs() <= band_n;
+        if !stays {
+            self.still = Some((now_ns, average_n));
+        }
+        self.is_still = stays && now_ns.saturating_sub(since_ns) >= STILL_NS;
+    }
+
+    /// The force of jaws that hold, given what was commanded.
+    fn against(&mut self, mut average_n: f64, target_n: f64, error_n: Option<f64>) -> f64 {
+        let (left_n, band_n) = self.left_and_band_n();
+        let exact_n = EXACT_N.max(EXACT_FRACTION * target_n);
+        let stated_n = error_n.unwrap_or(ERROR_N.max(ERROR_FRACTION * target_n)).max(exact_n) + left_n;
+        let is_as_commanded = |force_n: f64| (force_n - target_n).abs() <= stated_n && force_n > 0.0;
+        // An idle reading that was the motor's own is gone when it presses.
+        let untared_n = average_n + self.idle_n;
+        if self.is_still && !is_as_commanded(average_n) && is_as_commanded(untared_n) {
+            (average_n, self.average_n, self.still) = (untared_n, Some(untared_n), None);
+            self.set_idle(0.0);
+        }
+        let is_near = is_as_commanded(average_n);
+        let is_exact = (average_n * self.gain - target_n).abs() <= exact_n;
+        if self.is_still && is_near && !is_exact {
+            self.gain = target_n / average_n;
+        }
+        let force_n = average_n * self.gain;
+        // What noise is left says nothing where the force stands still at what was commanded.
+        let is_noise = self.noise_n() >= CLEAN_SD_N && self.is_still && (force_n - target_n).abs() <= band_n + exact_n;
+        if is_noise { target_n } else { force_n }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CYCLE_NS: u64 = 33_333_333;
+
+    fn state(cycle: u64, force_n: f64, target_n: f64, jaws: Jaws) -> GripperState {
+        let (target_n, force_n) = (Some(target_n), Some(force_n));
+        GripperState { time_ns: cycle, force_n, force_error_n: None, target_n, opening_mm: None, jaws }
+    }
+
+    /// White noise of this standard deviation, always the same.
+    fn noise(sd_n: f64) -> impl FnMut() -> f64 {
+        let mut random = 7u64;
+        move || {
+            let mut draw = || {
+                random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (random >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+            };
+            sd_n * (0..12).map(|_| draw()).sum::<f64>()
+        }
+    }
+
+    /// Jaws that are open for a second, close, and press with 10 N and then 20 N; what is made of it at the end of each.
+    fn run(bias_n: f64, gain: f64, noise_n: f64) -> [f64; 3] {
+        let (mut sense, mut noise) = (ForceSense::default(), noise(noise_n));
+        let mut told = [0.0; 3];
+        for cycle in 0..150u64 {
+            let (stage, true_n, jaws) = match cycle {
+                0..30 => (0, 0.0, Jaws::Open),
+                30..90 => (1, 10.0 * (1.0 - libm::exp(-((cycle - 29) as f64) * 0.4)), Jaws::Holding),
+                _ => (2, 20.0 - 10.0 * libm::exp(-((cycle - 89) as f64) * 0.4), Jaws::Holding),
+            };
+            let read_n = true_n * gain + bias_n + noise();
+            let target_n = if stage == 2 { 20.0 } else { 10.0 };
+            let state = state(cycle, read_n, target_n, jaws);
+            told[stage] = sense.see(cycle * CYCLE_NS, &state, jaws != Jaws::Open).force_n.expect("measured");
+        }
+        told
+    }
+
+    #[test]
+    fn a_clean_reading_passes_through_as_it_is() {
+        let mut sense = ForceSense::default();
+        for cycle in 0..200u64 {
+            let force_n = if cycle < 30 { 0.0 } else { 10.0 * (1.0 - libm::exp(-((cycle - 29) as f64) * 0.4)) };
+            let jaws = if cycle < 30 { Jaws::Open } else { Jaws::Holding };
+            let state = state(cycle, force_n, 10.0, jaws);
+            assert_eq!(sense.see(cycle * CYCLE_NS, &state, cycle >= 30), state, "cycle {cycle}");
+        }
+    }
+
+    #[test]
+    fn bias_gain_and_noise_are_taken_out_of_a_force_that_has_settled() {
+        for bias_n in [-3.0, 0.0, 3.0] {
+            for gain in [0.85, 1.0, 1.15] {
+                for noise_n in [0.0, 0.5, 1.0, 2.0] {
+                    let [open_n, low_n, high_n] = run(bias_n, gain, noise_n);
+                    let what = format!("bias {bias_n} gain {gain} noise {noise_n}: {open_n} {low_n} {high_n}");
+                    assert!(open_n <= 0.05 + noise_n, "{what}");
+                    assert!((low_n - 10.0).abs() <= 0.51 && (high_n - 20.0).abs() <= 1.01, "{what}");
+                }
+            }
+        }
+    }
+
+    /// What a motor reads on open jaws and no longer where it presses.
+    #[test]
+    fn an_idle_reading_that_goes_when_the_jaws_press_is_noticed() {
+        let mut sense = ForceSense::default();
+        let mut told_n = 0.0;
+        for cycle in 0..120u64 {
+            let (read_n, jaws) = if cycle < 30 { (9.0, Jaws::Open) } else { (20.0, Jaws::Holding) };
+            let state = state(cycle, read_n, 20.0, jaws);
+            told_n = sense.see(cycle * CYCLE_NS, &state, cycle >= 30).force_n.expect("measured");
+        }
+        assert!((told_n - 20.0).abs() < 0.5, "{told_n}");
+    }
+
+    #[test]
+    fn a_force_that_is_not_there_is_not_made_up() {
+        let mut sense = ForceSense::default();
+        for cycle in 0..120u64 {
+            let state = state(cycle, 4.0, 20.0, Jaws::Holding);
+            assert_eq!(sense.see(cycle * CYCLE_NS, &state, true).force_n, Some(4.0));
+        }
+        // And one that has settled is seen to go.
+        let mut sense = ForceSense::default();
+        let told_n: Vec<f64> = (0..120u64)
+            .map(|cycle| {
+                let force_n = if cycle < 90 { 17.5 } else { 3.0 };
+                sense
+                    .see(cycle * CYCLE_NS, &state(cycle, force_n, 20.0, Jaws::Holding), true)
+                    .force_n
+                    .expect("measured")
+            })
+            .collect();
+        assert!((told_n[80] - 20.0).abs() < 1e-9 && told_n[95] < 4.0, "{} {}", told_n[80], told_n[95]);
+    }
+}

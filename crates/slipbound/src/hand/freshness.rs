@@ -1,0 +1,83 @@
+//! Whether a finger's newest frame is of now: how old it is, and how far behind those of the other fingers.
+//!
+//! Age counts on the loop's clock from when the frame came. How far a finger lags behind another is told by the times of
+//! their cameras, whose clocks need not agree: what counts is how the difference changes after the first frames.
+
+/// Age of a finger's newest frame, and lag of its frames behind those of another finger, beyond which it is not live, ns:
+/// three frames at 30 Hz.
+const STALE_NS: u64 = 100_000_000;
+
+/// Rate at which the clocks of two cameras may drift apart: a lag that grows no faster is none.
+const CLOCK_DRIFT_FRACTION: f64 = 1e-3;
+
+/// Jump of a camera's clock against the loop's that is a new clock, ns: a camera that was plugged in again.
+const NEW_CLOCK_NS: i64 = 1_000_000_000;
+
+/// When the frames of a finger came, and how old they were.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Freshness {
+    /// The time of a frame that came since the last report, ns of its camera, where it has one.
+    new: Option<Option<u64>>,
+    /// When its newest frame came, ns of the loop.
+    seen_ns: Option<u64>,
+    /// The time of that frame, ns of its camera.
+    time_ns: Option<u64>,
+    /// How far its clock is ahead of the first finger's, ns; None before both have shown a time.
+    ahead_ns: Option<f64>,
+    is_stale: bool,
+}
+
+impl Freshness {
+    /// A frame with this time has come.
+    pub fn see(&mut self, time_ns: Option<u64>) {
+        self.new = Some(time_ns);
+    }
+
+    /// When its newest frame came, ns of the loop.
+    pub fn seen_ns(&self) -> Option<u64> {
+        self.seen_ns
+    }
+
+    /// Whether it is too old, or too far behind another finger's.
+    pub fn is_stale(&self) -> bool {
+        self.is_stale
+    }
+
+    fn advance_to(&mut self, now_ns: u64) {
+        if let Some(time_ns) = self.new.take() {
+            let passed_ns = self.seen_ns.map_or(0, |seen_ns| now_ns.saturating_sub(seen_ns) as i64);
+            let jump_ns = self.time_ns.zip(time_ns).map(|(from, to)| to as i64 - from as i64 - passed_ns);
+            if jump_ns.is_some_and(|ns| ns.abs() > NEW_CLOCK_NS) {
+                self.ahead_ns = None;
+            }
+            (self.seen_ns, self.time_ns) = (Some(now_ns), time_ns);
+        }
+        self.is_stale = self.seen_ns.is_some_and(|seen_ns| now_ns.saturating_sub(seen_ns) > STALE_NS);
+    }
+}
+
+/// Brings the fingers to a time of the loop. `step_ns`: time since this was done last.
+pub(super) fn advance<'a>(fingers: impl Iterator<Item = &'a mut Freshness>, now_ns: u64, step_ns: u64) {
+    let drift_ns = step_ns as f64 * CLOCK_DRIFT_FRACTION;
+    let mut first: Option<&mut Freshness> = None;
+    for finger in fingers {
+        finger.advance_to(now_ns);
+        let Some(time_ns) = finger.time_ns else { continue };
+        let Some(first) = &mut first else {
+            // A new clock of the first finger is one against which all others are new.
+            first = Some(finger);
+            continue;
+        };
+        let difference_ns = time_ns as f64 - first.time_ns.unwrap_or(time_ns) as f64;
+        let is_known = finger.ahead_ns.is_some() && first.ahead_ns.is_some();
+        let ahead_ns = if is_known { finger.ahead_ns.unwrap_or(difference_ns) } else { difference_ns };
+        let lead_ns = difference_ns - ahead_ns;
+        finger.ahead_ns = Some(ahead_ns + lead_ns.clamp(-drift_ns, drift_ns));
+        finger.is_stale |= lead_ns < -(STALE_NS as f64);
+        first.is_stale |= lead_ns > STALE_NS as f64;
+    }
+    // All have been compared with it: its clock is known from here on.
+    if let Some(first) = first {
+        first.ahead_ns = Some(0.0);
+    }
+}

@@ -1,0 +1,160 @@
+"""The camera."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from lerobot.cameras.camera import Camera
+from numpy.typing import NDArray
+
+import slipbound
+
+from .config_slipbound import SlipboundCameraConfig
+
+#: The verdicts in the order of their numbers in the features.
+STATES = ("no_contact", "unsure", "stick", "incipient", "gross", "unjudged")
+
+
+class SlipboundCamera(Camera):
+    """A finger as LeRobot sees a camera. ``features`` are the numbers of the newest frame, to be put beside it.
+
+    Parameters
+    ----------
+    config : SlipboundCameraConfig
+        What it is made from.
+    """
+
+    def __init__(self, config: SlipboundCameraConfig) -> None:
+        super().__init__(config)
+        self.config = config
+        self._camera: Camera | None = None
+        self._watch: slipbound.Watch | None = None
+        self._monitor: slipbound.Monitor | None = None
+        self._report: slipbound.Report | None = None
+        self._picture: NDArray[np.uint8] | None = None
+        self._read_s = 0.0
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether it is connected."""
+        return self._watch is not None or (self._camera is not None and self._camera.is_connected)
+
+    @staticmethod
+    def find_cameras() -> list[dict[str, Any]]:
+        """Return nothing: fingers stand behind other cameras, which find themselves."""
+        return []
+
+    def connect(self, warmup: bool = True) -> None:
+        """Open the camera or the recording. With ``warmup`` the finger at rest is looked for: nothing may touch it."""
+        if self.is_connected:
+            raise ConnectionError("SlipboundCamera is connected already")
+        if self.config.camera is None:
+            self._open()
+        else:
+            from lerobot.cameras.utils import make_cameras_from_configs
+
+            self._camera = make_cameras_from_configs({"finger": self.config.camera})["finger"]
+            self._camera.connect(warmup)
+            sensor = self.config.sensor
+            assert sensor is not None  # the config has seen to it
+            self._monitor = slipbound.Monitor(sensor, settings=self.config.settings, order="RGB")
+        if warmup:
+            self.read()
+            while self._monitor is not None and not self._monitor.is_ready:
+                self.read()
+
+    def _open(self) -> None:
+        source = self.config.source
+        assert source is not None  # the config has seen to it
+        self._watch = slipbound.watch(source, self.config.sensor, self.config.settings)
+
+    def read(self) -> NDArray[Any]:
+        """Return the next picture, RGB, uint8, H x W x 3."""
+        return self._take(None)
+
+    def async_read(self, timeout_ms: float = 200) -> NDArray[Any]:
+        """Return the next picture; a camera is waited for at most ``timeout_ms``."""
+        return self._take(timeout_ms)
+
+    def read_latest(self, max_age_ms: int = 500) -> NDArray[Any]:
+        """Return the newest picture again."""
+        self._check()
+        if self._picture is None:
+            raise RuntimeError("no frame was read yet")
+        if (time.monotonic() - self._read_s) * 1e3 > max_age_ms:
+            raise TimeoutError(f"the newest frame is older than {max_age_ms} ms")
+        return self._picture
+
+    def disconnect(self) -> None:
+        """Close it."""
+        self._check()
+        if self._camera is not None:
+            self._camera.disconnect()
+        if self._watch is not None:
+            self._watch.close()
+        self._camera = self._watch = self._monitor = None
+
+    @property
+    def features(self) -> dict[str, float]:
+        """Numbers of the newest frame: place of the verdict in STATES, margin (1 where unknown), shear of the gel, px and rad."""
+        report = self._report
+        if report is None:
+            raise RuntimeError("no frame was read yet")
+        shear = report.shear
+        x_px, y_px = (0.0, 0.0) if shear is None else shear.translation_px
+        return {
+            "state": float(STATES.index(report.state)),
+            "margin": 1.0 if report.margin is None else report.margin.value,
+            "shear_x_px": x_px,
+            "shear_y_px": y_px,
+            "shear_rad": 0.0 if shear is None else shear.rotation_rad,
+        }
+
+    def _check(self) -> None:
+        if not self.is_connected:
+            raise ConnectionError("SlipboundCamera is not connected")
+
+    def _take(self, timeout_ms: float | None) -> NDArray[Any]:
+        self._check()
+        if self._camera is not None and self._monitor is not None:
+            image = self._camera.read() if timeout_ms is None else self._camera.async_read(timeout_ms)
+            self._report = self._monitor.step(image, time_ns=time.monotonic_ns())
+        else:
+            image = self._next_of_recording()
+        self._picture = image if self.config.picture == "tactile" else self._field(image)
+        self.height, self.width = self._picture.shape[:2]
+        self._read_s = time.monotonic()
+        return self._picture
+
+    def _next_of_recording(self) -> NDArray[Any]:
+        for _ in range(2):
+            assert self._watch is not None
+            for report in self._watch:
+                image = self._watch.image(order="RGB")
+                if image is not None:
+                    self._report = report
+                    return image
+            self._open()
+        raise RuntimeError(f"{self.config.source}: no whole frame")
+
+    def _field(self, image: NDArray[Any]) -> NDArray[np.uint8]:
+        """Draw the slip field as a picture of the size of the camera's: a square of a pitch for every marker."""
+        report = self._report
+        sensor = self._watch.sensor if self._watch is not None else slipbound.Sensor(self.config.sensor or "")
+        height, width = image.shape[:2]
+        picture = np.zeros((height, width, 3), np.uint8)
+        picture[:, :, :2] = 128
+        if report is None:
+            return picture
+        field, pitch_px = report.field, sensor.pitch_px
+        columns, rows = sensor.rectified_px
+        half = np.array([width / columns, height / rows]) * pitch_px / 2
+        for at, slip, over in zip(field.now_px, field.slip_px, field.over, strict=True):
+            middle = at * (width / columns, height / rows)
+            left, top = np.clip(middle - half, 0, (width, height)).astype(int)
+            right, bottom = np.clip(middle + half, 0, (width, height)).astype(int)
+            x, y = (128 + 127 * np.clip(slip / pitch_px, -1, 1)).round()
+            picture[top:bottom, left:right] = (x, y, 255 if over else 0)
+        return picture

@@ -1,0 +1,105 @@
+"""Against the interface of the installed LeRobot; its torch is not needed for that."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import slipbound
+
+pytest.importorskip("lerobot")
+
+from lerobot.cameras.camera import Camera  # noqa: E402
+from lerobot.cameras.configs import CameraConfig  # noqa: E402
+from lerobot_camera_slipbound import SlipboundCamera, SlipboundCameraConfig  # noqa: E402
+from lerobot_camera_slipbound.slipbound import STATES  # noqa: E402
+
+SOURCE = "sim:ramp?object=scissors&force_n=15&ramp_s=0.4&grid=fast&seed=3"
+
+
+def test_lerobot_makes_it_from_its_config():
+    from lerobot.cameras.utils import make_cameras_from_configs
+
+    config = SlipboundCameraConfig(source=SOURCE)
+    assert config.type == "slipbound" and CameraConfig.get_choice_class("slipbound") is SlipboundCameraConfig
+    camera = make_cameras_from_configs({"finger": config})["finger"]
+    assert isinstance(camera, SlipboundCamera) and isinstance(camera, Camera)
+
+
+def test_lerobot_finds_the_distribution():
+    from importlib.metadata import distributions
+
+    names = [distribution.metadata["Name"] for distribution in distributions()]
+    assert any(name.startswith("lerobot_camera_") for name in names)
+
+
+def test_it_gives_pictures_and_numbers_until_it_is_disconnected():
+    camera = SlipboundCamera(SlipboundCameraConfig(source=SOURCE))
+    with pytest.raises(ConnectionError):
+        camera.read()
+    with camera:
+        states = set()
+        for _ in range(45):
+            image = camera.async_read()
+            assert image.shape == (camera.height, camera.width, 3) and image.dtype == np.uint8
+            states.add(STATES[int(camera.features["state"])])
+        assert {"no_contact", "incipient"} <= states
+        assert camera.read_latest() is image
+    assert not camera.is_connected
+
+
+def test_the_field_as_a_picture():
+    with SlipboundCamera(SlipboundCameraConfig(source=SOURCE, picture="field")) as camera:
+        pictures = [camera.read() for _ in range(40)]
+    assert (pictures[0][:, :, 2] == 0).all()
+    assert any((picture[:, :, 2] == 255).any() for picture in pictures)
+
+
+class _Replay(Camera):
+    """A camera of LeRobot's that plays simulated frames."""
+
+    def __init__(self, config):
+        super().__init__(config)
+        self.simulation = None
+
+    @property
+    def is_connected(self):
+        return self.simulation is not None
+
+    @staticmethod
+    def find_cameras():
+        return []
+
+    def connect(self, warmup=True):
+        self.simulation = slipbound.lab.simulate(SOURCE.removeprefix("sim:"), rest_frames=30)
+
+    def read(self):
+        return next(self.simulation).image(order="RGB")
+
+    def async_read(self, timeout_ms=200):
+        return self.read()
+
+    def disconnect(self):
+        self.simulation = None
+
+
+def test_behind_another_camera(monkeypatch, tmp_path):
+    import lerobot.cameras.utils
+
+    inner = CameraConfig.__subclasses__()[0]
+    monkeypatch.setattr(lerobot.cameras.utils, "make_cameras_from_configs", lambda configs: {"finger": _Replay(inner)})
+    monkeypatch.setattr(inner, "fps", 30, raising=False)
+    monkeypatch.setattr(inner, "width", 427, raising=False)
+    monkeypatch.setattr(inner, "height", 320, raising=False)
+    sensor = tmp_path / "sensor.toml"
+    sensor.write_text(slipbound.lab.simulate(SOURCE.removeprefix("sim:")).sensor.to_toml())
+    config = SlipboundCameraConfig(camera=inner, sensor=str(sensor))
+    with SlipboundCamera(config) as camera:
+        states = {STATES[int(camera.features["state"])] for _ in range(40) if camera.read() is not None}
+    assert "no_contact" in states and "incipient" in states
+
+
+def test_configs_that_cannot_be():
+    for wrong in ({}, {"source": "a", "camera": "b"}, {"camera": "b"}, {"source": "a", "picture": "none"}):
+        with pytest.raises(ValueError, match="expected"):
+            SlipboundCameraConfig(**wrong)

@@ -1,0 +1,66 @@
+"""Reports as flat rows, for pandas, polars and Arrow."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from . import _slipbound as _native
+
+if TYPE_CHECKING:
+    import pandas
+
+    from ._slipbound import Report
+
+Value = bool | int | float | str | None
+
+
+@cache
+def _template() -> dict[str, Any]:
+    template: dict[str, Any] = json.loads(_native.full_line())
+    return template
+
+
+def _put(row: dict[str, Value], key: str, value: Any, template: Any) -> None:
+    prefix = f"{key}_" if key else ""
+    if isinstance(template, dict):
+        for name, part in template.items():
+            _put(row, prefix + name, None if value is None else value.get(name), part)
+    elif isinstance(template, list):
+        for i, name in enumerate(("x", "y")):
+            row[prefix + name] = None if value is None else value[i]
+    else:
+        row[key] = value
+
+
+def flat(line: dict[str, Any]) -> dict[str, Value]:
+    """Flatten a report's dict: every column is there for every report, None where it is not known."""
+    row: dict[str, Value] = {}
+    _put(row, "", line, _template())
+    return row
+
+
+def rows(reports: Iterable[Report]) -> list[dict[str, Value]]:
+    """Flatten reports to rows of equal columns: ``polars.DataFrame(rows)``, ``pyarrow.Table.from_pylist(rows)``.
+
+    Parameters
+    ----------
+    reports : iterable of Report
+        Reports of one or several fingers.
+
+    Returns
+    -------
+    list of dict
+        Keys are those of the JSON report joined by ``_``: ``contact_area_px2``, ``margin_value``,
+        ``motion_translation_px_x``; what is not known is None.
+    """
+    return [flat(report.to_dict()) for report in reports]
+
+
+def to_pandas(reports: Iterable[Report]) -> pandas.DataFrame:
+    """Put reports into a table, one row a report; see :func:`rows`. Needs pandas."""
+    import pandas
+
+    return pandas.DataFrame(rows(reports), columns=list(flat(_template())))

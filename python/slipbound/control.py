@@ -1,0 +1,195 @@
+"""The control loop around sources, a gripper and a wrist of your own.
+
+Subclass :class:`FrameSource`, :class:`Gripper` and :class:`Wrist`; the loop, the tasks and the controllers are those of the
+command line. Whatever one of your methods raises, the wrist is paused, the gripper keeps its force, and the exception
+comes out of :meth:`ControlLoop.cycle`. A :class:`slipbound.GripperError` or :class:`slipbound.WristError` is a fault that
+the loop waits for: the wrist stands meanwhile, and after ten seconds the loop is left.
+
+Newtons are normal force per finger. None of the methods may block for longer than a frame lasts.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _slipbound as _native
+from ._slipbound import Cycle, GripperState, Sensor, Settings, WristCommand, WristState
+
+__all__ = [
+    "ControlLoop",
+    "Controller",
+    "Cycle",
+    "Finger",
+    "FrameSource",
+    "Gripper",
+    "GripperState",
+    "Observer",
+    "Wrist",
+    "WristCommand",
+    "WristState",
+]
+
+#: Whoever looks on: called after every cycle.
+Observer = Callable[[Cycle], object]
+Task = Literal["screw", "unscrew", "place", "lift"]
+
+
+class FrameSource(ABC):
+    """Where the frames of a finger come from."""
+
+    @abstractmethod
+    def next(self) -> NDArray[np.uint8] | tuple[NDArray[np.uint8], int] | None:
+        """Return the next frame, with its time of exposure in ns where that is known; None when there is no more."""
+
+
+class Gripper(ABC):
+    """A parallel gripper. Neither method waits for the jaws."""
+
+    @abstractmethod
+    def command(self, force_n: float | None) -> None:
+        """Hold with this force per finger, N; None opens the jaws. When it raises, the force stays where it was."""
+
+    @abstractmethod
+    def poll(self) -> GripperState:
+        """Return the newest state."""
+
+
+class Wrist(ABC):
+    """The arm behind the hand. Neither method waits for the motion."""
+
+    @abstractmethod
+    def command(self, command: WristCommand) -> None:
+        """Take over a motion; it ends by itself after ``command.time_to_live_ns`` unless a new one has come."""
+
+    @abstractmethod
+    def poll(self) -> WristState:
+        """Return the newest state."""
+
+
+class Controller(ABC):
+    """Decides how hard to hold. A guard keeps its force in the limits and keeps the grip when nothing is seen.
+
+    Attributes
+    ----------
+    alarms_count : int
+        How often it answered slip.
+    wants_more : bool
+        Whether it has been shown slip at its largest force.
+    """
+
+    alarms_count: int = 0
+    wants_more: bool = False
+
+    @abstractmethod
+    def decide(self, now_ns: int, hand: dict[str, Any], gripper: GripperState) -> float | tuple[float, bool]:
+        """Return the force per finger in N, and False besides where the arm shall wait.
+
+        Parameters
+        ----------
+        now_ns : int
+            Time of the loop; never goes back.
+        hand : dict
+            What the fingers say together: ``hand["state"]``, ``hand["slip"]``, ...
+        gripper : GripperState
+            What the gripper says.
+        """
+
+
+@dataclass(frozen=True)
+class Finger:
+    """A finger of the hand.
+
+    Attributes
+    ----------
+    source : FrameSource
+        Where its frames come from; its first frames must show it untouched.
+    sensor : Sensor, str or path
+        Its facts.
+    side : {"left", "right"}
+        On which side of the object it is.
+    settings : Settings, str, path or None
+        Settings of its monitor.
+    """
+
+    source: FrameSource
+    sensor: Sensor | str | PathLike[str]
+    side: Literal["left", "right"] = "left"
+    settings: Settings | str | PathLike[str] | None = None
+
+
+class ControlLoop:
+    """Frames in, commands out, cycle by cycle.
+
+    Parameters
+    ----------
+    fingers : sequence of Finger
+        One to four.
+    gripper : Gripper
+        The gripper.
+    wrist : Wrist
+        The wrist.
+    task : {"lift", "screw", "unscrew", "place"}
+        What is to be done.
+    controller : {"on_slip", "margin", "paper", "constant"} or Controller
+        What decides how hard to hold.
+    settings : str
+        Text of a task settings file; its keys replace the defaults.
+    observer : callable or None
+        Called with every :class:`Cycle`.
+    order : {"BGR", "RGB"}
+        Order of the channels of the frames.
+    """
+
+    def __init__(
+        self,
+        fingers: Sequence[Finger],
+        gripper: Gripper,
+        wrist: Wrist,
+        *,
+        task: Task = "lift",
+        controller: str | Controller = "on_slip",
+        settings: str = "",
+        observer: Observer | None = None,
+        order: Literal["BGR", "RGB"] = "BGR",
+    ) -> None:
+        rows = [(f"finger{i}", f.side, f.sensor, f.source, f.settings) for i, f in enumerate(fingers)]
+        self._loop = _native.Loop(rows, task, controller, settings, order)
+        self._gripper = gripper
+        self._wrist = wrist
+        self._observer = observer
+
+    def cycle(self, now_ns: int) -> Cycle:
+        """Take every finger's next frame, ask gripper and wrist, and command them.
+
+        Parameters
+        ----------
+        now_ns : int
+            Time of the loop; must not go back.
+
+        Raises
+        ------
+        slipbound.ControlError
+            When the loop was left: the wrist was paused and the gripper keeps its force.
+        """
+        return self._loop.cycle(now_ns, self._gripper, self._wrist, self._observer)
+
+    def run(self, clock: Callable[[], int] = time.monotonic_ns) -> Cycle:
+        """Run cycles as fast as the sources give frames until the task or a source has ended; return the last cycle.
+
+        Whatever ends it, Ctrl-C too, the wrist stands and the gripper keeps its force.
+        """
+        try:
+            while True:
+                cycle = self.cycle(clock())
+                if cycle.has_ended or cycle.outcome == "source_ended":
+                    return cycle
+        finally:
+            self._loop.leave(self._gripper, self._wrist)

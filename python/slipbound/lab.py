@@ -1,0 +1,131 @@
+"""Simulated fingers and hands with exact truth of what sticks and what slips.
+
+>>> import slipbound
+>>> simulation = slipbound.lab.simulate("ramp", seed=3, object="scissors", ramp_s=0.4, grid="fast")
+>>> frames = list(simulation)
+>>> truths = simulation.complete([frame.truth for frame in frames])
+>>> truths[-1].margin < 0.1
+True
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from . import _slipbound as _native
+from ._slipbound import HandRun as _HandRun
+from ._slipbound import Sensor, Settings, SimulatedFrame, Simulation, Truth
+
+if TYPE_CHECKING:
+    from .control import Controller, Cycle, Observer
+
+__all__ = ["Hand", "SimulatedFrame", "Simulation", "Truth", "simulate"]
+
+Parameter = str | float | bool
+
+
+def _words(parameters: dict[str, Parameter]) -> list[tuple[str, str]]:
+    return [(key, str(value)) for key, value in parameters.items()]
+
+
+def simulate(scene: str, *, seed: int | None = None, **parameters: Parameter) -> Simulation:
+    """Simulate a scene of one finger, frame by frame.
+
+    Parameters
+    ----------
+    scene : str
+        The name of a scene, or ``SCENE?key=value&key=value``; ``python -m slipbound scenes`` lists them.
+    seed : int or None
+        What the noise of the camera is drawn from; the same seed gives the same bytes.
+    **parameters
+        Keys of the scene: ``object="scissors"``, ``force_n=15``.
+
+    Returns
+    -------
+    Simulation
+        An iterator of :class:`SimulatedFrame`: ``image()``, ``truth``, ``seq``, ``time_ns``.
+
+    Raises
+    ------
+    slipbound.SettingError
+        When the scene does not take a key or a value.
+    """
+    return _native.simulate(scene, seed, _words(parameters))
+
+
+class Hand:
+    """A simulated hand at a task, in lock-step: a cycle of the control loop, then 1/30 s of the world.
+
+    Parameters
+    ----------
+    scene : str
+        ``lift``, ``screw``, ``unscrew`` or ``place``, or ``TASK?key=value&key=value``.
+    controller : {"on_slip", "margin", "paper", "constant"} or slipbound.control.Controller
+        What decides how hard to hold.
+    settings : str
+        Text of a task settings file; its keys replace the defaults.
+    monitor : Settings, str, path or None
+        Settings of the fingers' monitors.
+    **parameters
+        Keys of the scene, ``seed`` too.
+
+    Examples
+    --------
+    >>> hand = slipbound.lab.Hand("lift", seed=1, fingers=1, mu=0.6, longest_s=1)
+    >>> last = hand.run()
+    >>> hand.truth["grip_force_n"] > 5
+    True
+    """
+
+    def __init__(
+        self,
+        scene: str,
+        *,
+        controller: str | Controller = "on_slip",
+        settings: str = "",
+        monitor: Settings | str | PathLike[str] | None = None,
+        **parameters: Parameter,
+    ) -> None:
+        self._run = _HandRun(scene, _words(parameters), controller, settings, monitor)
+
+    def cycle(self, observer: Observer | None = None) -> Cycle:
+        """Run one cycle; what a controller or an observer raises comes out, with the wrist paused and the grip kept."""
+        return self._run.cycle(observer)
+
+    def run(self, observer: Observer | None = None, *, cycles_after_end: int = 15) -> Cycle:
+        """Run cycles until the task has ended and half a second longer, or the scene has; return the last cycle."""
+        after_count = 0
+        while True:
+            cycle = self.cycle(observer)
+            after_count += cycle.has_ended
+            if cycle.outcome == "source_ended" or after_count > cycles_after_end:
+                return cycle
+
+    def leave(self) -> None:
+        """Leave the hand before its task has ended: the wrist pauses, the grip stays, and two seconds pass."""
+        self._run.leave()
+
+    @property
+    def truth(self) -> dict[str, Any]:
+        """What is true now; units are in the names."""
+        return self._run.truth
+
+    @property
+    def score(self) -> dict[str, Any]:
+        """What adds up over the cycles so far: ``succeeded``, ``most_n``, ``slid_mm``, ..."""
+        return self._run.score
+
+    @property
+    def scene(self) -> str:
+        """The scene with all its parameters."""
+        return self._run.scene
+
+    @property
+    def task(self) -> str:
+        """The task."""
+        return self._run.task
+
+    def sensor(self, finger: int = 0) -> Sensor:
+        """Return the facts of a finger, with the stiffness of its gel."""
+        return self._run.sensor(finger)

@@ -1,0 +1,93 @@
+"""Reports in the Rerun viewer. Needs rerun-sdk: ``pip install slipbound[rerun]``.
+
+Under the name of a finger there are ``image`` (what its camera saw, rectified or not as it was given), ``markers`` and
+``slip`` (arrows in px of the rectified picture), the scalars ``margin``, ``stick_ratio``, ``contact_area_px2``, ``grip_n``
+and ``slipping_markers``, and ``state``, a text line at every change of the verdict.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from ._slipbound import Report
+
+__all__ = ["blueprint", "log"]
+
+#: The verdict that was logged last, by the name of the finger.
+_last_state: dict[str, str] = {}
+_LEVELS = {"incipient": rr.TextLogLevel.WARN, "gross": rr.TextLogLevel.ERROR, "unjudged": rr.TextLogLevel.WARN}
+
+
+def log(
+    report: Report,
+    image: NDArray[np.uint8] | None = None,
+    *,
+    order: Literal["BGR", "RGB"] = "BGR",
+    recording: Any = None,
+) -> None:
+    """Log a report, and the frame that it is of.
+
+    Parameters
+    ----------
+    report : Report
+        What :meth:`slipbound.Monitor.step` or :func:`slipbound.watch` said.
+    image : array or None
+        The frame.
+    order : {"BGR", "RGB"}
+        Order of its channels.
+    recording : rerun.RecordingStream or None
+        Where to; None is the one that is active.
+    """
+    name = report.finger
+    rr.set_time("frame", sequence=report.seq, recording=recording)
+    if report.time_ns is not None:
+        rr.set_time("time", duration=report.time_ns * 1e-9, recording=recording)
+    if image is not None:
+        model = "L" if image.ndim == 2 else order
+        rr.log(f"{name}/image", rr.Image(image, color_model=model), recording=recording)
+    field = report.field
+    if len(field) > 0:
+        moved = rr.Arrows2D(origins=field.rest_px, vectors=field.now_from_rest_px, colors=[255, 200, 0])
+        rr.log(f"{name}/markers", moved, recording=recording)
+        seen = field.matched & field.in_contact
+        slips = rr.Arrows2D(origins=field.now_px[seen], vectors=field.slip_px[seen], colors=[160, 0, 200])
+        rr.log(f"{name}/slip", slips, recording=recording)
+    numbers = {
+        "margin": None if report.margin is None else report.margin.value,
+        "stick_ratio": None if report.stick_ratio is None else report.stick_ratio.value,
+        "contact_area_px2": report.contact.area_px2,
+        "grip_n": report.grip_n,
+        "slipping_markers": report.slip.markers_over,
+    }
+    for key, value in numbers.items():
+        if value is not None:
+            rr.log(f"{name}/{key}", rr.Scalars(value), recording=recording)
+    if _last_state.get(name) != report.state:
+        _last_state[name] = report.state
+        text = report.state if report.reason is None else f"{report.state}: {report.reason}"
+        level = _LEVELS.get(report.state, rr.TextLogLevel.INFO)
+        rr.log(f"{name}/state", rr.TextLog(text, level=level), recording=recording)
+
+
+def blueprint(finger: str = "finger") -> Any:
+    """Return a layout: the picture with its arrows, the numbers below, the verdicts beside them."""
+    import rerun.blueprint as rrb
+
+    return rrb.Blueprint(
+        rrb.Vertical(
+            rrb.Horizontal(
+                rrb.Spatial2DView(origin=f"{finger}/image", name="camera"),
+                rrb.Spatial2DView(
+                    origin=finger, contents=[f"{finger}/markers", f"{finger}/slip"], name="markers, rectified"
+                ),
+            ),
+            rrb.Horizontal(
+                rrb.TimeSeriesView(origin=finger, contents=[f"{finger}/margin", f"{finger}/stick_ratio"]),
+                rrb.TextLogView(origin=f"{finger}/state"),
+            ),
+        )
+    )

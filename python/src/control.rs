@@ -1,0 +1,261 @@
+//! The control loop, and simulated hands around it, driven from Python cycle by cycle.
+
+use crate::cycle::Cycle;
+use crate::errors::{config as config_error, data, exclusive, guarded, setting};
+use crate::picture::byte_order;
+use crate::ports::{PythonController, PythonGripper, PythonObserver, PythonSource, PythonWrist, Raised};
+use crate::sensor::{Sensor, sensor_of, settings_of};
+use pyo3::prelude::*;
+use slipbound::control::{ControlError as CoreControlError, ControlLoop as CoreLoop, CycleOutcome};
+use slipbound::finger_pipeline::FingerPipeline;
+use slipbound::grip::Guard;
+use slipbound::hand::{Mounting, Side};
+use slipbound::sensor::Sensor as CoreSensor;
+use slipbound::setting::SettingError as BadSetting;
+use slipbound::task::{ControllerKind, Task, TaskKind, TaskSettings};
+use slipbound_lab::hand::{HandScene, SimHand};
+use slipbound_lab::lockstep::{LockStep, LockStepError};
+use slipbound_rig::config;
+use std::sync::Mutex;
+
+pyo3::import_exception!(slipbound._errors, ControlError);
+
+/// A task with a controller of the settings, or one written in Python.
+fn task_of(
+    kind: TaskKind,
+    controller: &Bound<'_, PyAny>,
+    mut settings: TaskSettings,
+    sensor: &CoreSensor,
+    raised: &Raised,
+) -> PyResult<Box<dyn Task + Send>> {
+    let stiffness_mpa_per_mm = sensor.shear_stiffness_mpa_per_mm();
+    let task = if let Ok(name) = controller.extract::<&str>() {
+        settings.controller = name.parse::<ControllerKind>().map_err(setting)?;
+        settings.task(kind, stiffness_mpa_per_mm)
+    } else {
+        let controller = Box::new(PythonController::new(controller.clone().unbind(), raised.clone()));
+        settings.check().map_err(setting)?;
+        settings.task_with(kind, Guard::new(controller, settings.grip), stiffness_mpa_per_mm)
+    };
+    task.map_err(setting)
+}
+
+fn task_settings(text: &str) -> PyResult<TaskSettings> {
+    config::parse_task_settings(text, "settings").map_err(config_error)
+}
+
+/// A cycle that has been made, or why the loop was left.
+fn finished<E: std::fmt::Display>(
+    raised: &Raised,
+    outcome: Result<CycleOutcome, E>,
+    newest: Option<Cycle>,
+) -> PyResult<Cycle> {
+    if let Some(error) = raised.take() {
+        return Err(error);
+    }
+    outcome.map_err(|error| ControlError::new_err(error.to_string()))?;
+    newest.ok_or_else(|| crate::errors::internal("a cycle that nobody was shown"))
+}
+
+/// The control loop around sources, gripper and wrist written in Python. See `slipbound.control.ControlLoop`.
+#[pyclass(frozen, module = "slipbound.control")]
+pub struct Loop {
+    raised: Raised,
+    control: Mutex<CoreLoop>,
+}
+
+#[pymethods]
+impl Loop {
+    /// `fingers`: name, side, sensor, source and settings of each.
+    #[new]
+    #[pyo3(signature = (fingers, task, controller, settings, order))]
+    #[allow(clippy::type_complexity)] // the tuple of a finger
+    fn new(
+        fingers: Vec<(String, String, Bound<'_, PyAny>, Py<PyAny>, Option<Bound<'_, PyAny>>)>,
+        task: &str,
+        controller: &Bound<'_, PyAny>,
+        settings: &str,
+        order: &str,
+    ) -> PyResult<Self> {
+        let raised = Raised::default();
+        let order = byte_order(order)?;
+        let mut pipelines = Vec::new();
+        for (name, side, sensor, object, monitor) in fingers {
+            let side: Side = side.parse().map_err(setting)?;
+            let sensor = sensor_of(&sensor)?;
+            let monitor = settings_of(monitor.as_ref())?;
+            let source = Box::new(PythonSource { object, order, raised: raised.clone(), frames_count: 0 });
+            let (sensor, monitor) = ((*sensor).clone(), (*monitor).clone());
+            pipelines.push(FingerPipeline::new(&name, Mounting::on(side), sensor, monitor, source));
+        }
+        let Some(first) = pipelines.first() else {
+            return Err(setting(BadSetting {
+                key: "fingers".into(),
+                got: "none".into(),
+                expected: "one to four".into(),
+            }));
+        };
+        let task =
+            task_of(task.parse().map_err(setting)?, controller, task_settings(settings)?, first.sensor(), &raised)?;
+        let control = CoreLoop::new(pipelines, task).map_err(setting)?;
+        Ok(Loop { raised, control: Mutex::new(control) })
+    }
+
+    /// One cycle.
+    #[pyo3(signature = (now_ns, gripper, wrist, observer = None))]
+    fn cycle(
+        &self,
+        py: Python<'_>,
+        now_ns: u64,
+        gripper: Py<PyAny>,
+        wrist: Py<PyAny>,
+        observer: Option<Py<PyAny>>,
+    ) -> PyResult<Cycle> {
+        py.check_signals()?;
+        let mut control = exclusive(&self.control, "control loop")?;
+        let control = &mut *control;
+        let raised = &self.raised;
+        let mut gripper = PythonGripper { object: gripper, raised: raised.clone() };
+        let mut wrist = PythonWrist { object: wrist, raised: raised.clone() };
+        py.detach(|| {
+            guarded(|| {
+                let mut observer = PythonObserver { call: observer.as_ref(), raised, newest: None };
+                let outcome = control.cycle(now_ns, &mut gripper, &mut wrist, &mut observer);
+                let newest = observer.newest.take();
+                if raised.is_set() && outcome.is_ok() {
+                    control.leave(&mut gripper, &mut wrist);
+                }
+                finished::<CoreControlError>(raised, outcome, newest)
+            })
+        })
+    }
+
+    /// Leaves the hand as it is: the wrist pauses, the force stays.
+    fn leave(&self, py: Python<'_>, gripper: Py<PyAny>, wrist: Py<PyAny>) -> PyResult<()> {
+        let mut control = exclusive(&self.control, "control loop")?;
+        let control = &mut *control;
+        let raised = Raised::default();
+        let mut gripper = PythonGripper { object: gripper, raised: raised.clone() };
+        let mut wrist = PythonWrist { object: wrist, raised: raised.clone() };
+        py.detach(|| {
+            guarded(|| {
+                control.leave(&mut gripper, &mut wrist);
+                Ok(())
+            })
+        })?;
+        raised.take().map_or(Ok(()), Err)
+    }
+}
+
+/// A simulated hand at its task, cycle by cycle. See `slipbound.lab.hand`.
+#[pyclass(frozen, module = "slipbound.lab")]
+pub struct HandRun {
+    scene: HandScene,
+    task: TaskKind,
+    raised: Raised,
+    run: Mutex<LockStep>,
+}
+
+#[pymethods]
+impl HandRun {
+    #[new]
+    #[pyo3(signature = (scene, parameters, controller, settings, monitor))]
+    fn new(
+        py: Python<'_>,
+        scene: &str,
+        parameters: Vec<(String, String)>,
+        controller: &Bound<'_, PyAny>,
+        settings: &str,
+        monitor: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let joined: Vec<String> = parameters.iter().map(|(key, value)| format!("{key}={value}")).collect();
+        let separator = if scene.contains('?') { "&" } else { "?" };
+        let scene = HandScene::parse(&format!("{scene}{separator}{}", joined.join("&"))).map_err(setting)?;
+        let task: TaskKind = scene.task_name().parse().map_err(setting)?;
+        let (settings, monitor, raised) = (task_settings(settings)?, settings_of(monitor)?, Raised::default());
+        let hand = py.detach(|| guarded(|| SimHand::new(&scene).map_err(setting)))?;
+        let at_work = task_of(task, controller, settings, &hand.sensor(0), &raised)?;
+        let run = LockStep::around(&scene, hand, at_work, &monitor, None).map_err(setting)?;
+        Ok(HandRun { scene, task, raised, run: Mutex::new(run) })
+    }
+
+    /// One cycle of the loop, then 1/30 s of the world.
+    #[pyo3(signature = (observer = None))]
+    fn cycle(&self, py: Python<'_>, observer: Option<Py<PyAny>>) -> PyResult<Cycle> {
+        py.check_signals()?;
+        let mut run = exclusive(&self.run, "hand")?;
+        let run = &mut *run;
+        let raised = &self.raised;
+        py.detach(|| {
+            guarded(|| {
+                let mut observer = PythonObserver { call: observer.as_ref(), raised, newest: None };
+                let outcome = run.cycle(&mut observer);
+                let newest = observer.newest.take();
+                if raised.is_set() && outcome.is_ok() {
+                    run.leave();
+                }
+                finished::<LockStepError>(raised, outcome, newest)
+            })
+        })
+    }
+
+    /// Leaves the hand before its task has ended: the wrist pauses, the grip stays, and two seconds pass.
+    fn leave(&self, py: Python<'_>) -> PyResult<()> {
+        let mut run = exclusive(&self.run, "hand")?;
+        let run = &mut *run;
+        py.detach(|| {
+            guarded(|| {
+                run.leave();
+                Ok(())
+            })
+        })
+    }
+
+    /// What is true now, as a dict; units are in the names.
+    #[getter]
+    fn truth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        data(py, &exclusive(&self.run, "hand")?.hand().truth())
+    }
+
+    /// What adds up over the cycles so far.
+    #[getter]
+    fn score<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let run = exclusive(&self.run, "hand")?;
+        let score = run.score();
+        data(
+            py,
+            &serde_json::json!({
+                "ending": score.ending,
+                "succeeded": score.succeeded(self.task),
+                "time_s": score.time_s,
+                "alarms_count": score.alarms_count,
+                "most_n": score.most_n,
+                "least_held_n": score.least_held_n,
+                "slid_mm": score.last.slid_mm,
+                "over_squeeze_ratio": score.over_squeeze_ratio(),
+            }),
+        )
+    }
+
+    /// The facts of a finger, with the stiffness of its gel.
+    #[pyo3(signature = (finger = 0))]
+    fn sensor(&self, finger: usize) -> PyResult<Sensor> {
+        if finger >= self.scene.fingers_count() {
+            let count = self.scene.fingers_count();
+            return Err(pyo3::exceptions::PyIndexError::new_err(format!("finger {finger} of {count}")));
+        }
+        Ok(Sensor(exclusive(&self.run, "hand")?.hand().sensor(finger).into()))
+    }
+
+    /// The scene with all its parameters.
+    #[getter]
+    fn scene(&self) -> String {
+        self.scene.to_string()
+    }
+
+    /// The task.
+    #[getter]
+    fn task(&self) -> String {
+        self.task.to_string()
+    }
+}

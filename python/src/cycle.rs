@@ -1,0 +1,139 @@
+//! What an observer is shown after a cycle of the control loop.
+
+use crate::errors::{data, word};
+use crate::field::Kept;
+use crate::picture::{array, byte_order};
+use crate::report::Report;
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use slipbound::control::{Cycle as CoreCycle, CycleOutcome, CycleView};
+use slipbound::monitor::SlipReport;
+use slipbound::port::FrameBuffer;
+use std::sync::Arc;
+
+/// A finger in a cycle.
+struct Seen {
+    name: String,
+    frame: FrameBuffer,
+    report: Option<(SlipReport, Arc<Kept>)>,
+}
+
+struct Inner {
+    now_ns: u64,
+    outcome: &'static str,
+    has_ended: bool,
+    record: Option<CoreCycle>,
+    fingers: Vec<Seen>,
+    fault: Option<String>,
+}
+
+/// A cycle of the control loop: what was seen and commanded.
+#[pyclass(frozen, module = "slipbound.control")]
+#[derive(Clone)]
+pub struct Cycle(Arc<Inner>);
+
+impl Cycle {
+    pub fn of(view: &CycleView<'_>) -> Self {
+        let outcome = match view.outcome {
+            None => "left",
+            Some(CycleOutcome::AtRest) => "at_rest",
+            Some(CycleOutcome::Waiting) => "waiting",
+            Some(CycleOutcome::Commanded(_)) => "commanded",
+            Some(CycleOutcome::SourceEnded) => "source_ended",
+        };
+        let fingers = view.fingers.iter().map(|finger| {
+            let report = finger.report.zip(finger.monitor).map(|(report, monitor)| {
+                let touched = report.motion.is_some() || report.shear.is_some();
+                (*report, Arc::new(Kept::of(monitor, Arc::new(monitor.sensor().clone()), touched)))
+            });
+            Seen { name: finger.name.to_owned(), frame: finger.frame.clone(), report }
+        });
+        Cycle(Arc::new(Inner {
+            now_ns: view.now_ns,
+            outcome,
+            has_ended: view.outcome.is_some_and(CycleOutcome::has_ended),
+            record: view.cycle(),
+            fingers: fingers.collect(),
+            fault: view.fault.map(|fault| fault.text.to_string()),
+        }))
+    }
+}
+
+#[pymethods]
+impl Cycle {
+    /// Time of the loop in ns.
+    #[getter]
+    fn now_ns(&self) -> u64 {
+        self.0.now_ns
+    }
+
+    /// `at_rest` while the fingers are looked at unloaded, `waiting` for gripper or wrist, `commanded`, `source_ended`,
+    /// or `left` after an error.
+    #[getter]
+    fn outcome(&self) -> &str {
+        self.0.outcome
+    }
+
+    /// Whether the task has ended.
+    #[getter]
+    fn has_ended(&self) -> bool {
+        self.0.has_ended
+    }
+
+    /// The force per finger that the gripper was told, N; None for a release, and where nothing was commanded.
+    #[getter]
+    fn force_n(&self) -> Option<f64> {
+        self.0.record.as_ref().and_then(|record| record.grip_command.force_n())
+    }
+
+    /// Slips of the hand that have begun so far.
+    #[getter]
+    fn slips_count(&self) -> u32 {
+        self.0.record.as_ref().map_or(0, |record| record.slips_count)
+    }
+
+    /// The verdict of the hand; None where nothing was commanded.
+    #[getter]
+    fn state(&self) -> PyResult<Option<String>> {
+        self.0.record.as_ref().map(|record| word(&record.hand.state)).transpose()
+    }
+
+    /// The fault of gripper or wrist that lasts.
+    #[getter]
+    fn fault(&self) -> Option<&str> {
+        self.0.fault.as_deref()
+    }
+
+    /// The report of every finger; None where no frame was judged.
+    #[getter]
+    fn reports(&self) -> Vec<Option<Report>> {
+        let report = |finger: &Seen| {
+            let (report, kept) = finger.report.as_ref()?;
+            let (report, kept, frame) = (*report, kept.clone(), report.seq);
+            Some(Report { report, kept, finger: finger.name.clone(), frame, waiting: None })
+        };
+        self.0.fingers.iter().map(report).collect()
+    }
+
+    /// The newest frame of a finger as an array; None before the first.
+    #[pyo3(signature = (finger = 0, *, order = "BGR"))]
+    fn image<'py>(&self, py: Python<'py>, finger: usize, order: &str) -> PyResult<Option<Bound<'py, PyArrayDyn<u8>>>> {
+        let order = byte_order(order)?;
+        let Some(seen) = self.0.fingers.get(finger) else {
+            let count = self.0.fingers.len();
+            return Err(pyo3::exceptions::PyIndexError::new_err(format!("finger {finger} of {count}")));
+        };
+        let FrameBuffer { pixels, size, format, .. } = &seen.frame;
+        (size.area() > 0).then(|| array(py, pixels.clone(), *size, *format, order)).transpose()
+    }
+
+    /// The record of the cycle as a line of `reports.jsonl` has it; None where nothing was commanded.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        self.0.record.as_ref().map(|record| data(py, record)).transpose()
+    }
+
+    fn __repr__(&self) -> String {
+        let (s, outcome) = (self.0.now_ns as f64 * 1e-9, self.0.outcome);
+        format!("<slipbound.control.Cycle at {s:.3} s: {outcome}>")
+    }
+}

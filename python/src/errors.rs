@@ -1,0 +1,90 @@
+//! Failures of the crates as Python exceptions; no panic reaches Python.
+
+use pyo3::prelude::*;
+use slipbound::calibrate::CalibrationError as CannotCalibrate;
+use slipbound::monitor::RestError as NoRest;
+use slipbound::port::SourceError as SourceFailure;
+use slipbound::setting::SettingError as BadSetting;
+use slipbound_rig::config;
+use std::any::Any;
+use std::fmt::Display;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Mutex, MutexGuard, TryLockError};
+
+pyo3::import_exception!(slipbound._errors, SettingError);
+pyo3::import_exception!(slipbound._errors, FrameError);
+pyo3::import_exception!(slipbound._errors, RestError);
+pyo3::import_exception!(slipbound._errors, CalibrationError);
+pyo3::import_exception!(slipbound._errors, SourceError);
+pyo3::import_exception!(slipbound._errors, ClosedError);
+pyo3::import_exception!(slipbound._errors, BusyError);
+pyo3::import_exception!(slipbound._errors, InternalError);
+pyo3::import_exception!(slipbound._errors, GripperError);
+pyo3::import_exception!(slipbound._errors, WristError);
+
+/// Runs what could panic; a panic becomes an exception of its own.
+pub fn guarded<R>(work: impl FnOnce() -> PyResult<R>) -> PyResult<R> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(internal(text_of(&*panic))))
+}
+
+fn text_of(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
+}
+
+/// A fault of ours.
+pub fn internal(what: impl Display) -> PyErr {
+    InternalError::new_err(format!("a fault inside slipbound, please report it: {what}"))
+}
+
+/// The lock of what one thread uses at a time.
+pub fn exclusive<'a, T>(mutex: &'a Mutex<T>, what: &str) -> PyResult<MutexGuard<'a, T>> {
+    match mutex.try_lock() {
+        Ok(guard) => Ok(guard),
+        Err(TryLockError::WouldBlock) => Err(BusyError::new_err(format!(
+            "two threads use one {what} at the same time: give each thread its own, or a lock around it"
+        ))),
+        Err(TryLockError::Poisoned(_)) => Err(internal(format!("this {what} met a fault before"))),
+    }
+}
+
+pub fn setting(error: BadSetting) -> PyErr {
+    SettingError::new_err(error.to_string())
+}
+
+pub fn config(error: config::Error) -> PyErr {
+    SettingError::new_err(error.to_string())
+}
+
+pub fn rest(error: NoRest) -> PyErr {
+    RestError::new_err(error.to_string())
+}
+
+pub fn calibration(error: CannotCalibrate) -> PyErr {
+    CalibrationError::new_err(error.to_string())
+}
+
+/// With its kind as an attribute.
+pub fn source(py: Python<'_>, error: SourceFailure) -> PyErr {
+    let exception = SourceError::new_err(error.to_string());
+    if let Ok(kind) = word(&error.kind) {
+        // An exception that takes no attribute says what went wrong all the same.
+        let _ = exception.value(py).setattr("kind", kind);
+    }
+    exception
+}
+
+/// A variant as it is written in JSON: `no_contact`, say.
+pub fn word(value: &impl serde::Serialize) -> PyResult<String> {
+    match serde_json::to_value(value) {
+        Ok(serde_json::Value::String(word)) => Ok(word),
+        Ok(other) => Err(internal(format!("{other} is no word"))),
+        Err(e) => Err(internal(e)),
+    }
+}
+
+/// Plain data as the dict that its JSON is.
+pub fn data<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(value).map_err(internal)?;
+    py.import("json")?.call_method1("loads", (text,))
+}

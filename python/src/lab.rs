@@ -1,0 +1,233 @@
+//! The simulator: frames and their exact truth as arrays.
+
+use crate::errors::{data, exclusive, guarded, setting, source as source_error, word};
+use crate::picture::{array, byte_order};
+use crate::sensor::Sensor;
+use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods as _};
+use pyo3::prelude::*;
+use slipbound::port::{FrameBuffer, FrameSource as _, Next};
+use slipbound::sensor::Sensor as CoreSensor;
+use slipbound_lab::contact::Grid;
+use slipbound_lab::scenes::Trial;
+use slipbound_lab::world::{FrameTruth, Gross, World, complete, unpacked};
+use std::sync::{Arc, Mutex};
+
+/// A trial as it runs: an iterator of frames with their truth. Made by `slipbound.lab.simulate`.
+#[pyclass(frozen, module = "slipbound.lab")]
+pub struct Simulation {
+    trial: Trial,
+    sensor: Arc<CoreSensor>,
+    grid: Grid,
+    rest_mm: Vec<[f64; 2]>,
+    world: Mutex<World>,
+}
+
+/// See the package's `lab.simulate`.
+#[pyfunction]
+#[pyo3(signature = (scene, seed, parameters))]
+pub fn simulate(scene: &str, seed: Option<u64>, parameters: Vec<(String, String)>) -> PyResult<Simulation> {
+    guarded(|| {
+        let mut trial = Trial::parse(scene).map_err(setting)?;
+        if let Some(seed) = seed {
+            trial = trial.with("seed", &seed.to_string()).map_err(setting)?;
+        }
+        for (key, value) in &parameters {
+            trial = trial.with(key, value).map_err(setting)?;
+        }
+        let world = World::new(&trial).map_err(setting)?;
+        let rest_mm = world.markers_at_rest_mm().iter().map(|p| [p.x, p.y]).collect();
+        let (sensor, grid) = (Arc::new(world.sensor()), world.grid());
+        Ok(Simulation { trial, sensor, grid, rest_mm, world: Mutex::new(world) })
+    })
+}
+
+#[pymethods]
+impl Simulation {
+    fn __iter__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<SimulatedFrame>> {
+        py.check_signals()?;
+        let mut world = exclusive(&self.world, "simulation")?;
+        let world = &mut *world;
+        let next = py.detach(|| {
+            guarded(|| {
+                let mut frame = FrameBuffer::default();
+                let next = world.next(&mut frame).map_err(|e| Python::attach(|py| source_error(py, e)))?;
+                Ok((next == Next::Frame).then(|| (frame, world.truth().clone())))
+            })
+        })?;
+        Ok(next.map(|(frame, truth)| SimulatedFrame { frame, truth: Truth { truth, grid: self.grid } }))
+    }
+
+    /// The trial with all its parameters, as `simulate` reads it.
+    #[getter]
+    fn trial(&self) -> String {
+        self.trial.to_string()
+    }
+
+    /// The facts of the finger, with the stiffness of its gel.
+    #[getter]
+    fn sensor(&self) -> Sensor {
+        Sensor(self.sensor.clone())
+    }
+
+    /// Positions of the markers on the gel at rest, N x 2, mm.
+    #[getter]
+    fn markers_at_rest_mm<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let flat = self.rest_mm.iter().flatten().copied();
+        PyArray1::from_iter(py, flat).reshape([self.rest_mm.len(), 2])
+    }
+
+    /// When the object began to slide as a whole and under which load, as a dict; None while it has not.
+    #[getter]
+    fn gross<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        exclusive(&self.world, "simulation")?.gross().map(|gross: Gross| data(py, &gross)).transpose()
+    }
+
+    /// The truths with load fraction and margin filled in, which are known when the trial is over.
+    fn complete(&self, truths: Vec<PyRef<'_, Truth>>) -> PyResult<Vec<Truth>> {
+        let gross = exclusive(&self.world, "simulation")?.gross();
+        let mut all: Vec<FrameTruth> = truths.iter().map(|truth| truth.truth.clone()).collect();
+        complete(&mut all, gross);
+        Ok(all.into_iter().map(|truth| Truth { truth, grid: self.grid }).collect())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<slipbound.lab.Simulation {}>", self.trial)
+    }
+}
+
+/// One frame of a simulation.
+#[pyclass(frozen, module = "slipbound.lab")]
+pub struct SimulatedFrame {
+    frame: FrameBuffer,
+    truth: Truth,
+}
+
+#[pymethods]
+impl SimulatedFrame {
+    /// The picture as an array, uint8, H x W x 3.
+    #[pyo3(signature = (*, order = "BGR"))]
+    fn image<'py>(&self, py: Python<'py>, order: &str) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+        let FrameBuffer { pixels, size, format, .. } = &self.frame;
+        array(py, pixels.clone(), *size, *format, byte_order(order)?)
+    }
+
+    /// The picture as the simulated camera sends it: the bytes of a JPEG file.
+    #[getter]
+    fn jpeg(&self) -> &[u8] {
+        &self.frame.encoded
+    }
+
+    /// Number of the frame.
+    #[getter]
+    fn seq(&self) -> u64 {
+        self.frame.seq
+    }
+
+    /// Time of its exposure in ns.
+    #[getter]
+    fn time_ns(&self) -> Option<u64> {
+        self.frame.time_ns
+    }
+
+    /// What is true of it.
+    #[getter]
+    fn truth(&self) -> Truth {
+        self.truth.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<slipbound.lab.SimulatedFrame {}>", self.frame.seq)
+    }
+}
+
+/// What is exactly true of a simulated frame.
+#[pyclass(frozen, module = "slipbound.lab")]
+#[derive(Clone)]
+pub struct Truth {
+    truth: FrameTruth,
+    grid: Grid,
+}
+
+impl Truth {
+    fn mask<'py>(&self, py: Python<'py>, runs: &[u32]) -> PyResult<Bound<'py, PyArray2<bool>>> {
+        let Grid { width_cells, height_cells, .. } = self.grid;
+        let mask = unpacked(runs, self.grid.cells_count()).unwrap_or_default();
+        PyArray1::from_vec(py, mask).reshape([height_cells, width_cells])
+    }
+
+    fn markers<'py>(&self, py: Python<'py>, from: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let markers = &self.truth.markers;
+        let flat = markers.iter().flat_map(|m| [m[from], m[from + 1]]);
+        PyArray1::from_iter(py, flat).reshape([markers.len(), 2])
+    }
+}
+
+#[pymethods]
+impl Truth {
+    /// Area that sticks over area in contact; None without contact.
+    #[getter]
+    fn stick_ratio(&self) -> Option<f64> {
+        self.truth.stick_ratio
+    }
+
+    /// Share of the friction that is used; None without contact, load or motion.
+    #[getter]
+    fn friction_used_fraction(&self) -> Option<f64> {
+        self.truth.friction_used_fraction
+    }
+
+    /// Normal force of the finger in N.
+    #[getter]
+    fn grip_force_n(&self) -> f64 {
+        self.truth.grip_force_n
+    }
+
+    /// 1 - load over the load of gross slip; None until `Simulation.complete` fills it in.
+    #[getter]
+    fn margin(&self) -> Option<f64> {
+        self.truth.margin
+    }
+
+    /// Names of what happened since the frame before: `touch`, `first_slip`, `gross`, ...
+    #[getter]
+    fn events(&self) -> PyResult<Vec<String>> {
+        self.truth.events.iter().map(|timed| word(&timed.event)).collect()
+    }
+
+    /// Gel cells under pressure: bool, rows along y x columns along x.
+    #[getter]
+    fn contact<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
+        self.mask(py, &self.truth.contact_runs)
+    }
+
+    /// Gel cells under pressure that stick, likewise.
+    #[getter]
+    fn stick<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
+        self.mask(py, &self.truth.stick_runs)
+    }
+
+    /// Displacement of every marker in the plane of the gel, N x 2, mm.
+    #[getter]
+    fn marker_shift_mm<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.markers(py, 0)
+    }
+
+    /// Position of every marker in the picture as the camera delivers it, N x 2, px.
+    #[getter]
+    fn marker_px<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.markers(py, 3)
+    }
+
+    /// All of it as a line of truth.jsonl has it.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        data(py, &self.truth)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<slipbound.lab.Truth of frame {}>", self.truth.frame)
+    }
+}

@@ -1,0 +1,305 @@
+//! The monitor of one finger: a frame in, a report out.
+
+use crate::errors::{FrameError, SettingError, exclusive, guarded, rest as rest_error, setting};
+use crate::field::Kept;
+use crate::picture::{Picture, buffer, byte_order};
+use crate::report::Report;
+use crate::sensor::{Sensor, Settings, sensor_of, settings_of};
+use numpy::{PyUntypedArray, PyUntypedArrayMethods as _};
+use pyo3::prelude::*;
+use slipbound::finger_pipeline::{RestFinder, rest_from};
+use slipbound::image::{ByteOrder, Frame, SizePx};
+use slipbound::monitor::{
+    ContactReport, Estimates, MarkerCounts, Rest, RestBuilder, RestError as NoRest, Settings as CoreSettings,
+    SlipMonitor, SlipReport, SlipState, SlipSummary,
+};
+use slipbound::port::GripSample;
+use slipbound::sensor::Sensor as CoreSensor;
+use std::hint::black_box;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+/// What a monitor is called in messages.
+const WHAT: &str = "monitor";
+
+/// A grip force as the method takes it.
+pub fn grip(grip_n: Option<f64>) -> PyResult<Option<GripSample>> {
+    match grip_n {
+        Some(force_n) if !(force_n.is_finite() && force_n >= 0.0) => {
+            Err(SettingError::new_err(format!("grip_n: expected a finite force of 0 N or above, got {force_n}")))
+        }
+        known => Ok(known.map(|force_n| GripSample { force_n })),
+    }
+}
+
+/// A time as the method takes it.
+pub fn time(time_ns: Option<i128>) -> PyResult<Option<u64>> {
+    time_ns
+        .map(|ns| {
+            u64::try_from(ns).map_err(|_| {
+                SettingError::new_err(format!("time_ns: expected a whole number from 0 to 2^64 - 1, got {ns}"))
+            })
+        })
+        .transpose()
+}
+
+/// Whether the finger at rest is known.
+enum Phase {
+    /// It is looked for among the first frames; None before the first of them.
+    Looking(Option<Box<RestFinder>>),
+    /// It is.
+    Judging(Box<SlipMonitor>, Arc<CoreSensor>),
+}
+
+struct State {
+    phase: Phase,
+    frames_count: u64,
+    /// Pixels of arrays whose rows do not lie in one piece.
+    scratch: Vec<u8>,
+}
+
+/// Judges the frames of one finger, one after the other.
+///
+/// Parameters
+/// ----------
+/// sensor : Sensor, str or path
+///     The finger: a sensor, the name of a built-in one (`slipbound.sensors()`) or its ``FILE.toml``.
+/// rest : "auto", array or sequence of arrays
+///     The finger at rest. ``"auto"`` finds it among the first frames given to :meth:`step`, which are ``unjudged``
+///     until then.
+/// settings : Settings, str, path or None
+///     The settings; ``"paper"`` is the paper as written.
+/// order : {"BGR", "RGB"}
+///     The order of the channels of colour pictures; OpenCV gives BGR.
+#[pyclass(frozen, module = "slipbound")]
+pub struct Monitor {
+    sensor: Arc<CoreSensor>,
+    settings: Arc<CoreSettings>,
+    order: ByteOrder,
+    state: Mutex<State>,
+}
+
+#[pymethods]
+impl Monitor {
+    #[new]
+    #[pyo3(signature = (sensor, rest = None, settings = None, *, order = "BGR"))]
+    fn new(
+        py: Python<'_>,
+        sensor: &Bound<'_, PyAny>,
+        rest: Option<&Bound<'_, PyAny>>,
+        settings: Option<&Bound<'_, PyAny>>,
+        order: &str,
+    ) -> PyResult<Self> {
+        let (sensor, settings, order) = (sensor_of(sensor)?, settings_of(settings)?, byte_order(order)?);
+        let phase = match rest.filter(|rest| !is_auto(rest)) {
+            None => {
+                settings.check().map_err(setting)?;
+                Phase::Looking(None)
+            }
+            Some(rest) => given(py, rest, order, &sensor, &settings)?,
+        };
+        let state = Mutex::new(State { phase, frames_count: 0, scratch: Vec::new() });
+        Ok(Monitor { sensor, settings, order, state })
+    }
+
+    /// Judges the next frame.
+    ///
+    /// Parameters
+    /// ----------
+    /// frame : numpy.ndarray
+    ///     uint8, H x W x 3 or H x W, as the camera delivers it. Read in place where its rows lie in one piece.
+    /// grip_n : float or None
+    ///     Normal force per finger in newtons, where it is known.
+    /// time_ns : int or None
+    ///     Time of exposure in ns on any one clock, where it is known.
+    /// order : {"BGR", "RGB"} or None
+    ///     Order of the channels of this frame; None takes the monitor's.
+    ///
+    /// Returns
+    /// -------
+    /// Report
+    ///     What cannot be judged is a report, too: ``state`` is then ``unjudged`` and ``reason`` says why.
+    #[pyo3(signature = (frame, grip_n = None, time_ns = None, order = None))]
+    fn step(
+        &self,
+        py: Python<'_>,
+        frame: &Bound<'_, PyAny>,
+        grip_n: Option<f64>,
+        time_ns: Option<i128>,
+        order: Option<&str>,
+    ) -> PyResult<Report> {
+        let (grip, time_ns) = (grip(grip_n)?, time(time_ns)?);
+        let picture = Picture::new(frame, order.map_or(Ok(self.order), byte_order)?)?;
+        let mut state = exclusive(&self.state, WHAT)?;
+        let state = &mut *state;
+        let mut scratch = std::mem::take(&mut state.scratch);
+        let pixels = picture.pixels(&mut scratch)?;
+        let seq = state.frames_count;
+        let frame = Frame { pixels, seq, time_ns };
+        let done = py.detach(|| guarded(|| self.judge(&mut state.phase, &frame, grip)));
+        state.scratch = scratch;
+        let (report, kept, waiting) = done?;
+        state.frames_count += 1;
+        Ok(Report { report, kept: Arc::new(kept), finger: "finger".into(), frame: seq, waiting })
+    }
+
+    /// Judges one frame `count` times in Rust alone and answers the ns of each step: what `bench/python.md` compares with.
+    fn _time_steps(&self, py: Python<'_>, frame: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u64>> {
+        let picture = Picture::new(frame, self.order)?;
+        let mut state = exclusive(&self.state, WHAT)?;
+        let Phase::Judging(monitor, _) = &mut state.phase else { return Err(rest_error(NoRest::Empty)) };
+        let mut scratch = Vec::new();
+        let frame = Frame { pixels: picture.pixels(&mut scratch)?, seq: 0, time_ns: None };
+        py.detach(|| {
+            guarded(|| {
+                Ok((0..count)
+                    .map(|_| {
+                        let start = Instant::now();
+                        black_box(monitor.step(&frame, None));
+                        start.elapsed().as_nanos() as u64
+                    })
+                    .collect())
+            })
+        })
+    }
+
+    /// Takes the markers as they were last seen for the reference from now on, as after a grip step.
+    fn rebase(&self) -> PyResult<()> {
+        let mut state = exclusive(&self.state, WHAT)?;
+        let seq = state.frames_count.saturating_sub(1);
+        if let Phase::Judging(monitor, _) = &mut state.phase {
+            monitor.rebase(seq);
+        }
+        Ok(())
+    }
+
+    /// Whether the finger at rest is known, so that frames are judged.
+    #[getter]
+    fn is_ready(&self) -> PyResult<bool> {
+        Ok(matches!(exclusive(&self.state, WHAT)?.phase, Phase::Judging(..)))
+    }
+
+    /// Why no frame can be judged with this sensor; None when frames can.
+    #[getter]
+    fn refusal(&self) -> PyResult<Option<String>> {
+        Ok(match &exclusive(&self.state, WHAT)?.phase {
+            Phase::Judging(monitor, _) => monitor.refusal().map(|reason| reason.to_string()),
+            Phase::Looking(_) => None,
+        })
+    }
+
+    /// The facts of the finger, as they were given.
+    #[getter]
+    fn sensor(&self) -> Sensor {
+        Sensor(self.sensor.clone())
+    }
+
+    /// The settings.
+    #[getter]
+    fn settings(&self) -> Settings {
+        Settings(self.settings.clone())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<slipbound.Monitor of a {}>", self.sensor.name)
+    }
+}
+
+type Judged = (SlipReport, Kept, Option<String>);
+
+impl Monitor {
+    fn judge(&self, phase: &mut Phase, frame: &Frame<'_>, grip: Option<GripSample>) -> PyResult<Judged> {
+        let finder = match phase {
+            Phase::Judging(monitor, sensor) => {
+                let report = monitor.step(frame, grip);
+                let kept = Kept::of(monitor, sensor.clone(), report.motion.is_some() || report.shear.is_some());
+                return Ok((report, kept, None));
+            }
+            Phase::Looking(finder) => finder,
+        };
+        let new = || RestFinder::new(&self.sensor, &self.settings, frame.pixels.size()).map(Box::new).map_err(setting);
+        let mut looking = finder.take().map_or_else(new, Ok)?;
+        looking.see(&buffer(frame)).map_err(|e| FrameError::new_err(e.to_string()))?;
+        let waiting = if looking.is_full() {
+            match looking.find() {
+                Ok(found) => {
+                    *phase = judging(&self.sensor, &self.settings, found.rest)?;
+                    "this frame completes the search for the rest frame; the next one is judged".to_owned()
+                }
+                // The next frames are looked at.
+                Err(error @ NoRest::NoStationaryFrame { .. }) => error.to_string(),
+                Err(error) => return Err(rest_error(error)),
+            }
+        } else {
+            *finder = Some(looking);
+            let window_count = self.settings.rest.window_count;
+            format!("no rest frame yet: it is looked for among the first {window_count} frames")
+        };
+        Ok((unjudged(frame, grip), Kept::nothing(self.sensor.clone()), Some(waiting)))
+    }
+}
+
+/// A frame before the rest frame is known.
+fn unjudged(frame: &Frame<'_>, grip: Option<GripSample>) -> SlipReport {
+    SlipReport {
+        seq: frame.seq,
+        time_ns: frame.time_ns,
+        state: SlipState::Unjudged,
+        reason: None,
+        contact: ContactReport::default(),
+        markers: MarkerCounts::default(),
+        reference_seq: 0,
+        grip_n: grip.map(|g| g.force_n),
+        motion: None,
+        shear: None,
+        slip: SlipSummary::default(),
+        estimates: Estimates::default(),
+        evidence: None,
+    }
+}
+
+fn is_auto(rest: &Bound<'_, PyAny>) -> bool {
+    rest.extract::<&str>().is_ok_and(|word| word == "auto")
+}
+
+fn judging(sensor: &CoreSensor, settings: &CoreSettings, rest: Rest) -> PyResult<Phase> {
+    let monitor = SlipMonitor::new(sensor, settings, rest).map_err(setting)?;
+    let sensor = Arc::new(monitor.sensor().clone());
+    Ok(Phase::Judging(Box::new(monitor), sensor))
+}
+
+/// The rest frame from what the caller says is the finger at rest.
+fn given(
+    py: Python<'_>,
+    rest: &Bound<'_, PyAny>,
+    order: ByteOrder,
+    sensor: &CoreSensor,
+    settings: &CoreSettings,
+) -> PyResult<Phase> {
+    if let Ok(word) = rest.extract::<&str>() {
+        return Err(SettingError::new_err(format!("rest: expected \"auto\" or pictures, got {word:?}")));
+    }
+    let one = rest.cast::<PyUntypedArray>().is_ok_and(|array| is_one_picture(array.shape()));
+    let images: Vec<Bound<'_, PyAny>> =
+        if one { vec![rest.clone()] } else { rest.try_iter()?.collect::<PyResult<_>>()? };
+    let pictures: Vec<Picture<'_>> = images.iter().map(|image| Picture::new(image, order)).collect::<PyResult<_>>()?;
+    let mut scratch = vec![Vec::new(); pictures.len()];
+    let mut frames = Vec::with_capacity(pictures.len());
+    for (i, (picture, scratch)) in pictures.iter().zip(&mut scratch).enumerate() {
+        frames.push(Frame { pixels: picture.pixels(scratch)?, seq: i as u64, time_ns: None });
+    }
+    let Some(size) = frames.first().map(|frame| frame.pixels.size()) else { return Err(rest_error(NoRest::Empty)) };
+    py.detach(|| guarded(|| judging(sensor, settings, rest_of(sensor, settings, size, &frames)?)))
+}
+
+fn is_one_picture(shape: &[usize]) -> bool {
+    matches!(shape, [_, _] | [_, _, 1 | 3])
+}
+
+fn rest_of(sensor: &CoreSensor, settings: &CoreSettings, size: SizePx, frames: &[Frame<'_>]) -> PyResult<Rest> {
+    let builder = RestBuilder::new(sensor, settings, size).map_err(setting)?;
+    rest_from(builder, frames).map_err(|(place, error)| match place {
+        Some(i) => crate::errors::RestError::new_err(format!("frame {i}: {error}")),
+        None => rest_error(error),
+    })
+}

@@ -1,0 +1,48 @@
+//! The picture of what was found on a frame.
+
+use crate::errors::guarded;
+use crate::picture::{Picture, array, byte_order};
+use crate::report::Report;
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use slipbound::image::Frame;
+use slipbound::port::PixelFormat;
+use slipbound_rig::overlay::Overlay;
+
+/// Draws what was found on a frame, in the paper's colours: what moved on the left, what slips on the right.
+///
+/// Parameters
+/// ----------
+/// frame : numpy.ndarray
+///     The frame that the report is of.
+/// report : Report
+///     What :meth:`Monitor.step` or :func:`watch` said of it.
+/// order : {"BGR", "RGB"}
+///     Order of the channels of the frame and of the picture.
+///
+/// Returns
+/// -------
+/// numpy.ndarray
+///     uint8, H x W x 3; its size depends on the sensor alone.
+#[pyfunction]
+#[pyo3(signature = (frame, report, *, order = "BGR"))]
+pub fn overlay<'py>(
+    py: Python<'py>,
+    frame: &Bound<'py, PyAny>,
+    report: &Bound<'py, Report>,
+    order: &str,
+) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+    let order = byte_order(order)?;
+    let picture = Picture::new(frame, order)?;
+    let mut scratch = Vec::new();
+    let Report { report, kept, .. } = report.get();
+    let frame = Frame { pixels: picture.pixels(&mut scratch)?, seq: report.seq, time_ns: report.time_ns };
+    let (pixels, size) = py.detach(|| {
+        guarded(|| {
+            let mut overlay = Overlay::new(&kept.sensor);
+            kept.seen(|found| overlay.draw(Some(&frame), report, found));
+            Ok((overlay.rgb(), overlay.size()))
+        })
+    })?;
+    array(py, pixels, size, PixelFormat::Rgb, order)
+}

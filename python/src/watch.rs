@@ -1,0 +1,252 @@
+//! Recordings and simulated scenes as reports, one after the other: `slipbound watch` as an iterator.
+
+use crate::errors::{
+    ClosedError, SettingError, config, exclusive, guarded, internal, rest as rest_error, setting,
+    source as source_error, word,
+};
+use crate::field::Kept;
+use crate::picture::{array, byte_order};
+use crate::report::Report;
+use crate::sensor::{Sensor, Settings, sensor_of, settings_of};
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use slipbound::finger_pipeline::RestFinder;
+use slipbound::image::SizePx;
+use slipbound::monitor::{RestKind, Settings as CoreSettings, SlipMonitor};
+use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError as SourceFailure};
+use slipbound::sensor::Sensor as CoreSensor;
+use slipbound_lab::faults::Faulty;
+use slipbound_lab::scenes::Trial;
+use slipbound_lab::world::World;
+use slipbound_rig::sensors;
+use slipbound_rig::source::{self, ReadAhead, most_common_size};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+
+/// What it is called in messages.
+const WHAT: &str = "watch";
+
+/// A recording, and where it was opened.
+struct Open {
+    recording: ReadAhead,
+    monitor: Box<SlipMonitor>,
+    frame: FrameBuffer,
+    /// The newest frame is whole.
+    whole: bool,
+    frames_count: u64,
+    process_id: u32,
+}
+
+/// The reports of a recording, in order: an iterator. Made by `slipbound.watch`.
+#[pyclass(frozen, module = "slipbound")]
+pub struct Watch {
+    source: String,
+    finger: String,
+    sensor: Arc<CoreSensor>,
+    settings: Arc<CoreSettings>,
+    clock: Clock,
+    rest_kind: RestKind,
+    /// None when it was closed.
+    open: Mutex<Option<Open>>,
+}
+
+/// See the package's `watch`.
+#[pyfunction]
+#[pyo3(signature = (source, sensor, settings, finger))]
+pub fn watch(
+    py: Python<'_>,
+    source: PathBuf,
+    sensor: Option<&Bound<'_, PyAny>>,
+    settings: Option<&Bound<'_, PyAny>>,
+    finger: String,
+) -> PyResult<Watch> {
+    let sensor = sensor.map(sensor_of).transpose()?;
+    let settings = settings_of(settings)?;
+    let source = source.to_string_lossy().into_owned();
+    py.detach(|| guarded(|| Watch::open(source, sensor, settings, finger)))
+}
+
+/// Opens a recording or starts a simulation; the finger of a simulated one.
+fn open_source(uri: &str) -> PyResult<(Box<dyn FrameSource + Send>, Option<CoreSensor>)> {
+    let Some(scene) = uri.strip_prefix("sim:") else {
+        let opened = source::open(uri).map_err(|e| Python::attach(|py| source_error(py, e.into())))?;
+        return Ok((opened, None));
+    };
+    let trial = Trial::parse(scene).map_err(setting)?;
+    let world = World::new(&trial).map_err(setting)?;
+    let sensor = world.sensor();
+    Ok(match trial.faults() {
+        Some(faults) => (Box::new(Faulty::new(world, faults, trial.seed)), Some(sensor)),
+        None => (Box::new(world), Some(sensor)),
+    })
+}
+
+/// The only built-in finger with frames of this size.
+fn sensor_of_frames(uri: &str, size: SizePx) -> PyResult<CoreSensor> {
+    let mut fitting = sensors::of_frames(size).map_err(config)?;
+    match (fitting.pop(), fitting.is_empty()) {
+        (Some(only), true) => Ok(only),
+        (None, _) => Err(SettingError::new_err(format!(
+            "{uri}: no built-in finger has frames of {size}: expected sensor=, got none"
+        ))),
+        (Some(last), false) => {
+            let names: Vec<&str> = fitting.iter().chain([&last]).map(|s| s.name.as_str()).collect();
+            let names = names.join(", ");
+            Err(SettingError::new_err(format!(
+                "{uri}: more than one built-in finger has frames of {size}: expected sensor= with one of {names}, got none"
+            )))
+        }
+    }
+}
+
+fn failed(error: SourceFailure) -> PyErr {
+    Python::attach(|py| source_error(py, error))
+}
+
+impl Watch {
+    fn open(
+        uri: String,
+        sensor: Option<Arc<CoreSensor>>,
+        settings: Arc<CoreSettings>,
+        finger: String,
+    ) -> PyResult<Self> {
+        let (opened, simulated) = open_source(&uri)?;
+        let mut recording = ReadAhead::new(opened);
+        let window_count = settings.rest.window_count as usize;
+        let ahead = recording.read_ahead(window_count);
+        let seen: Vec<FrameBuffer> = ahead.filter(|a| a.torn.is_none()).map(|a| a.buffer.clone()).collect();
+        let Some(size) = most_common_size(&seen) else {
+            return Err(recording.take_failure().map_or_else(
+                || crate::errors::SourceError::new_err(format!("{uri}: expected at least one whole frame, got none")),
+                failed,
+            ));
+        };
+        let sensor = match (sensor, simulated) {
+            (Some(sensor), _) => sensor,
+            (None, Some(sensor)) => Arc::new(sensor),
+            (None, None) => Arc::new(sensor_of_frames(&uri, size)?),
+        };
+        let mut finder = RestFinder::new(&sensor, &settings, size).map_err(setting)?;
+        for frame in &seen {
+            finder.see(frame).map_err(internal)?;
+        }
+        let rest = finder.find().map_err(rest_error)?.rest;
+        let rest_kind = rest.kind();
+        let monitor = Box::new(SlipMonitor::new(&sensor, &settings, rest).map_err(setting)?);
+        let clock = recording.clock();
+        let sensor = Arc::new(monitor.sensor().clone());
+        let process_id = std::process::id();
+        let open =
+            Open { recording, monitor, frame: FrameBuffer::default(), whole: false, frames_count: 0, process_id };
+        Ok(Watch { source: uri, finger, sensor, settings, clock, rest_kind, open: Mutex::new(Some(open)) })
+    }
+
+    fn closed(&self) -> PyErr {
+        ClosedError::new_err(format!("{}: it was closed", self.source))
+    }
+
+    /// The next report; None at the end.
+    fn next(&self, open: &mut Open) -> PyResult<Option<Report>> {
+        if open.process_id != std::process::id() {
+            let source = &self.source;
+            return Err(ClosedError::new_err(format!("{source}: opened before a fork; open it again in this process")));
+        }
+        let report = loop {
+            open.whole = false;
+            match open.recording.next(&mut open.frame).map_err(failed)? {
+                Next::End => return Ok(None),
+                Next::Silent => Python::attach(|py| py.check_signals())?,
+                Next::Torn { .. } => break open.monitor.torn(open.frame.seq, open.frame.time_ns),
+                Next::Frame => {
+                    open.whole = true;
+                    let frame = open.frame.frame().map_err(|e| failed(e.into()))?;
+                    break open.monitor.step(&frame, None);
+                }
+            }
+        };
+        let touched = report.motion.is_some() || report.shear.is_some();
+        let kept = Arc::new(Kept::of(&open.monitor, self.sensor.clone(), touched));
+        let frame = open.frames_count;
+        open.frames_count += 1;
+        Ok(Some(Report { report, kept, finger: self.finger.clone(), frame, waiting: None }))
+    }
+}
+
+#[pymethods]
+impl Watch {
+    fn __iter__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<Report>> {
+        py.check_signals()?;
+        let mut open = exclusive(&self.open, WHAT)?;
+        let open = open.as_mut().ok_or_else(|| self.closed())?;
+        py.detach(|| guarded(|| self.next(open)))
+    }
+
+    /// The frame of the newest report as an array; None before the first, and where it did not arrive whole.
+    #[pyo3(signature = (*, order = "BGR"))]
+    fn image<'py>(&self, py: Python<'py>, order: &str) -> PyResult<Option<Bound<'py, PyArrayDyn<u8>>>> {
+        let order = byte_order(order)?;
+        let open = exclusive(&self.open, WHAT)?;
+        let open = open.as_ref().ok_or_else(|| self.closed())?;
+        let FrameBuffer { pixels, size, format, .. } = &open.frame;
+        open.whole.then(|| array(py, pixels.clone(), *size, *format, order)).transpose()
+    }
+
+    /// Closes the source. What was reported stays.
+    fn close(&self) -> PyResult<()> {
+        exclusive(&self.open, WHAT)?.take();
+        Ok(())
+    }
+
+    fn __enter__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    #[pyo3(signature = (*_exception))]
+    fn __exit__(&self, _exception: &Bound<'_, PyAny>) -> PyResult<bool> {
+        self.close()?;
+        Ok(false)
+    }
+
+    /// The source, as it was named.
+    #[getter]
+    fn source(&self) -> &str {
+        &self.source
+    }
+
+    /// The facts of the finger at the size of its frames.
+    #[getter]
+    fn sensor(&self) -> Sensor {
+        Sensor(self.sensor.clone())
+    }
+
+    /// The settings.
+    #[getter]
+    fn settings(&self) -> Settings {
+        Settings(self.settings.clone())
+    }
+
+    /// Whose clock `time_ns` is from: `device`, `host`, `container`, `assumed` or `unknown`.
+    #[getter]
+    fn clock(&self) -> PyResult<String> {
+        word(&self.clock)
+    }
+
+    /// What the finger was doing in its rest frame: `unloaded` or `in_contact`.
+    #[getter]
+    fn rest_kind(&self) -> PyResult<String> {
+        word(&self.rest_kind)
+    }
+
+    /// All that is still to come as a table of flat columns, see `Report.to_row`.
+    fn to_pandas<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("slipbound._rows")?.call_method1("to_pandas", (slf,))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<slipbound.Watch of {}>", self.source)
+    }
+}

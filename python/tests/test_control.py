@@ -1,0 +1,225 @@
+"""The loop around ports written in Python, and the simulated hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import slipbound
+from slipbound.control import (
+    ControlLoop,
+    Controller,
+    Finger,
+    FrameSource,
+    Gripper,
+    GripperState,
+    Wrist,
+    WristCommand,
+    WristState,
+)
+
+FRAME_NS = 33_333_333
+
+
+class Recorded(FrameSource):
+    """Frames from a list; raises at one of them."""
+
+    def __init__(self, frames, fails_at: int | None = None, error: BaseException | None = None) -> None:
+        self.frames, self.at, self.fails_at, self.error = frames, 0, fails_at, error
+
+    def next(self):
+        if self.at == self.fails_at:
+            raise self.error
+        if self.at >= len(self.frames):
+            return None
+        frame = self.frames[self.at]
+        self.at += 1
+        return frame.image(), frame.time_ns
+
+
+class Jaws(Gripper):
+    """Takes every force; raises at a call."""
+
+    def __init__(self, fails_at: int | None = None, error: BaseException | None = None) -> None:
+        self.told: list[float | None] = []
+        self.polls, self.fails_at, self.error = 0, fails_at, error
+
+    def command(self, force_n: float | None) -> None:
+        self.told.append(force_n)
+
+    def poll(self) -> GripperState:
+        self.polls += 1
+        if self.fails_at is not None and self.polls >= self.fails_at:
+            raise self.error
+        force_n = self.told[-1] if self.told else None
+        return GripperState(self.polls * FRAME_NS, force_n=force_n, target_n=force_n, jaws="holding")
+
+
+class Arm(Wrist):
+    """Notes what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    def command(self, command: WristCommand) -> None:
+        self.told.append(command.motion)
+
+    def poll(self) -> WristState:
+        return WristState(0)
+
+
+def loop(frames, sensor, gripper=None, wrist=None, **options):
+    source = options.pop("source", None) or Recorded(frames)
+    gripper, wrist = gripper or Jaws(), wrist or Arm()
+    return ControlLoop([Finger(source, sensor)], gripper, wrist, **options), gripper, wrist
+
+
+@pytest.fixture(scope="module")
+def still():
+    """The finger at rest for a second, then pressed and pulled."""
+    scene = slipbound.lab.simulate("ramp", object="scissors", force_n=15, rest_frames=30, ramp_s=2, grid="fast", seed=3)
+    return list(scene)
+
+
+def run(control: ControlLoop, count: int):
+    return [control.cycle(n * FRAME_NS) for n in range(count)]
+
+
+def test_the_loop_holds_with_python_ports(still, sensor):
+    seen: list[str] = []
+    control, gripper, _ = loop(still, sensor, observer=lambda cycle: seen.append(cycle.outcome))
+    last = control.run(iter(range(0, 10**12, FRAME_NS)).__next__)
+    assert last.outcome == "source_ended" and seen[0] == "at_rest" and "commanded" in seen
+    assert gripper.told and all(force_n is not None and force_n >= 5 for force_n in gripper.told)
+
+
+def test_a_record_of_a_cycle(still, sensor):
+    control, _, _ = loop(still, sensor)
+    cycle = run(control, 40)[-1]
+    record = cycle.to_dict()
+    assert record["grip_command"] == {"jaws": "hold", "force_n": cycle.force_n}
+    assert cycle.reports[0].finger == "finger0" and cycle.image().shape == (480, 640, 3)
+    with pytest.raises(IndexError, match="finger 3 of 1"):
+        cycle.image(3)
+
+
+class Boom(Exception):
+    """What no library raises by itself."""
+
+
+class Ramp(Controller):
+    """A newton more in every cycle."""
+
+    def __init__(self, fails_at: int | None = None) -> None:
+        self.count, self.fails_at = 0, fails_at
+
+    def decide(self, now_ns: int, hand: dict[str, Any], gripper: GripperState) -> float:
+        self.count += 1
+        if self.count == self.fails_at:
+            raise Boom("controller")
+        assert hand["state"] in ("no_contact", "unsure", "stick", "incipient", "gross")
+        return 10.0 + self.count
+
+
+def test_a_controller_written_in_python(still, sensor):
+    control, gripper, _ = loop(still, sensor, controller=Ramp())
+    run(control, len(still))
+    assert gripper.told[-1] > gripper.told[0]
+
+
+@pytest.mark.parametrize("port", ["source", "gripper", "controller", "observer"])
+@pytest.mark.parametrize("error", [Boom("here"), KeyboardInterrupt()], ids=["exception", "interrupt"])
+def test_an_exception_pauses_the_wrist_keeps_the_force_and_surfaces(still, sensor, port, error):
+    options: dict[str, Any] = {"controller": Ramp()}
+    if port == "source":
+        options["source"] = Recorded(still, 30, error)
+    elif port == "gripper":
+        options["gripper"] = Jaws(31, error)
+    elif port == "controller":
+
+        class Failing(Ramp):
+            def decide(self, now_ns, hand, gripper):
+                force_n = super().decide(now_ns, hand, gripper)
+                if self.count == 5:
+                    raise error
+                return force_n
+
+        options["controller"] = Failing()
+    else:
+
+        def observe(cycle):
+            if cycle.outcome == "commanded":
+                raise error
+
+        options["observer"] = observe
+    control, gripper, wrist = loop(still, sensor, **options)
+    before = []
+    with pytest.raises(type(error)) as raised:
+        for n in range(len(still)):
+            before = list(gripper.told)
+            control.cycle(n * FRAME_NS)
+    assert raised.value is error
+    assert wrist.told[-1] == "pause"
+    assert None not in gripper.told
+    # In the cycle that failed the force did not fall.
+    assert not before or gripper.told[-1] >= before[-1]
+
+
+def test_a_fault_that_a_gripper_reports_is_waited_for(still, sensor):
+    gripper = Jaws(30, slipbound.GripperError("my gripper: no link", "link"))
+    control, _, wrist = loop(still, sensor, gripper=gripper)
+    cycles = run(control, 40)
+    assert cycles[-1].outcome == "waiting" and "no link" in cycles[-1].fault and wrist.told[-1] == "pause"
+    with pytest.raises(slipbound.ControlError, match="no link; waited"):
+        control.cycle(60_000_000_000)
+
+
+def test_what_a_port_returns_is_checked(still, sensor):
+    class Wrong(Jaws):
+        def poll(self):
+            return 3
+
+    control, _, wrist = loop(still, sensor, gripper=Wrong())
+    with pytest.raises(TypeError):
+        control.cycle(0)
+    assert wrist.told[-1] == "pause"
+    with pytest.raises(slipbound.SettingError, match="jaws"):
+        GripperState(0, jaws="ajar")
+    with pytest.raises(slipbound.SettingError, match="finite"):
+        GripperState(0, force_n=float("nan"))
+    control, _, _ = loop(still, sensor, source=Recorded([]))
+    assert control.cycle(0).outcome == "source_ended"
+    for wrong in ({"task": "juggle"}, {"controller": "tight"}, {"settings": "[grip]\nleast_n = -1\n"}):
+        with pytest.raises(slipbound.SettingError):
+            loop(still, sensor, **wrong)
+    with pytest.raises(slipbound.SettingError, match="fingers"):
+        ControlLoop([], Jaws(), Arm())
+
+
+def test_a_wrong_array_from_a_source_surfaces(still, sensor):
+    class Wrong(Recorded):
+        def next(self):
+            return np.zeros((3, 3))
+
+    control, _, wrist = loop(still, sensor, source=Wrong([]))
+    with pytest.raises(slipbound.FrameError, match="float64"):
+        control.cycle(0)
+    assert wrist.told == ["pause"]
+
+
+def test_a_simulated_hand(still):
+    hand = slipbound.lab.Hand("lift", seed=1, fingers=1, mu=0.6, longest_s=1.5, grid="fast")
+    last = hand.run()
+    assert last.outcome == "source_ended" and hand.truth["grip_force_n"] > 5 and hand.score["most_n"] >= 10
+    with pytest.raises(slipbound.SettingError):
+        slipbound.lab.Hand("lift", nonsense=1)
+
+
+def test_a_controller_that_fails_keeps_a_simulated_object():
+    controller = Ramp(fails_at=25)
+    hand = slipbound.lab.Hand("lift", controller=controller, seed=1, fingers=1, longest_s=4)
+    with pytest.raises(Boom):
+        hand.run()
+    assert hand.truth["grip_force_n"] > 20

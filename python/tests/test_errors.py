@@ -1,0 +1,234 @@
+"""What is wrong is said by a Python exception: never a panic, never an abort."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import slipbound
+from conftest import SCENE
+
+
+@pytest.mark.parametrize(
+    ("array", "kind", "text"),
+    [
+        (np.zeros((320, 427, 3), np.float64), slipbound.FrameError, "got float64 of shape"),
+        (np.full((320, 427, 3), np.nan), slipbound.FrameError, "got float64"),
+        (np.zeros((320, 427, 3), np.uint16), slipbound.FrameError, "got uint16"),
+        (np.zeros((320, 427, 3), np.int8), slipbound.FrameError, "got int8"),
+        (np.zeros((320, 427, 3), bool), slipbound.FrameError, "got bool"),
+        (np.zeros((320, 427, 3), object), slipbound.FrameError, "got object"),
+        (np.zeros((320, 427, 4), np.uint8), slipbound.FrameError, "take the fourth channel off"),
+        (np.zeros((320, 427, 2), np.uint8), slipbound.FrameError, "got shape"),
+        (np.zeros((2, 320, 427, 3), np.uint8), slipbound.FrameError, "got shape"),
+        (np.zeros(100, np.uint8), slipbound.FrameError, "got shape"),
+        (np.uint8(3), TypeError, "got numpy.uint8"),
+        (np.zeros((0, 427, 3), np.uint8), slipbound.FrameError, "got shape"),
+        (np.zeros((320, 0, 3), np.uint8), slipbound.FrameError, "got shape"),
+        ([[1, 2], [3, 4]], TypeError, "got list"),
+        (None, TypeError, "got NoneType"),
+        (b"\xff\xd8", TypeError, "got bytes"),
+    ],
+)
+def test_what_is_no_picture_is_refused(monitor, array, kind, text):
+    with pytest.raises(kind, match=text):
+        monitor.step(array)
+    if not isinstance(array, np.ndarray) or array.ndim != 4:  # several pictures to calibrate from
+        with pytest.raises((kind, TypeError)):
+            slipbound.calibrate(array)
+
+
+def test_odd_sizes_are_unjudged_and_do_not_panic(monitor, sensor):
+    for shape in [(1, 1), (1, 640, 3), (480, 1, 3), (3, 3, 3), (5000, 2), (481, 640, 3)]:
+        assert monitor.step(np.zeros(shape, np.uint8)).state == "unjudged"
+        with pytest.raises(slipbound.Error):
+            slipbound.Monitor(sensor, rest=np.zeros(shape, np.uint8))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_is_judged_or_refused(sensor, seed):
+    noise = np.random.default_rng(seed).integers(0, 256, (480, 640, 3), np.uint8)
+    try:
+        monitor = slipbound.Monitor(sensor, rest=noise)
+    except slipbound.RestError:
+        return
+    assert monitor.step(noise).state in ("unjudged", "no_contact", "unsure", "stick", "incipient", "gross")
+
+
+@pytest.mark.parametrize("grip_n", [float("nan"), float("inf"), -1.0])
+def test_forces_that_cannot_be(monitor, frames, grip_n):
+    with pytest.raises(slipbound.SettingError, match="grip_n: expected a finite force"):
+        monitor.step(frames[0].image(), grip_n=grip_n)
+
+
+@pytest.mark.parametrize("time_ns", [-1, 1 << 64])
+def test_times_that_cannot_be(monitor, frames, time_ns):
+    with pytest.raises(slipbound.SettingError, match="time_ns: expected a whole number"):
+        monitor.step(frames[0].image(), time_ns=time_ns)
+
+
+def test_times_too_large_for_a_register(monitor, frames):
+    with pytest.raises((slipbound.SettingError, OverflowError)):
+        monitor.step(frames[0].image(), time_ns=1 << 200)
+    with pytest.raises(TypeError):
+        monitor.step(frames[0].image(), time_ns=1.5)
+
+
+def test_words_that_cannot_be(sensor, frames):
+    with pytest.raises(slipbound.SettingError, match="did you mean `gelslim`"):
+        slipbound.Monitor("gelslin")
+    with pytest.raises(slipbound.SettingError, match='order: expected "BGR" or "RGB", got "BRG"'):
+        slipbound.Monitor(sensor, order="BRG")
+    with pytest.raises(slipbound.SettingError, match="rest: expected"):
+        slipbound.Monitor(sensor, rest="now")
+    with pytest.raises(slipbound.RestError):
+        slipbound.Monitor(sensor, rest=[])
+    with pytest.raises(TypeError):
+        slipbound.Monitor(sensor, rest=3)
+    with pytest.raises(slipbound.RestError, match="frame 1: .*frame size"):
+        slipbound.Monitor(sensor, rest=[frames[0].image(), frames[0].image()[:100]])
+    with pytest.raises(slipbound.SettingError, match="pich_px"):
+        slipbound.Sensor.from_toml('extends = "gelslim"\npich_px = 3\n')
+    with pytest.raises(slipbound.SettingError, match="window_count"):
+        slipbound.Settings.from_toml("[rest]\nwindow_count = 0\n")
+    with pytest.raises(slipbound.SettingError, match="skin"):
+        slipbound.calibrate(frames[0].image(), skin="silk")
+    with pytest.raises(slipbound.SettingError, match="no such scene|scene"):
+        slipbound.lab.simulate("nonsense")
+    with pytest.raises(slipbound.SettingError, match="force_n"):
+        slipbound.lab.simulate("ramp", force_n=-3)
+
+
+def test_sources_that_cannot_be(tmp_path):
+    with pytest.raises(slipbound.SourceError) as missing:
+        slipbound.watch(tmp_path / "nothing.avi")
+    assert missing.value.kind == "settings" and isinstance(missing.value, OSError)
+    (tmp_path / "broken.avi").write_bytes(b"RIFF\0\0")
+    with pytest.raises(slipbound.SourceError):
+        slipbound.watch(tmp_path / "broken.avi")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(slipbound.SourceError):
+        slipbound.watch(tmp_path / "empty")
+
+
+def test_a_closed_source_says_so():
+    watched = slipbound.watch(f"sim:{SCENE}")
+    next(watched)
+    watched.close()
+    for use in (lambda: next(watched), watched.image):
+        with pytest.raises(slipbound.ClosedError, match="closed"):
+            use()
+    watched.close()
+
+
+def test_two_threads_on_one_monitor_get_reports_or_a_clear_error(monitor, frames):
+    image, wrong, seqs = frames[-1].image(), [], []
+
+    def work() -> None:
+        for _ in range(60):
+            try:
+                seqs.append(monitor.step(image).seq)
+            except slipbound.BusyError:
+                pass
+            except BaseException as error:  # noqa: BLE001 - whatever else comes is the failure
+                wrong.append(error)
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong and len(seqs) == len(set(seqs)) and len(seqs) >= 60
+
+
+def test_the_interpreter_runs_while_a_frame_is_judged(monitor, frames):
+    image, count, done = frames[-1].image(), [0], threading.Event()
+
+    def count_up() -> None:
+        while not done.is_set():
+            count[0] += 1
+            time.sleep(0)
+
+    thread = threading.Thread(target=count_up)
+    thread.start()
+    for _ in range(30):
+        monitor.step(image)
+    done.set()
+    thread.join()
+    assert count[0] > 30
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_fork_goes_on_with_a_monitor_and_is_told_of_a_source(monitor, frames):
+    watched = slipbound.watch(f"sim:{SCENE}")
+    next(watched)
+    child = os.fork()
+    if child == 0:
+        try:
+            judged = monitor.step(frames[0].image()).state == "no_contact"
+            try:
+                next(watched)
+            except slipbound.ClosedError as error:
+                os._exit(0 if judged and "fork" in str(error) else 4)
+            os._exit(5)
+        except BaseException:  # noqa: BLE001
+            os._exit(6)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert next(watched).seq == 1
+
+
+def interrupted(program: str, after: str = "ready") -> subprocess.CompletedProcess[str]:
+    process = subprocess.Popen(
+        [sys.executable, "-u", "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline().strip() == after
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    return subprocess.CompletedProcess([], process.returncode, out, err)
+
+
+def test_ctrl_c_ends_a_watch():
+    done = interrupted(
+        "import slipbound\n"
+        "w = slipbound.watch('sim:press?hold_s=60&grid=fast')\n"
+        "try:\n    print('ready')\n    for r in w: pass\n"
+        "except KeyboardInterrupt:\n    print('interrupted')\n"
+    )
+    assert done.stdout.strip() == "interrupted", done.stderr
+
+
+def test_ten_thousand_monitors_leave_no_memory_behind():
+    resource = pytest.importorskip("resource")
+    del resource
+    # A small finger: what is looked for does not depend on its size.
+    sensor = slipbound.Sensor.from_toml(
+        'name = "small"\nimage_px = [96, 96]\nflip = "none"\ngrey_weights_rgb = [0.3, 0.4, 0.3]\n'
+        'polarity = "dark"\npitch_px = 12.0\nmarker_diameter_px = 4.0\nskin = "smooth"\n'
+    )
+    image = np.full((96, 96, 3), 150, np.uint8)
+    for y in range(6, 96, 12):
+        for x in range(6, 96, 12):
+            image[y - 2 : y + 2, x - 2 : x + 2] = 60
+
+    def resident_kb() -> int:
+        with open("/proc/self/status") as status:
+            return next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
+
+    def make(count: int) -> None:
+        for _ in range(count):
+            report = slipbound.Monitor(sensor, rest=image).step(image)
+            assert report.field.now_px.shape[1] == 2 and report.contact.area_px2 == 0
+
+    make(500)
+    before_kb = resident_kb()
+    make(10_000)
+    assert resident_kb() - before_kb < 4_000

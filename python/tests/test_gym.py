@@ -1,0 +1,35 @@
+"""The environments pass gymnasium's own check."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium")
+
+
+@pytest.mark.parametrize("name", ["HoldBottle", "ScrewCap"])
+def test_gymnasium_accepts_it(name):
+    import slipbound.gym  # noqa: F401
+    from gymnasium.utils.env_checker import check_env
+
+    env = gymnasium.make(f"slipbound/{name}-v0", render_mode="rgb_array", grid="fast")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # The numbers of an observation have no bounds, and a force is no number around 0: said by warnings only.
+        warnings.filterwarnings("ignore", message=".*(Box observation space|symmetric|normalized).*")
+        check_env(env.unwrapped, skip_render_check=True)
+    assert env.unwrapped.render().shape == env.observation_space["image"].shape
+
+
+def test_a_steady_grip_holds():
+    import slipbound.gym  # noqa: F401
+
+    env = gymnasium.make("slipbound/HoldBottle-v0", grid="fast")
+    env.reset(seed=1)
+    for _ in range(40):
+        observation, reward, terminated, truncated, info = env.step(np.array([25.0], np.float32))
+    assert observation["numbers"][0] > 20 and info["slid_mm"] < 0.5 and not terminated and not truncated
+    assert -1 < reward < 0

@@ -1,0 +1,130 @@
+"""A frame in, a report out: the same bits as in Rust, whatever the layout of the array."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import slipbound
+from slipbound.lab import SimulatedFrame
+
+
+def stepped(monitor: slipbound.Monitor, frames: list[SimulatedFrame], **options: object) -> list[str]:
+    return [monitor.step(f.image(), time_ns=f.time_ns, **options).to_json(markers=True) for f in frames]
+
+
+def new_monitor(frames: list[SimulatedFrame], sensor: slipbound.Sensor) -> slipbound.Monitor:
+    return slipbound.Monitor(sensor, rest=[f.image() for f in frames[:5]])
+
+
+def test_it_says_when_it_slips(frames, monitor):
+    reports = [monitor.step(f.image(), time_ns=f.time_ns) for f in frames]
+    assert reports[0].state == "no_contact" and not reports[0].slips
+    assert any(r.slips for r in reports)
+    slipping = next(r for r in reports if r.slips)
+    assert slipping.motion is not None and slipping.contact.area_mm2 > 0
+    assert slipping.field.slip_px.shape == (len(slipping.field), 2)
+    assert slipping.field.over.dtype == np.bool_
+    assert slipping.markers.matched == slipping.field.matched.sum()
+    moved = slipping.field.now_px - slipping.field.rest_px
+    assert np.array_equal(moved, slipping.field.now_from_rest_px)
+    assert "incipient" in repr(slipping) or "gross" in repr(slipping)
+
+
+def test_layouts_of_an_array_change_no_bit(frames, sensor):
+    expected = stepped(new_monitor(frames, sensor), frames)
+    canvas = np.zeros((500, 700, 3), np.uint8)
+
+    def crop(image):
+        canvas[10 : 10 + image.shape[0], 20 : 20 + image.shape[1]] = image
+        return canvas[10 : 10 + image.shape[0], 20 : 20 + image.shape[1]]
+
+    layouts = {
+        "rgb": (lambda a: np.ascontiguousarray(a[:, :, ::-1]), "RGB"),
+        "reversed channels": (lambda a: a[:, :, ::-1], "RGB"),
+        "crop": (crop, None),
+        "reversed rows": (lambda a: np.ascontiguousarray(a[::-1])[::-1], None),
+        "reversed columns": (lambda a: np.ascontiguousarray(a[:, ::-1])[:, ::-1], None),
+        "column-major": (np.asfortranarray, None),
+        "read-only": (lambda a: (a.setflags(write=False), a)[1], None),
+    }
+    for name, (layout, order) in layouts.items():
+        monitor = new_monitor(frames, sensor)
+        got = [
+            monitor.step(layout(f.image()), time_ns=f.time_ns, order=order).to_json(markers=True) for f in frames
+        ]
+        assert got == expected, name
+
+
+def test_grey_frames_of_two_and_of_three_axes_are_the_same(frames, sensor):
+    grey = [np.ascontiguousarray(f.image()[:, :, 1]) for f in frames]
+    one, other = slipbound.Monitor(sensor, rest=grey[:5]), slipbound.Monitor(sensor, rest=grey[0:5])
+    for image in grey:
+        assert one.step(image).to_json() == other.step(image[:, :, np.newaxis]).to_json()
+
+
+def test_rest_is_found_among_the_first_frames(frames, sensor):
+    monitor = slipbound.Monitor(sensor, rest="auto")
+    assert not monitor.is_ready
+    waiting = [monitor.step(frames[0].image()) for _ in range(20)]
+    assert {r.state for r in waiting} == {"unjudged"}
+    assert "looked for among the first 20 frames" in waiting[0].reason
+    assert json.loads(waiting[0].to_json())["reason"] == waiting[0].reason
+    assert monitor.is_ready and monitor.refusal is None
+    assert monitor.step(frames[0].image()).state == "no_contact"
+
+
+def test_frame_of_another_size_is_unjudged_as_in_rust(monitor, frames):
+    report = monitor.step(frames[0].image()[:100])
+    assert report.state == "unjudged" and report.reason == "frame size: expected 640x480, got 640x100"
+
+
+def test_a_dict_is_the_json_line(monitor, frames):
+    for f in frames:
+        report = monitor.step(f.image(), grip_n=15.0, time_ns=f.time_ns)
+        assert report.to_dict() == json.loads(report.to_json())
+    fields = report.to_dict()
+    assert fields["finger"] == "finger" and fields["frame"] == len(frames) - 1 == fields["seq"]
+    assert fields["grip_n"] == report.grip_n == 15
+    assert fields["state"] == report.state and fields["contact"]["area_px2"] == report.contact.area_px2
+    for name in ("stick_ratio", "margin", "shear_n", "torque_nmm", "friction"):
+        estimate, written = getattr(report, name), fields[name]
+        assert (estimate is None) == (written is None)
+        assert estimate is None or abs(estimate.value - written["value"]) <= 0.5e-4
+    assert set(report.to_row()) == set(slipbound.rows([monitor.step(frames[0].image())])[0])
+
+
+def test_an_overlay_of_an_earlier_report(monitor, frames):
+    reports = [monitor.step(f.image()) for f in frames]
+    pictures = [slipbound.overlay(frames[i].image(), reports[i]) for i in (0, -1)]
+    assert pictures[0].shape == pictures[1].shape and pictures[0].shape[2] == 3
+    assert pictures[0].dtype == np.uint8 and not np.array_equal(*pictures)
+    rgb = slipbound.overlay(frames[-1].image(order="RGB"), reports[-1], order="RGB")
+    assert np.array_equal(rgb[:, :, ::-1], pictures[1])
+
+
+def test_sensors_and_settings_survive_being_written(sensor, tmp_path):
+    for name in slipbound.sensors():
+        known = slipbound.Sensor(name)
+        assert slipbound.Sensor.from_toml(known.to_toml()) == known
+        file = tmp_path / f"{name}.toml"
+        file.write_text(known.to_toml())
+        assert slipbound.Sensor(file) == known and known.to_dict()["name"] == name == known.name
+    paper = slipbound.Settings.paper()
+    assert slipbound.Settings("paper") == paper == slipbound.Settings.from_toml(paper.to_toml())
+    assert slipbound.Settings() != paper and "paper" in repr(paper)
+    mine = slipbound.Settings.from_toml("[rest]\nwindow_count = 3\n")
+    assert mine.to_dict()["rest"]["window_count"] == 3
+    monitor = slipbound.Monitor(sensor, settings=mine)
+    assert monitor.settings == mine and monitor.sensor == sensor
+
+
+def test_a_finger_is_calibrated_from_its_picture():
+    at_rest = next(slipbound.lab.simulate("ramp", seed=3, camera="gelsight_mini")).image()
+    mine = slipbound.calibrate(at_rest, name="mine", pitch_mm=1.5)
+    assert mine.name == "mine" and mine.pitch_mm == 1.5
+    assert slipbound.Monitor(mine, rest=at_rest).step(at_rest).state == "no_contact"
+    with pytest.raises(slipbound.CalibrationError):
+        slipbound.calibrate(np.full((240, 320, 3), 128, np.uint8))

@@ -1,0 +1,96 @@
+"""Recordings and scenes: the lines of the command line, byte for byte."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import slipbound
+from conftest import ROOT, SCENE, recordings
+
+
+def lines_of_the_command(source: str, folder: Path, *arguments: str) -> list[str]:
+    file = folder / "report.jsonl"
+    file.unlink(missing_ok=True)
+    command = [sys.executable, "-m", "slipbound", "watch", source, "--json", str(file), "--markers", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode in (0, 3), done.stderr
+    return file.read_text().splitlines()[1:]
+
+
+def lines_of_python(source: str, **options: str) -> list[str]:
+    return [report.to_json(markers=True) for report in slipbound.watch(source, **options)]
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        f"sim:{SCENE}",
+        f"sim:{SCENE}&fault=drop=0.1,torn=0.2",
+        "sim:press?camera=gelsight_mini&object=scissors&hold_s=0.2&grid=fast&seed=4",
+    ],
+)
+def test_simulated_scenes_give_the_lines_of_the_command(source, tmp_path):
+    expected = lines_of_the_command(source, tmp_path)
+    assert len(expected) > 10 and lines_of_python(source) == expected
+
+
+def test_a_recording_gives_the_lines_of_the_command(tmp_path):
+    source = str(ROOT / "testdata" / "twist.avi")
+    options = {"sensor": str(ROOT / "testdata" / "painted.toml")}
+    expected = lines_of_the_command(source, tmp_path, "--sensor", options["sensor"])
+    assert len(expected) > 5 and lines_of_python(source, **options) == expected
+    paper = lines_of_the_command(source, tmp_path, "--sensor", options["sensor"], "--settings", "paper")
+    assert lines_of_python(source, settings="paper", **options) == paper
+
+
+def clips() -> list[tuple[str, str]]:
+    """Real recordings and the finger of each."""
+    all_files = list(recordings())
+    lifts = [p for p in all_files if p.is_dir() and p.parent.name == "gelsight-lift"]
+    lifts = lifts or [p for p in {p.parent for p in all_files if "gelsight-lift" in str(p) and p.suffix == ".jpg"}]
+    press = [p for p in all_files if p.suffix == ".avi" and "press" in p.parent.name]
+    wriggle = [p for p in all_files if p.suffix == ".avi" and "wriggle" in str(p)]
+    fingers = [("gelsight", sorted(lifts)), ("gelsight_mini_wide", press), ("gelsight_mini_near", wriggle[:4])]
+    return [(str(clip), finger) for finger, some in fingers for clip in some]
+
+
+@pytest.mark.skipif(not clips(), reason="no recordings")
+def test_recordings_give_the_lines_of_the_command(tmp_path):
+    compared_count = 0
+    for clip, finger in clips():
+        expected = lines_of_the_command(clip, tmp_path, "--sensor", finger)
+        assert lines_of_python(clip, sensor=finger) == expected, clip
+        compared_count += len(expected)
+    assert compared_count > 100
+
+
+def test_image_table_and_overlay(tmp_path):
+    with slipbound.watch(f"sim:{SCENE}", finger="left") as watched:
+        assert watched.image() is None and watched.clock == "device" and watched.rest_kind == "unloaded"
+        first = next(watched)
+        assert first.finger == "left"
+        image = watched.image()
+        assert np.array_equal(image[:, :, ::-1], watched.image(order="RGB"))
+        assert slipbound.overlay(image, first).shape[2] == 3
+    pandas = pytest.importorskip("pandas")
+    table = slipbound.watch(f"sim:{SCENE}").to_pandas()
+    assert isinstance(table, pandas.DataFrame)
+    assert {"state", "contact_area_px2", "margin_value", "motion_translation_px_x"} <= set(table.columns)
+    assert (table.seq.diff().dropna() > 0).all() and table.state.isin(["incipient", "gross"]).any()
+
+
+def test_the_command_line_is_the_programs():
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, "-m", "slipbound", *arguments], capture_output=True, text=True)
+
+    sensors = run("sensors")
+    assert sensors.returncode == 0 and "gelslim3" in sensors.stdout
+    assert run("nonsense").returncode == 2
+    missing = run("watch", "no/such/file.avi")
+    assert missing.returncode == 2 and "no/such/file.avi" in missing.stderr
+    assert run("--version").stdout.strip() == f"slipbound {slipbound.__version__}"
