@@ -51,7 +51,8 @@ mod tests {
     #[test]
     fn the_largest_cell_of_black_and_white_does_not_overflow_and_the_border_has_no_neighbour() {
         let side = MOST_CELL_PX;
-        let board: Vec<u8> = (0..side * side).map(|i| if (i % side + i / side) % 2 == 0 { 0 } else { 255 }).collect();
+        let board: Vec<u8> =
+            (0..side * side).map(|i| if (i % side + i / side).is_multiple_of(2) { 0 } else { 255 }).collect();
         let (mut sums, mut out) = (vec![0; side], vec![0.0; 1]);
         cell_contrast(Gray::new(&board, SizePx::new(side, side)).expect("whole"), side, &mut sums, &mut out);
         let steps = 2 * side * (side - 1);
