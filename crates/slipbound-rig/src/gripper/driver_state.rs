@@ -98,7 +98,7 @@ impl DriverState {
         self.link.heard(self.now_ns);
     }
 
-    /// Whether something is, or may soon be, between the jaws: see [`Held`].
+    /// Whether something is, or may soon be, between the jaws.
     pub fn seems_to_hold(&self) -> bool {
         self.held.seems_to_hold(&self.gripper, &self.config)
     }
