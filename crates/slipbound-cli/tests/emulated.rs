@@ -215,7 +215,7 @@ fn work_that_never_began_and_hands_that_end_empty_are_failures() {
     }
     // A recording in which the hand stays open: `dry` holds at once, the fingers feel nothing.
     let open = scratch.path().join("open");
-    let made = demo(&open, &["--task", "lift", "--set", "longest_s=1", "--record"]);
+    let made = demo(&open, &["--task", "lift", "--set", "longest_s=0.6", "--record"]);
     assert!(open.join("left").exists(), "{}", told(&made));
     let hold = |rate_hz: &str| {
         let from = std::time::Instant::now();
@@ -227,7 +227,7 @@ fn work_that_never_began_and_hands_that_end_empty_are_failures() {
         assert!(told(&output).contains("the work never began: "), "{}", told(&output));
         from.elapsed().as_secs_f64()
     };
-    // Thirty frames: it plays at the rate that was asked for, below 10 Hz too.
+    // Eighteen frames: it plays at the rate that was asked for, below 10 Hz too.
     let (fast_s, slow_s) = (hold("30"), hold("5"));
-    assert!(slow_s > 5.5, "{fast_s} s and {slow_s} s");
+    assert!(slow_s > 3.2, "{fast_s} s and {slow_s} s");
 }

@@ -1,7 +1,7 @@
 //! Makes `crates/slipbound/src/monitor/estimate/trees.txt`, the table behind stick ratio and margin, from the training split.
 //!
 //! `cargo run --release -p slipbound-lab --example fit_estimates -- ROWS.jsonl [--trials N] [--table FILE]`: simulates the
-//! first N trials (default 300) unless the file of rows is there already, fits, writes the table, and prints how well the
+//! first N trials (default 600) unless the file of rows is there already, fits, writes the table, and prints how well the
 //! trees do on objects they were not fitted to. All cores; the result does not depend on their number.
 
 use slipbound_lab::fit::{Row, read_rows, rows_of, table, write_rows};
@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let rows = if path.exists() {
         read_rows(path)?
     } else {
-        let rows = simulate(option("--trials").map_or(Ok(300), |count| count.parse())?);
+        let rows = simulate(option("--trials").map_or(Ok(600), |count| count.parse())?);
         write_rows(path, &rows)?;
         rows
     };

@@ -199,14 +199,14 @@ fn markers_are_where_the_camera_shows_them_at_rest_and_under_load() {
         ("without weave: box, 60 N, sheared", &plain, &face, 0.11, 0.0),
         ("walls: at rest", &walls, &at_rest, 0.11, 0.012),
         ("at rest", &full, &at_rest, 0.115, 0.012),
-        ("sphere, 20 N, sheared", &full, &sphere, 0.14, 0.05),
-        ("cap, 20 N, sheared", &full, &cap, 0.155, 0.055),
-        ("box, 60 N, sheared", &full, &face, 0.23, 0.2),
+        ("sphere, 20 N, sheared", &full, &sphere, 0.14, 0.075),
+        ("cap, 20 N, sheared", &full, &cap, 0.155, 0.09),
+        ("box, 60 N, sheared", &full, &face, 0.23, 0.36),
     ] {
         let off = off(&mut camera.clone(), frames, name);
         assert!(off.lost <= most_lost * off.count, "{name}: {} lost", off.lost);
         assert!(off.count > 300.0 && off.rms_px <= most_rms_px, "{name}: RMS {}", off.rms_px);
-        let most_bias_px = if name.starts_with("box") { 0.065 } else { 0.05 };
+        let most_bias_px = if name.starts_with("box") { 0.06 } else { 0.05 };
         assert!(off.bias_px < most_bias_px, "{name}: bias {}", off.bias_px);
     }
 }

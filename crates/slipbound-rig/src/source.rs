@@ -39,6 +39,7 @@ mod multipart;
 mod natural;
 mod newest;
 mod picture;
+mod picture_size;
 mod read_ahead;
 mod riff;
 #[cfg(all(feature = "v4l2", target_os = "linux", target_pointer_width = "64"))]

@@ -129,7 +129,7 @@ fn a_picture_that_never_changes_is_a_frozen_one_and_only_in_contact() {
     let mut hand = two();
     let still = feels(7, Vec2::new(0.0, 0.4), 0.0);
     for seq in 7..12 {
-        hand.see(0, &SlipReport { seq, ..still });
+        hand.see(0, &SlipReport { seq, time_ns: feels(seq, Vec2::ZERO, 0.0).time_ns, ..still });
         hand.see(1, &feels(seq, Vec2::new(0.0, 0.4 + 0.001 * seq as f64), 0.0));
         let expected = if seq < 10 { Health::Live } else { Health::Frozen };
         assert_eq!(hand.report(33 * MS * seq).health[0], expected, "frame {seq}");

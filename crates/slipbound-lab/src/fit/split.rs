@@ -16,8 +16,8 @@ pub const TRAINING_SEED: u64 = 1_000_000;
 /// Frames of a trial that is no ramp count for less: many of them look alike.
 const QUIET_WEIGHT: f64 = 0.5;
 
-/// Of ten trials the last four change the grip under load, at lighter grips too, as a controller does.
-const REGRIP_FROM: u64 = 6;
+/// Of a thousand trials the last three hundred change the grip under load, at lighter grips too, as a controller does.
+const REGRIP_FROM: u64 = 700;
 
 /// A trial of the split: mostly pulls and turns up to gross slip, some below it, some without any load.
 pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
@@ -25,7 +25,7 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     let object = OBJECTS[(random.next_u64() % OBJECTS.len() as u64) as usize].name;
     let between_log = |random: &mut Random, low: f64, high: f64| low * (high / low).powf(random.fraction());
     let force_n = between_log(&mut random, 8.0, 60.0);
-    let mu = between_log(&mut random, 0.22, 1.2);
+    let mu = between_log(&mut random, 0.3, 1.2);
     let direction_deg = random.between(0.0, 360.0);
     let twist = match random.next_u64() % 10 {
         0..=3 => 0.0,
@@ -39,7 +39,7 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     let (x_mm, y_mm) = (random.between(-1.5, 1.5), random.between(-1.0, 1.0));
     let camera = if random.fraction() < 0.2 { "gelsight_mini" } else { "gelslim" };
     let kind = random.fraction();
-    let regrips = number % 10 >= REGRIP_FROM;
+    let regrips = number % 1000 >= REGRIP_FROM;
     let force_n = if regrips { between_log(&mut random, 4.0, 40.0) } else { force_n };
     let with = |force_n: f64| {
         format!(
@@ -55,7 +55,7 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
             let most = (70.0 / force_n).min(4.0);
             format!(
                 "regrip?{held}&{ramp}&peak_fraction=8&regrip_fraction={:.3}&regrips={}",
-                between_log(&mut random, 0.4, most),
+                between_log(&mut random, 0.6, most),
                 1 + random.next_u64() % 6
             )
         }

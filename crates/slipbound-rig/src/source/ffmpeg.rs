@@ -4,7 +4,7 @@
 //! thread and the bit-exact flags make the pixels the same on every run of one version of the program.
 
 use super::avi::stamp;
-use super::picture::checked_size;
+use super::picture_size::checked_size;
 use super::riff::{Survey, Video};
 use super::{Error, Rate};
 use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError};

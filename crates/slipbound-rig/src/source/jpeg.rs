@@ -5,7 +5,7 @@
 //!                                            ^ many UVC cameras leave it out: the standard tables are put in
 //! ```
 
-use super::picture::checked_size;
+use super::picture_size::checked_size;
 use slipbound::port::{FrameBuffer, PixelFormat};
 use std::borrow::Cow;
 use zune_core::bytestream::ZCursor;

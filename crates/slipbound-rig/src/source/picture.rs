@@ -1,19 +1,9 @@
 //! One encoded picture to pixels. The content decides what it is, not the name of its file.
 
 use super::jpeg;
+use super::picture_size::checked_size;
 use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, PixelFormat};
-
-/// Most pixels of a picture, whatever it is decoded by; a header that says more is taken for damaged. 100 MB in colour.
-const MOST_PIXELS: usize = 32 << 20;
-
-/// The size that a header says, before any buffer is made for it; the text of the failure says what is wrong with it.
-pub(super) fn checked_size(width_px: usize, height_px: usize) -> Result<SizePx, String> {
-    match width_px.checked_mul(height_px) {
-        Some(1..=MOST_PIXELS) => Ok(SizePx::new(width_px, height_px)),
-        _ => Err(format!("expected 1 to {MOST_PIXELS} pixels, got {width_px} x {height_px}")),
-    }
-}
 
 /// Decodes `into.encoded`, a JPEG or PNG picture, into `into.pixels`; the text of the failure says what is wrong with it.
 pub fn decode(into: &mut FrameBuffer) -> Result<(), String> {

@@ -18,7 +18,6 @@ mod features;
 mod field;
 mod load;
 mod reference;
-mod squeeze;
 mod trees;
 mod window;
 

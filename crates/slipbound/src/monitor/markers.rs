@@ -19,25 +19,13 @@ use crate::monitor::imprint::Imprint;
 use crate::monitor::report::Marker;
 use crate::monitor::rest::Rest;
 use crate::plane::Vec2;
-use crate::sensor::{Sensor, Skin};
-use matching::{Matching, SaidByNeighbours};
+use crate::sensor::Sensor;
+use matching::Matching;
 
 /// After this many frames in a row that could not be trusted, markers are sought anew.
 const UNTRUSTED_FRAMES_COUNT: u32 = 5;
 /// When places are this bad an explanation of the spots (1: no marker near any place), markers are sought anew at once.
 const LOST_MISFIT: f64 = 0.6;
-
-/// A marker stands out from its neighbours when it is further from where they put it than this, ...
-const DOUBT_PITCH: f64 = 0.05;
-/// ... and this share of how differently they moved themselves.
-const DOUBT_SPREAD: f64 = 0.5;
-
-/// Where a marker was in the frame before, px, and whether it was found there.
-#[derive(Debug, Clone, Copy)]
-struct Before {
-    place: Vec2,
-    matched: bool,
-}
 
 /// What is known of a marker beyond what [`Marker`] shows.
 #[derive(Debug, Clone, Copy)]
@@ -59,10 +47,6 @@ pub(super) struct Markers {
     pitch_px: f64,
     /// Frames in a row whose matches could not be trusted.
     untrusted_frames_count: u32,
-    /// Whether the skin is a fabric.
-    has_weave: bool,
-    doubtful: Vec<bool>,
-    before: Vec<Before>,
     pub(super) all: Vec<Marker>,
     pub(super) detected_count: u32,
     pub(super) matched_count: u32,
@@ -97,9 +81,6 @@ impl Markers {
             tracks: at_rest.iter().map(|&rest| Track { rest, trusted: rest.position, step: Vec2::ZERO }).collect(),
             pitch_px: sensor.pitch_px,
             untrusted_frames_count: 0,
-            has_weave: sensor.skin == Skin::Fabric,
-            doubtful: vec![false; all.len()],
-            before: vec![Before { place: Vec2::ZERO, matched: false }; all.len()],
             detected_count: 0,
             matched_count: all.len() as u32,
             all,
@@ -160,55 +141,23 @@ impl Markers {
     }
 
     /// Takes over where each marker was found, or is expected to be.
-    ///
     fn place(&mut self, imprint: &Imprint) {
-        self.detected_count = 0;
+        (self.matched_count, self.detected_count) = (0, 0);
         for i in 0..self.all.len() {
+            let (before, known_before) = (self.all[i].now, self.all[i].matched);
             let spot = self.matching.spot_of(i);
             self.detected_count += u32::from(spot.is_some());
             let whole = spot.and_then(|spot| self.detector.refine(imprint, spot, &self.tracks[i].rest));
             let found = whole.or_else(|| self.matching.cut(&self.all, i));
             let marker = &mut self.all[i];
-            let before = Before { place: marker.now, matched: marker.matched };
-            self.before[i] = before;
             marker.matched = found.is_some();
             marker.whole = whole.is_some();
             marker.now = found.unwrap_or_else(|| self.matching.expected(i));
-        }
-        if self.settings.ask_neighbours && self.has_weave {
-            self.doubt();
-        }
-        self.matched_count = 0;
-        for ((marker, track), before) in self.all.iter().zip(&mut self.tracks).zip(&self.before) {
             self.matched_count += u32::from(marker.matched);
             if self.untrusted_frames_count == 0 {
-                track.trusted = marker.now;
+                self.tracks[i].trusted = marker.now;
             }
-            track.step = if marker.matched && before.matched { marker.now - before.place } else { Vec2::ZERO };
-        }
-    }
-
-    /// Under load a gap of the weave looks like the dot beside it. The gel is a layer some pitches thick: its surface bends,
-    /// it does not tear. A marker that stands out from its neighbours counts as not found, and goes with them.
-    fn doubt(&mut self) {
-        let Self { matching, doubtful, all, pitch_px, .. } = self;
-        let stands_out = |said: &SaidByNeighbours, at: Vec2| {
-            (at - said.place).length() > DOUBT_PITCH * *pitch_px + DOUBT_SPREAD * said.spread_px
-        };
-        for (i, doubtful) in doubtful.iter_mut().enumerate() {
-            let said =
-                (all[i].matched && all[i].whole).then(|| matching.placed_by_neighbours(all, i, |_| true)).flatten();
-            *doubtful = said.is_some_and(|said| stands_out(&said, all[i].now));
-        }
-        for i in 0..all.len() {
-            if !doubtful[i] {
-                continue;
-            }
-            // A neighbour that stands out itself has no say.
-            let Some(said) = matching.placed_by_neighbours(all, i, |n| !doubtful[n]) else { continue };
-            if stands_out(&said, all[i].now) {
-                (all[i].matched, all[i].now) = (false, said.place);
-            }
+            self.tracks[i].step = if marker.matched && known_before { marker.now - before } else { Vec2::ZERO };
         }
     }
 }

@@ -3,13 +3,12 @@
 //! ```text
 //!   touched ----press----> settled (grip and area stand for 0.2 s): squeeze of every marker taken over
 //!                                     |
-//!                                     v       squeeze at (P / P_taken)^0.85 when the grip changes later (squeeze.rs)
+//!                                     v       squeeze (P / P_taken)^0.85 when the grip changes later
 //!   displacement under load = now - rest - squeeze - what the marker had over the rigid motion when it joined the contact
 //!
 //!   gripped harder by a tenth: what has slipped sticks again where it is, and slip counts from there
 //! ```
 
-use super::squeeze::Squeeze;
 use super::window::Window;
 use crate::monitor::report::Marker;
 use crate::plane::Vec2;
@@ -33,6 +32,8 @@ const AWAY_FRAMES: u8 = 10;
 /// What is remembered of a marker.
 #[derive(Debug, Clone, Copy, Default)]
 struct Base {
+    /// Displacement from rest by the squeeze alone, px.
+    squeeze: Vec2,
     /// Displacement that it had over the rigid motion when it joined the contact, px.
     joined: Vec2,
     /// Frames since it was last in the contact; [`AWAY_FRAMES`] or more: it is no part of it.
@@ -43,7 +44,6 @@ struct Base {
 #[derive(Debug, Clone)]
 pub(super) struct Reference {
     bases: Vec<Base>,
-    squeeze: Squeeze,
     touched_s: f64,
     taken: bool,
     taken_grip_n: Option<f64>,
@@ -55,7 +55,6 @@ impl Reference {
     pub fn new(markers_count: usize) -> Self {
         Reference {
             bases: vec![Base::default(); markers_count],
-            squeeze: Squeeze::new(markers_count),
             touched_s: 0.0,
             taken: false,
             taken_grip_n: None,
@@ -66,7 +65,6 @@ impl Reference {
     /// Nothing touches any more.
     pub fn clear(&mut self) {
         (self.touched_s, self.taken, self.taken_grip_n, self.counts_from_n) = (0.0, false, None, None);
-        self.squeeze.clear();
     }
 
     /// Whether there is a reference.
@@ -80,7 +78,6 @@ impl Reference {
             return;
         }
         self.touched_s += seconds_s;
-        self.squeeze.press(markers.iter().map(Marker::now_from_rest));
         let grip = window.change(|s| s.grip_n);
         let area = window.change(|s| Some(s.area_px2));
         let stands = |change: Option<(f64, f64)>, share: f64, least: f64| {
@@ -99,11 +96,10 @@ impl Reference {
         self.take(grip_n, markers, |_| Vec2::ZERO);
     }
 
-    fn take(&mut self, grip_n: Option<f64>, markers: &[Marker], squeeze_px: impl Fn(&Marker) -> Vec2 + Copy) {
-        self.squeeze.take(markers.iter().map(squeeze_px));
+    fn take(&mut self, grip_n: Option<f64>, markers: &[Marker], squeeze: impl Fn(&Marker) -> Vec2) {
         for (base, marker) in self.bases.iter_mut().zip(markers) {
             let away_frames = if marker.in_contact { 0 } else { AWAY_FRAMES };
-            *base = Base { joined: Vec2::ZERO, away_frames };
+            *base = Base { squeeze: squeeze(marker), joined: Vec2::ZERO, away_frames };
         }
         (self.taken, self.taken_grip_n) = (true, grip_n.filter(|n| *n > 0.0));
         self.counts_from_n = self.taken_grip_n;
@@ -137,7 +133,7 @@ impl Reference {
 
     /// Displacement of a marker under load, px.
     pub fn under_load(&self, marker: &Marker, growth: f64) -> Vec2 {
-        marker.now_from_rest() - self.squeeze.at(marker.id as usize, growth)
+        marker.now_from_rest() - self.bases[marker.id as usize].squeeze * growth
     }
 
     /// What a marker had over the rigid motion when it joined, px.

@@ -310,34 +310,14 @@ impl Matching {
         Some(Vec2::new(x, y))
     }
 
-    /// Where the neighbours with a place in this round put a marker; None with fewer than three of them.
-    fn predicted_by_neighbours(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
-        self.by_neighbours(markers, i, |n| self.known(n)).map(|said| said.place)
-    }
-
-    /// What the neighbours say of a marker, once all have been placed to parts of a pixel. `counts`: whose word is heard.
-    pub(super) fn placed_by_neighbours(
-        &self,
-        markers: &[Marker],
-        i: usize,
-        counts: impl Fn(usize) -> bool,
-    ) -> Option<SaidByNeighbours> {
-        self.by_neighbours(markers, i, |n| (markers[n].matched && counts(n)).then(|| markers[n].now))
-    }
-
     /// Rest position plus the displacement of the neighbours whose place is known, carried over by a plane fitted to it; None
     /// with fewer than three of them.
-    fn by_neighbours(
-        &self,
-        markers: &[Marker],
-        i: usize,
-        known: impl Fn(usize) -> Option<Vec2>,
-    ) -> Option<SaidByNeighbours> {
+    fn predicted_by_neighbours(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
         let here = markers[i].rest;
         let found = || {
             self.neighbours[i][..self.neighbours_count[i]].iter().filter_map(|&n| {
                 let rest = markers[n as usize].rest;
-                Some((rest - here, known(n as usize)? - rest))
+                Some((rest - here, self.known(n as usize)? - rest))
             })
         };
         let (mut count, mut arm, mut shift) = (0.0, Vec2::ZERO, Vec2::ZERO);
@@ -352,7 +332,7 @@ impl Matching {
         let (arm, shift) = (arm / count, shift / count);
         // Least squares for the slope of the displacement, held down where the neighbours do not determine it.
         let ridge = 0.5 * self.pitch_px * self.pitch_px;
-        let (mut xx, mut xy, mut yy, mut spread) = (ridge, 0.0, ridge, 0.0);
+        let (mut xx, mut xy, mut yy) = (ridge, 0.0, ridge);
         let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
         for (a, d) in found() {
             let (a, d) = (a - arm, d - shift);
@@ -361,21 +341,10 @@ impl Matching {
             yy += a.y * a.y;
             by_x += d * a.x;
             by_y += d * a.y;
-            spread += d.length_squared();
         }
         let det = xx * yy - xy * xy;
         let slope_x = (by_x * yy - by_y * xy) / det;
         let slope_y = (by_y * xx - by_x * xy) / det;
-        let place = here + shift - slope_x * arm.x - slope_y * arm.y;
-        Some(SaidByNeighbours { place, spread_px: (spread / count).sqrt() })
+        Some(here + shift - slope_x * arm.x - slope_y * arm.y)
     }
-}
-
-/// What the neighbours of a marker say of it.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct SaidByNeighbours {
-    /// Where it is.
-    pub place: Vec2,
-    /// RMS difference between their displacements and the mean of them, px.
-    pub spread_px: f64,
 }
