@@ -314,6 +314,7 @@ class GripperState:
         time_ns: int,
         *,
         force_n: float | None = None,
+        force_error_n: float | None = None,
         target_n: float | None = None,
         opening_mm: float | None = None,
         jaws: str = "unknown",
@@ -322,6 +323,8 @@ class GripperState:
     def time_ns(self) -> int: ...
     @property
     def force_n(self) -> float | None: ...
+    @property
+    def force_error_n(self) -> float | None: ...
     @property
     def target_n(self) -> float | None: ...
     @property

@@ -51,7 +51,9 @@ fn kind_of<K: serde::de::DeserializeOwned>(py: Python<'_>, error: &PyErr, otherw
 /// time_ns : int
 ///     Time of this state on the clock of the loop.
 /// force_n : float or None
-///     Measured normal force per finger in newtons.
+///     Measured normal force per finger in newtons, as it reads.
+/// force_error_n : float or None
+///     How far that may be off, in newtons per finger.
 /// target_n : float or None
 ///     The force per finger it last took over.
 /// opening_mm : float or None
@@ -63,6 +65,7 @@ fn kind_of<K: serde::de::DeserializeOwned>(py: Python<'_>, error: &PyErr, otherw
 pub struct GripperState {
     time_ns: u64,
     force_n: Option<f64>,
+    force_error_n: Option<f64>,
     target_n: Option<f64>,
     opening_mm: Option<f64>,
     jaws: String,
@@ -71,24 +74,26 @@ pub struct GripperState {
 #[pymethods]
 impl GripperState {
     #[new]
-    #[pyo3(signature = (time_ns, *, force_n = None, target_n = None, opening_mm = None, jaws = "unknown"))]
+    #[pyo3(signature = (time_ns, *, force_n = None, force_error_n = None, target_n = None, opening_mm = None, jaws = "unknown"))]
     fn new(
         time_ns: u64,
         force_n: Option<f64>,
+        force_error_n: Option<f64>,
         target_n: Option<f64>,
         opening_mm: Option<f64>,
         jaws: &str,
     ) -> PyResult<Self> {
-        let state = GripperState { time_ns, force_n, target_n, opening_mm, jaws: jaws.to_owned() };
+        let state = GripperState { time_ns, force_n, force_error_n, target_n, opening_mm, jaws: jaws.to_owned() };
         CoreGripperState::try_from(&state)?;
         Ok(state)
     }
 
     fn __repr__(&self) -> String {
-        let GripperState { time_ns, force_n, target_n, opening_mm, jaws } = self;
+        let GripperState { time_ns, force_n, force_error_n, target_n, opening_mm, jaws } = self;
         format!(
-            "GripperState(time_ns={time_ns}, force_n={}, target_n={}, opening_mm={}, jaws={jaws:?})",
+            "GripperState(time_ns={time_ns}, force_n={}, force_error_n={}, target_n={}, opening_mm={}, jaws={jaws:?})",
             shown(*force_n),
+            shown(*force_error_n),
             shown(*target_n),
             shown(*opening_mm)
         )
@@ -102,24 +107,26 @@ fn shown(number: Option<f64>) -> String {
 impl TryFrom<&GripperState> for CoreGripperState {
     type Error = PyErr;
     fn try_from(state: &GripperState) -> PyResult<Self> {
-        let GripperState { time_ns, force_n, target_n, opening_mm, ref jaws } = *state;
+        let GripperState { time_ns, force_n, force_error_n, target_n, opening_mm, ref jaws } = *state;
         let jaws = serde_json::from_value(jaws.as_str().into())
             .map_err(|e| crate::errors::SettingError::new_err(format!("jaws: {e}")))?;
-        for (name, value) in [("force_n", force_n), ("target_n", target_n), ("opening_mm", opening_mm)] {
+        for (name, value) in
+            [("force_n", force_n), ("force_error_n", force_error_n), ("target_n", target_n), ("opening_mm", opening_mm)]
+        {
             if let Some(value) = value.filter(|value| !value.is_finite()) {
                 let text = format!("{name}: expected a finite number or None, got {value}");
                 return Err(crate::errors::SettingError::new_err(text));
             }
         }
-        Ok(CoreGripperState { time_ns, force_n, target_n, opening_mm, jaws })
+        Ok(CoreGripperState { time_ns, force_n, force_error_n, target_n, opening_mm, jaws })
     }
 }
 
 impl From<&CoreGripperState> for GripperState {
     fn from(state: &CoreGripperState) -> Self {
-        let CoreGripperState { time_ns, force_n, target_n, opening_mm, jaws } = *state;
+        let CoreGripperState { time_ns, force_n, force_error_n, target_n, opening_mm, jaws } = *state;
         let jaws = crate::errors::word(&jaws).unwrap_or_default();
-        GripperState { time_ns, force_n, target_n, opening_mm, jaws }
+        GripperState { time_ns, force_n, force_error_n, target_n, opening_mm, jaws }
     }
 }
 
