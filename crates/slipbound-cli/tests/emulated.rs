@@ -27,14 +27,15 @@ fn row(told: &str, name: &str) -> String {
 #[test]
 fn screw_unscrew_and_lift_end_through_a_driver_as_they_do_without() {
     let scratch = tempfile::tempdir().expect("a folder");
-    for (task, same, near) in [
-        ("screw", ["ended", "largest grip"], Some("largest torque on the cap")),
-        ("unscrew", ["ended", "largest grip"], None),
-        ("lift", ["ended", "dropped"], Some("mass at the end")),
+    // Screwing at mu 0.9 strains the gel beyond the linear range of the simulator, and its markers with it.
+    for (task, mu, same, near) in [
+        ("screw", "mu=0.6", ["ended", "largest grip"], Some("largest torque on the cap")),
+        ("unscrew", "mu=0.9", ["ended", "largest grip"], None),
+        ("lift", "mu=0.9", ["ended", "dropped"], Some("mass at the end")),
     ] {
         let run = |name: &str, through: &[&str]| {
             let folder = scratch.path().join(format!("{task}-{name}"));
-            let output = demo(&folder, &[&["--task", task, "--set", "mu=0.9"], through].concat());
+            let output = demo(&folder, &[&["--task", task, "--set", mu], through].concat());
             assert!(output.status.success(), "{task} {name}: {}", told(&output));
             (folder, told(&output))
         };
@@ -46,8 +47,7 @@ fn screw_unscrew_and_lift_end_through_a_driver_as_they_do_without() {
         if let Some(name) = near {
             let value = |told: &str| row(told, name).parse::<f64>().expect("a number");
             let (a, b) = (value(&without), value(&with));
-            // Its force is read late and in steps, so a task sees the end some degrees sooner or later.
-            assert!((a - b).abs() <= 0.15 * a, "{task}: {name}: {a} and {b}");
+            assert!((a - b).abs() <= 0.05 * a, "{task}: {name}: {a} and {b}");
         }
         let events = fs::read_to_string(folder.join("events.jsonl")).expect("events");
         assert!(events.contains("force is changed by setting the force limit alone"), "{task}: {events}");

@@ -18,6 +18,9 @@ const SAME_RAD: f64 = 1e-4;
 /// Change of shear below which nothing has changed, mm: three times the noise of a mean over a contact's markers.
 const NOISE_MM: f64 = 0.015;
 
+/// Share of a window whose mean stands for its beginning and its end.
+const QUARTER: f64 = 0.25;
+
 /// Share of its peak below which the shear has fallen. Fingers that slide keep the friction they have, and the worst
 /// elastomers lose a quarter of it in sliding.
 const FALLEN_FRACTION: f64 = 0.7;
@@ -70,11 +73,22 @@ impl ShearWatch {
         self.count += 1;
     }
 
-    /// Whether over the last `window_rad` of turning the shear grew by no more than `fraction` of itself.
+    /// Whether over the last `window_rad` of turning the shear grew by no more than `fraction` of itself: from end to end of
+    /// the window, and by the means of its first and last quarter, for one frame is noisy.
     pub fn is_flat(&self, window_rad: f64, fraction: f64) -> bool {
-        let Some(&(now_rad, now_mm)) = self.count.checked_sub(1).map(|i| &self.samples[i]) else { return false };
-        let before = self.samples[..self.count].iter().rev().find(|(at_rad, _)| now_rad - at_rad >= window_rad);
-        before.is_some_and(|(_, before_mm)| now_mm - before_mm <= (fraction * now_mm.abs()).max(NOISE_MM))
+        let samples = &self.samples[..self.count];
+        let Some(&(now_rad, now_mm)) = samples.last() else { return false };
+        let Some(first) = samples.iter().rposition(|(at_rad, _)| now_rad - at_rad >= window_rad) else { return false };
+        let window = &samples[first..];
+        let quarter_rad = QUARTER * (now_rad - window[0].0);
+        let mean_mm = |some: &mut dyn Iterator<Item = &(f64, f64)>| {
+            let (sum_mm, count) = some.fold((0.0, 0.0), |(sum, count), (_, mm)| (sum + mm, count + 1.0));
+            sum_mm / count
+        };
+        let early_mm = mean_mm(&mut window.iter().take_while(|(at_rad, _)| at_rad - window[0].0 <= quarter_rad));
+        let late_mm = mean_mm(&mut window.iter().rev().take_while(|(at_rad, _)| now_rad - at_rad <= quarter_rad));
+        let most_mm = (fraction * now_mm.abs()).max(NOISE_MM);
+        now_mm - window[0].1 <= most_mm && (late_mm - early_mm) / (1.0 - QUARTER) <= most_mm
     }
 
     /// How far the wrist has turned since the shear fell well below its peak; None while it has not.
