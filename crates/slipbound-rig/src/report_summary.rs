@@ -41,6 +41,7 @@ impl ReportSummary {
             Reason::FrameSize { .. } => "of another size",
             Reason::Dark { .. } => "dark",
             Reason::Torn => "torn",
+            Reason::Gap { .. } => "after a gap",
             Reason::MarkersLost => "with most markers lost",
             Reason::MarkerSpacing { .. } => "with markers that do not stand a pitch apart",
             Reason::ContactQuality => "in poor contact",

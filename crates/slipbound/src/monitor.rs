@@ -4,6 +4,7 @@ mod cell_map;
 mod contact;
 mod estimate;
 mod evidence;
+mod gap;
 mod imprint;
 mod markers;
 mod motion;
@@ -76,6 +77,7 @@ pub struct SlipMonitor {
     evidence: evidence::Evidence,
     rest_seq: u64,
     refusal: Option<Reason>,
+    gap: gap::Gap,
     reference_seq: u64,
     rebase_from: Option<u64>,
     in_contact_count: u32,
@@ -102,6 +104,7 @@ impl SlipMonitor {
             evidence: evidence::Evidence::new(&sensor, &settings.evidence, &imprint, &rest),
             rest_seq: rest.seq,
             refusal: rest.refusal,
+            gap: gap::Gap::default(),
             reference_seq: rest.seq,
             rebase_from: None,
             in_contact_count: 0,
@@ -126,14 +129,21 @@ impl SlipMonitor {
         if let Err(reason) = self.imprint.take(frame) {
             return self.unjudged(frame.seq, frame.time_ns, grip, reason);
         }
+        if self.gap.see(frame.seq, frame.time_ns) {
+            self.markers.lose_anchor();
+        }
         probe.after(Step::Imprint, self);
 
         self.contact.find(&self.imprint, self.markers.all.iter().map(|m| m.now));
         probe.after(Step::Contact, self);
 
-        self.markers.track(&self.imprint);
+        self.markers.track(&self.imprint, self.contact.touches);
         self.in_contact_count = slip::mark_contact(&self.contact.region, &mut self.markers.all);
         probe.after(Step::Markers, self);
+        if !self.markers.anchored && self.refusal.is_none() {
+            let since_ns = self.gap.since_ns(frame.time_ns);
+            return self.unjudged(frame.seq, frame.time_ns, grip, Reason::Gap { since_ns });
+        }
 
         if self.contact.touches {
             self.motion.fit(&self.contact.region, &mut self.markers.all);

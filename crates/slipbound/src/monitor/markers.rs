@@ -6,6 +6,7 @@
 //!                        predicted by its own motion, then by its neighbours'; lost ones coast with them
 //! ```
 
+mod anchor;
 mod detect;
 mod matching;
 mod settings;
@@ -20,6 +21,7 @@ use crate::monitor::report::Marker;
 use crate::monitor::rest::Rest;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
+use anchor::Anchor;
 use matching::Matching;
 
 /// After this many frames in a row that could not be trusted, markers are sought anew.
@@ -43,6 +45,9 @@ pub(super) struct Markers {
     settings: MarkerSettings,
     detector: Detector,
     matching: Matching,
+    anchor: Anchor,
+    /// Whether it is known which marker is which; not after missed frames, until [`Anchor`] finds out.
+    pub(super) anchored: bool,
     tracks: Vec<Track>,
     pitch_px: f64,
     /// Frames in a row whose matches could not be trusted.
@@ -78,6 +83,8 @@ impl Markers {
             settings: settings.clone(),
             detector,
             matching: Matching::new(sensor, &all),
+            anchor: Anchor::new(all.len()),
+            anchored: true,
             tracks: at_rest.iter().map(|&rest| Track { rest, trusted: rest.position, step: Vec2::ZERO }).collect(),
             pitch_px: sensor.pitch_px,
             untrusted_frames_count: 0,
@@ -87,8 +94,14 @@ impl Markers {
         }
     }
 
-    /// Finds every marker in a frame.
-    pub(super) fn track(&mut self, imprint: &Imprint) {
+    /// Frames were missed: any marker may be where another was.
+    pub(super) fn lose_anchor(&mut self) {
+        // The paper's own matching knows of no such thing.
+        self.anchored &= !self.settings.ask_neighbours;
+    }
+
+    /// Finds every marker in a frame. `touched`: whether anything presses on the finger.
+    pub(super) fn track(&mut self, imprint: &Imprint, touched: bool) {
         let weakest = self.tracks.iter().map(|t| t.rest.response_levels).fold(f32::MAX, f32::min);
         let keep = self.settings.keep_contrast_fraction as f32;
         let spots = self.detector.spots(imprint, f64::from(keep * weakest));
@@ -97,7 +110,11 @@ impl Markers {
         m.least_response(self.tracks.iter().map(|t| keep * t.rest.response_levels));
 
         // Deviation: D6 prediction and neighbours
-        self.predict();
+        if self.anchored {
+            self.predict();
+        } else {
+            self.find_anchor(touched);
+        }
         let m = &mut self.matching;
         m.assign(self.settings.match_within_pitch);
         if self.settings.ask_neighbours {
@@ -108,6 +125,21 @@ impl Markers {
             self.untrusted_frames_count = if m.trustworthy() { 0 } else { self.untrusted_frames_count + 1 };
         }
         self.place(imprint);
+    }
+
+    /// Says where each marker is looked for after frames were missed.
+    fn find_anchor(&mut self, touched: bool) {
+        let m = &mut self.matching;
+        if !touched {
+            // What nothing touches is at rest.
+            m.predict(self.all.iter().map(|m| m.rest));
+            self.anchored = true;
+            return;
+        }
+        let before = self.tracks.iter().map(|t| t.trusted);
+        let motion = self.anchor.find(m, &self.all, before.clone(), self.pitch_px);
+        self.anchored = motion.is_some();
+        m.predict(before.map(|place| place + motion.unwrap_or(Vec2::ZERO)));
     }
 
     /// Says where each marker is looked for.
@@ -154,7 +186,7 @@ impl Markers {
             marker.whole = whole.is_some();
             marker.now = found.unwrap_or_else(|| self.matching.expected(i));
             self.matched_count += u32::from(marker.matched);
-            if self.untrusted_frames_count == 0 {
+            if self.untrusted_frames_count == 0 && self.anchored {
                 self.tracks[i].trusted = marker.now;
             }
             self.tracks[i].step = if marker.matched && known_before { marker.now - before } else { Vec2::ZERO };

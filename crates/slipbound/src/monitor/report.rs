@@ -42,6 +42,12 @@ pub enum Reason {
     },
     /// The frame did not arrive whole.
     Torn,
+    /// Frames were missed before this one or a little earlier, and the markers may have moved by a pitch meanwhile: which is which is
+    /// not clear yet. Ends when the markers tell, or when nothing touches.
+    Gap {
+        /// Time since the last frame before the gap, ns; None where frames carry no times.
+        since_ns: Option<u64>,
+    },
     /// Fewer than half of the markers at rest are in sight.
     MarkersLost,
     /// The markers at rest do not stand the sensor's pitch apart, in rows and columns: this is another finger, or its picture is mirrored in
@@ -64,6 +70,10 @@ impl fmt::Display for Reason {
             Reason::FrameSize { expected, got } => write!(f, "frame size: expected {expected}, got {got}"),
             Reason::Dark { mean_levels } => write!(f, "dark frame: mean grey level {mean_levels:.1}"),
             Reason::Torn => f.write_str("torn frame"),
+            Reason::Gap { since_ns } => {
+                f.write_str("frames were missed, and which marker is which is not clear yet")?;
+                since_ns.map_or(Ok(()), |ns| write!(f, ", for {:.2} s", ns as f64 * 1e-9))
+            }
             Reason::MarkersLost => f.write_str("more than half of the markers are lost"),
             Reason::MarkerSpacing { expected_px, got_px, fitting } => {
                 write!(

@@ -112,6 +112,19 @@ impl Matching {
         self.match_of.fill(NO_SPOT);
     }
 
+    /// Every marker is unmatched again, every spot free.
+    pub(super) fn clear(&mut self) {
+        self.spot_taken.fill(false);
+        self.match_of.fill(NO_SPOT);
+        self.inferred_from_round.fill(0);
+        self.round = 0;
+    }
+
+    /// Where a matched marker is, and where its neighbours say.
+    pub(super) fn spot_and_place(&self, markers: &[Marker], marker: usize) -> Option<(Vec2, Vec2)> {
+        Some((self.spot_of(marker)?.position, self.predicted_by_neighbours(markers, marker)?))
+    }
+
     /// The least contrast of a spot that may be marker `i`.
     pub(super) fn least_response(&mut self, least: impl Iterator<Item = f32>) {
         self.least_response.iter_mut().zip(least).for_each(|(l, v)| *l = v);
@@ -194,8 +207,8 @@ impl Matching {
         self.round = 0;
         let (mut sum, mut count) = (0.0, 0u32);
         for i in 0..markers.len() {
-            let predicted = self.spot_of(i).zip(self.predicted_by_neighbours(markers, i));
-            let off_pitch = predicted.map(|(spot, place)| (spot.position - place).length() / self.pitch_px);
+            let off_pitch =
+                self.spot_and_place(markers, i).map(|(spot, place)| (spot - place).length() / self.pitch_px);
             self.undone[i] = off_pitch.is_some_and(|off| off > CONTRADICTION_PITCH);
             sum += off_pitch.map_or(0.0, |off| off * off);
             count += u32::from(off_pitch.is_some());

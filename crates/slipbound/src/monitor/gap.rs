@@ -1,0 +1,72 @@
+//! Missing frames: on a regular grid of markers a pitch of motion that nobody saw looks like none.
+
+/// Frames are missing when the next comes later than this and ...
+const LEAST_GAP_NS: u64 = 100_000_000;
+/// ... so many of the usual times between frames later.
+const GAP_PERIODS: f64 = 3.5;
+/// Where frames carry no times: when so many numbers are passed over.
+const GAP_FRAMES_COUNT: u64 = 5;
+/// Share of a new time between frames in the usual one.
+const PERIOD_SHARE: f64 = 0.125;
+
+/// Watches numbers and times of the frames that are judged.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Gap {
+    last: Option<(u64, Option<u64>)>,
+    usual_ns: Option<f64>,
+    /// Where the last gap began: time of the last frame before it, ns.
+    began_ns: Option<u64>,
+}
+
+impl Gap {
+    /// Takes a frame; whether frames are missing before it.
+    pub fn see(&mut self, seq: u64, time_ns: Option<u64>) -> bool {
+        let Some((last_seq, last_ns)) = self.last.replace((seq, time_ns)) else { return false };
+        let is_gap = match (last_ns, time_ns) {
+            (Some(last_ns), Some(now_ns)) => {
+                let since_ns = now_ns.saturating_sub(last_ns);
+                let usual_ns = *self.usual_ns.get_or_insert(since_ns as f64);
+                let is_gap = since_ns > LEAST_GAP_NS && since_ns as f64 > GAP_PERIODS * usual_ns;
+                if !is_gap {
+                    self.usual_ns = Some(usual_ns + PERIOD_SHARE * (since_ns as f64 - usual_ns));
+                }
+                is_gap
+            }
+            _ => seq.saturating_sub(last_seq) > GAP_FRAMES_COUNT,
+        };
+        if is_gap {
+            self.began_ns = last_ns;
+        }
+        is_gap
+    }
+
+    /// Time since the last frame before the gap, ns.
+    pub fn since_ns(&self, time_ns: Option<u64>) -> Option<u64> {
+        Some(time_ns?.saturating_sub(self.began_ns?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_a_second_is_a_gap_and_a_slow_or_stumbling_camera_is_none() {
+        let ms = |ms: u64| Some(ms * 1_000_000);
+        let mut gap = Gap::default();
+        let times = [0, 33, 67, 100, 133, 233, 266, 300];
+        assert!(times.iter().enumerate().all(|(i, &at)| !gap.see(i as u64, ms(at))), "two frames dropped");
+        assert!(gap.see(8, ms(800)), "500 ms");
+        assert_eq!(gap.since_ns(ms(833)), ms(533));
+        assert!(!gap.see(9, ms(833)));
+
+        let mut slow = Gap::default();
+        assert!((0..20).all(|i| !slow.see(i, ms(500 * i))), "two frames a second");
+        assert!(slow.see(20, ms(500 * 23)));
+
+        let mut numbered = Gap::default();
+        assert!([0, 1, 2, 6, 11].iter().all(|&seq| !numbered.see(seq, None)));
+        assert!(numbered.see(17, None) && !numbered.see(3, None));
+        assert_eq!(numbered.since_ns(None), None);
+    }
+}
