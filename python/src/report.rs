@@ -337,40 +337,5 @@ impl Report {
 /// The line of a report in which nothing is None: it shows which columns there are.
 #[pyfunction]
 pub fn full_line() -> PyResult<String> {
-    let some = Some(CoreEstimate { value: 0.0, sd: 0.0, age_frames: 0 });
-    let (zero, none) = (Vec2::ZERO, Some(0.0));
-    let report = SlipReport {
-        seq: 0,
-        time_ns: Some(0),
-        state: SlipState::Stick,
-        reason: Some(Reason::Torn),
-        contact: ContactReport { area_mm2: none, ..ContactReport::default() },
-        markers: MarkerCounts::default(),
-        reference_seq: 0,
-        grip_n: none,
-        motion: Some(MotionReport {
-            reference_px: zero,
-            translation_px: zero,
-            translation_mm: Some(zero),
-            rotation_rad: 0.0,
-            icr_px: Some(zero),
-        }),
-        shear: Some(ShearReport { translation_px: zero, translation_mm: Some(zero), rotation_rad: 0.0 }),
-        slip: SlipSummary { max_mm: none, kind: Some(SlipKind::Both), direction_rad: none, ..SlipSummary::default() },
-        estimates: Estimates { stick_ratio: some, margin: some, shear_n: some, torque_nmm: some, friction: some },
-        evidence: Some(EvidenceReport {
-            reference_seq: 0,
-            relaxation: 0.0,
-            centre_rim_ratio: none,
-            imprint_change: none,
-            imprint_age_frames: 0,
-            slide_score: 0.0,
-            slide_px: zero,
-            slide_rad: 0.0,
-            slides: false,
-            slide_pitch_per_s: none,
-            slide_mm_per_s: none,
-        }),
-    };
-    String::from_utf8(frame_line("finger", 0, &report, None).map_err(internal)?).map_err(internal)
+    String::from_utf8(slipbound_rig::report_csv::full_line().map_err(internal)?).map_err(internal)
 }

@@ -12,6 +12,7 @@ use crate::commands::paper::Paper;
 use crate::commands::record::Record;
 use crate::commands::replay::Replay;
 use crate::commands::run::{Hold, Run};
+use crate::commands::shell::{Completions, Man};
 use crate::commands::simulate::Simulate;
 use crate::commands::trials::Trials;
 use crate::commands::watch::Watch;
@@ -26,7 +27,7 @@ const EXIT_CODES: &str = "Exit codes:
 
 /// Says from the pictures of a camera inside a soft fingertip whether what it holds begins to slip.
 #[derive(Debug, Parser)]
-#[command(name = "slipbound", version, max_term_width = 110, after_help = EXIT_CODES)]
+#[command(name = "slipbound", version = env!("SLIPBOUND_VERSION"), max_term_width = 110, after_help = EXIT_CODES)]
 pub struct Args {
     /// What to do.
     #[command(subcommand)]
@@ -63,12 +64,18 @@ pub enum Command {
     /// Make the sensor file of an unknown finger from a picture of it at rest
     #[command(after_help = EXIT_CODES)]
     Calibrate(Calibrate),
-    /// List the built-in fingers
-    Sensors,
+    /// List the built-in fingers, or show the file of one
+    Sensors {
+        /// The finger whose file is shown
+        name: Option<String>,
+    },
     /// Simulate a scene and write its frames with their exact truth
     Simulate(Simulate),
-    /// List the scenes, their parameters and the objects in them
-    Scenes,
+    /// List the scenes, their parameters and the objects in them, or show one scene
+    Scenes {
+        /// The scene that is shown
+        name: Option<String>,
+    },
     /// Hold something with a real gripper, harder whenever it begins to slip
     #[command(after_help = EXIT_CODES)]
     Hold(Hold),
@@ -82,4 +89,8 @@ pub enum Command {
     Emulate(Emulate),
     /// Measure the time from a frame to the bytes of a grip command
     Latency(Latency),
+    /// Print a script with which a shell completes the arguments
+    Completions(Completions),
+    /// Write the manual pages
+    Man(Man),
 }

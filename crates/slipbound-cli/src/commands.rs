@@ -15,6 +15,7 @@ pub mod replay;
 pub mod run;
 mod scenes;
 mod sensors;
+pub mod shell;
 pub mod simulate;
 pub mod trials;
 pub mod watch;
@@ -35,13 +36,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Paper(paper) => paper.run(),
         Command::Watch(watch) => watch.run(),
         Command::Calibrate(calibrate) => calibrate.run(),
-        Command::Sensors => sensors::run(),
+        Command::Sensors { name } => sensors::run(name.as_deref()),
         Command::Simulate(simulate) => simulate.run(),
-        Command::Scenes => scenes::run(),
+        Command::Scenes { name } => scenes::run(name.as_deref()),
         Command::Run(task) => task.run(),
         Command::Hold(hold) => hold.run(),
         Command::Gripper(gripper) => gripper.run(),
         Command::Latency(latency) => latency.run(),
         Command::Emulate(emulate) => emulate.run(),
+        Command::Completions(completions) => completions.run(),
+        Command::Man(man) => man.run(),
     }
 }

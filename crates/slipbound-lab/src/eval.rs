@@ -47,11 +47,7 @@ pub fn simulated(name: &str, seed: u64, trials: Option<u64>) -> Result<Box<dyn P
         "unseen" => Box::new(unseen::Unseen::new(seed, trials)),
         "slides" => Box::new(slides::Slides::new(seed, trials)),
         _ => {
-            return Err(SettingError {
-                key: "protocol".into(),
-                got: name.into(),
-                expected: format!("one of {}", SIMULATED.join(", ")),
-            });
+            return Err(SettingError::none_of("protocol", name, &SIMULATED));
         }
     })
 }

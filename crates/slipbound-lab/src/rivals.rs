@@ -132,9 +132,8 @@ pub const DETECTORS: [Entry; 8] = [
 
 /// The detector of a name; the error lists the names.
 pub fn named(name: &str) -> Result<&'static Entry, SettingError> {
-    DETECTORS.iter().find(|entry| entry.name == name).ok_or_else(|| SettingError {
-        key: "detector".into(),
-        got: name.into(),
-        expected: format!("one of {}", DETECTORS.map(|entry| entry.name).join(", ")),
-    })
+    DETECTORS
+        .iter()
+        .find(|entry| entry.name == name)
+        .ok_or_else(|| SettingError::none_of("detector", name, &DETECTORS.map(|entry| entry.name)))
 }

@@ -250,15 +250,15 @@ fn what_cannot_be_is_refused_by_name() {
         ("ramp?mu=0", "mu", "0"),
         ("ramp?mu=-0.3", "mu", "-0.3"),
         ("ramp?ramp_s=0", "ramp_s", "0"),
-        ("press?ramp_s=1", "ramp_s", "a key that the scene press does not take"),
-        ("press?colour=red", "colour", "a key that the scene press does not take"),
+        ("press?ramp_s=1", "parameter of the scene press", "ramp_s"),
+        ("press?forc_n=1", "parameter of the scene press", "forc_n (did you mean force_n?)"),
         ("press?object=spoon", "object", "spoon"),
         ("press?camera=phone", "camera", "phone"),
         ("press?jpeg_quality=85.5", "jpeg_quality", "85.5"),
         ("press?seed=-1", "seed", "-1"),
         ("press?force_n", "force_n", "no value"),
         ("press?fault=gremlins=1", "fault", "gremlins=1"),
-        ("pres", "scene", "pres"),
+        ("pres", "scene", "pres (did you mean press?)"),
     ] {
         let error = Trial::parse(text).expect_err(text);
         assert_eq!((error.key.as_str(), error.got.as_str()), (key, got), "{text}");

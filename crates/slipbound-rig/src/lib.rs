@@ -53,6 +53,7 @@ pub mod gripper;
 pub mod link;
 pub mod overlay;
 pub mod realtime;
+pub mod report_csv;
 pub mod report_json;
 pub mod report_summary;
 pub mod run;

@@ -28,4 +28,4 @@ pub use drawing::Overlay;
 pub use grid::grid_picture;
 pub use seen::Seen;
 pub(crate) use writer::write_png;
-pub use writer::{Error, OverlayWriter};
+pub use writer::{Error, OverlayWriter, is_numbered};

@@ -105,9 +105,12 @@ pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
         Ok(there) if there.is_dir() => Ok(Box::new(Folder::open(path)?)),
         Ok(there) if is_pipe(&there) => Ok(Box::new(Ffmpeg::open_pipe(path)?)),
         Ok(_) if folder::has_image_name(path) => Ok(Box::new(Folder::single(path))),
-        Ok(_) => open_video(path),
+        Ok(_) => match folder::other_image(path) {
+            Some(kind) => Err(Error::OtherImages { path: path.to_owned(), kind, count: 1 }),
+            None => open_video(path),
+        },
         // A file whose own name holds such signs was found above.
-        Err(_) if uri.contains(['*', '?', '[']) => Ok(Box::new(Folder::matching(uri)?)),
+        Err(_) if uri.contains(['*', '?', '[', '%']) => Ok(Box::new(Folder::matching(uri)?)),
         Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::InvalidFilename) => {
             Err(Error::Missing { path: path.to_owned() })
         }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | report | its first line begins with `{"format":"slipbound-report"` |
 //! | timings | its first line begins with `{"seq":` and names a time in microseconds |
+//! | table | its first line begins with `finger,frame,seq,time_ns,state,reason,contact_area_px2` |
 //! | overlay video | `slipbound` in the reserved words of its AVI header |
 //! | overlay picture | the PNG text `Software: slipbound` |
 
@@ -28,7 +29,8 @@ fn has_our_start(start: &[u8]) -> bool {
     let is_report = start.starts_with(b"{\"format\":\"slipbound-report\"");
     let is_timings = first_line.starts_with(b"{\"seq\":") && first_line.windows(5).any(|part| part == b"_us\":");
     let is_picture = start.starts_with(b"\x89PNG") && holds(b"tEXtSoftware\0slipbound");
-    is_report || is_timings || is_picture || avi_writer::is_ours(start)
+    let is_table = start.starts_with(b"finger,frame,seq,time_ns,state,reason,contact_area_px2");
+    is_report || is_table || is_timings || is_picture || avi_writer::is_ours(start)
 }
 
 #[cfg(test)]
@@ -40,6 +42,8 @@ mod tests {
         for (start, expected) in [
             (&b"{\"format\":\"slipbound-report\",\"format_version\":1"[..], true),
             (b"{\"seq\":0,\"imprint_us\":12.0,\"all_us\":13.0}\n", true),
+            (b"finger,frame,seq,time_ns,state,reason,contact_area_px2,contact_area_mm2\n", true),
+            (b"finger,frame,note\n", false),
             (b"{\"seq\":0}\n{\"x_us\":1}", false),
             (b"{\"format\":\"other\"}", false),
             (b"RIFF....AVI LIST", false),

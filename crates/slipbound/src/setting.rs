@@ -22,6 +22,20 @@ impl fmt::Display for SettingError {
 
 impl std::error::Error for SettingError {}
 
+impl SettingError {
+    /// A word that is none of the names allowed; says which of them was probably meant.
+    pub fn none_of(key: &str, got: &str, names: &[&str]) -> Self {
+        let meant = nearest(got, names).map_or_else(String::new, |name| format!(" (did you mean {name}?)"));
+        SettingError { key: key.into(), got: format!("{got}{meant}"), expected: format!("one of {}", names.join(", ")) }
+    }
+}
+
+/// The name that a word was probably meant to be: the one with the fewest edits, at most half the length of the word.
+pub fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
+    let best = names.iter().min_by_key(|name| strsim::levenshtein(word, name))?;
+    (2 * strsim::levenshtein(word, best) <= word.chars().count()).then_some(*best)
+}
+
 /// Refuses a number outside `low..=high`, or NaN.
 pub(crate) fn within(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingError> {
     if (low..=high).contains(&value) {
@@ -62,13 +76,25 @@ macro_rules! named {
 
             fn from_str(text: &str) -> Result<Self, Self::Err> {
                 let found = $table.iter().find(|(_, name)| *name == text);
-                found.map(|(kind, _)| *kind).ok_or_else(|| $crate::setting::SettingError {
-                    key: $key.into(),
-                    got: format!("`{text}`"),
-                    expected: format!("one of {}", Self::NAMES.join(", ")),
-                })
+                found
+                    .map(|(kind, _)| *kind)
+                    .ok_or_else(|| $crate::setting::SettingError::none_of($key, text, &Self::NAMES))
             }
         }
     };
 }
 pub(crate) use named;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slip_of_the_pen_is_named_and_a_wild_word_is_not() {
+        let names = ["ramp", "roll", "press_release"];
+        let error = SettingError::none_of("scene", "rmp", &names).to_string();
+        assert_eq!(error, "scene: expected one of ramp, roll, press_release, got rmp (did you mean ramp?)");
+        assert_eq!(nearest("pres_relase", &names), Some("press_release"));
+        assert_eq!((nearest("zzzz", &names), nearest("", &names), nearest("x", &[])), (None, None, None));
+    }
+}

@@ -8,6 +8,7 @@ use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
 use slipbound_rig::container::{Inlet, MarkedSource, Recorder, TappedSource};
 use slipbound_rig::source::{self, Arrivals, Awaited, Camera, CameraTally, Newest, ReadAhead};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A camera whose frames are read on a thread of their own, the newest wins.
@@ -83,6 +84,7 @@ pub fn refused(e: source::Error) -> Failure {
         source::Error::Missing { .. }
         | source::Error::Pattern { .. }
         | source::Error::NoImages { .. }
+        | source::Error::OtherImages { .. }
         | source::Error::Address { .. } => Failure::arguments(e),
         other => Failure::Work(other.into()),
     }
@@ -93,6 +95,12 @@ pub fn simulated_sensor(source: &str) -> Result<Option<Sensor>, Failure> {
     let Some(scene) = scene(source) else { return Ok(None) };
     let trial = Trial::parse(scene).map_err(Failure::arguments)?;
     World::new(&trial).map(|world| Some(world.sensor())).map_err(Failure::arguments)
+}
+
+/// The sensor file that lies beside the frames of a recording, as `simulate` writes it.
+pub fn sensor_beside(source: &str) -> Option<PathBuf> {
+    let first = source::image_files(source).into_iter().next()?;
+    Some(first.with_file_name("sensor.toml")).filter(|file| file.is_file())
 }
 
 fn scene(source: &str) -> Option<&str> {

@@ -1,13 +1,27 @@
-//! `slipbound scenes`: scenes, their parameters and the objects as tables.
+//! `slipbound scenes`: scenes, their parameters and the objects as tables, or one scene with all it takes.
 
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use slipbound_lab::objects::OBJECTS;
-use slipbound_lab::scenes::{COMMON_KEYS, Key, Kind, SCENE_KEYS, SCENES};
+use slipbound_lab::scenes::{COMMON_KEYS, Key, Kind, SCENE_KEYS, SCENES, Scene};
 
-/// Prints the tables.
-pub fn run() -> Result<Outcome, Failure> {
+/// Prints the tables, or one scene.
+pub fn run(name: Option<&str>) -> Result<Outcome, Failure> {
     let mut terminal = Terminal::plain();
+    if let Some(name) = name {
+        let scene = Scene::named(name).map_err(Failure::arguments)?;
+        terminal.say(&format!("{}: {}", scene.name, scene.what))?;
+        terminal.say("")?;
+        let mut rows = vec![["PARAMETER", "RANGE", "DEFAULT", "WHAT"].map(str::to_owned)];
+        rows.extend(scene.keys().map(|key| {
+            let own = scene.defaults.iter().find(|(own, _)| *own == key.name).map(|(_, value)| *value);
+            [key.name, &range(key), own.unwrap_or(key.default), key.what].map(str::to_owned)
+        }));
+        table(&mut terminal, &rows)?;
+        terminal.say("")?;
+        terminal.say(&format!("slipbound watch 'sim:{}?seed=1' --overlay pictures", scene.name))?;
+        return Ok(Outcome::Done);
+    }
     let mut rows = vec![["SCENE", "WHAT HAPPENS", "OWN PARAMETERS"].map(str::to_owned)];
     rows.extend(SCENES.iter().map(|scene| {
         let defaults: Vec<String> = scene.defaults.iter().map(|(key, value)| format!("{key}={value}")).collect();

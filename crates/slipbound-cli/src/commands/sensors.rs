@@ -1,10 +1,16 @@
-//! `slipbound sensors`: the built-in fingers as a table.
+//! `slipbound sensors`: the built-in fingers as a table, or the file of one.
 
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 
-/// Prints the table.
-pub fn run() -> Result<Outcome, Failure> {
+/// Prints the table, or the whole file of the finger of a name, to begin one's own from.
+pub fn run(name: Option<&str>) -> Result<Outcome, Failure> {
+    if let Some(name) = name {
+        let sensor = slipbound_rig::sensors::load(name).map_err(Failure::arguments)?;
+        let text = toml::to_string(&sensor).map_err(|e| Failure::work(name, e))?;
+        Terminal::plain().say(text.trim_end())?;
+        return Ok(Outcome::Done);
+    }
     let mut rows = vec![["NAME", "IMAGE_PX", "PITCH_PX", "PITCH_MM", "SKIN", "WHAT"].map(str::to_owned)];
     for name in slipbound_rig::sensors::names() {
         let sensor = slipbound_rig::sensors::load(name).map_err(Failure::arguments)?;

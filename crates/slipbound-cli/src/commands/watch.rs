@@ -57,6 +57,7 @@ impl Watch {
         if let Some(RestArgument::Live(count)) = self.rest {
             settings.rest.window_count = count;
         }
+        overwriting::refuse_endings(self)?;
         overwriting::refuse(self)?;
         let fingers = [self.finger.clone()];
         let recorder = self.record.as_deref().map(|path| Recorder::create(path, &fingers, true));
@@ -186,6 +187,10 @@ impl Watch {
         }
         if let Some(sensor) = recording::simulated_sensor(&self.source)? {
             return Ok((sensor, None));
+        }
+        if let Some(file) = recording::sensor_beside(&self.source) {
+            let sensor = sensors::load(&file.to_string_lossy()).map_err(Failure::arguments)?;
+            return Ok((sensor, Some(format!("no --sensor given: took {}", file.display()))));
         }
         match sensors::of_frames(frames).map_err(Failure::arguments)?.as_slice() {
             [only] => {

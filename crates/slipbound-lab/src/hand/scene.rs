@@ -169,11 +169,7 @@ impl HandScene {
     pub fn parse(text: &str) -> Result<HandScene, SettingError> {
         let (task, settings) = text.split_once('?').unwrap_or((text, ""));
         let Some(&(task, _, object)) = HAND_TASKS.iter().find(|(name, _, _)| *name == task) else {
-            return Err(SettingError {
-                key: "task".into(),
-                got: task.into(),
-                expected: format!("one of {}", HAND_TASKS.map(|(name, _, _)| name).join(", ")),
-            });
+            return Err(SettingError::none_of("task", task, &HAND_TASKS.map(|(name, _, _)| name)));
         };
         let keys = HAND_KEYS.iter().filter(|key| key.is_of(task));
         let values = keys.map(|key| {
@@ -205,9 +201,9 @@ impl HandScene {
         }
         let taken = |key: &&HandKey| key.is_of(self.task);
         let Some(key) = HAND_KEYS.iter().filter(taken).find(|key| key.key.name == name) else {
-            let names: Vec<&str> = HAND_KEYS.iter().filter(taken).map(|key| key.key.name).collect();
-            let got = format!("a key that the task {} does not take", self.task);
-            return Err(refuse(name, &got, format!("one of seed, {}", names.join(", "))));
+            let own = HAND_KEYS.iter().filter(taken).map(|key| key.key.name);
+            let names: Vec<&str> = std::iter::once("seed").chain(own).collect();
+            return Err(SettingError::none_of(&format!("parameter of the task {}", self.task), name, &names));
         };
         let value = key.read(text)?;
         self.values.iter_mut().filter(|(known, _)| *known == name).for_each(|slot| slot.1 = value.clone());

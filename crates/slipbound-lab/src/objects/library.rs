@@ -137,10 +137,9 @@ pub const OBJECTS: [Object; 11] = [
 impl Object {
     /// The object of a name; the error lists the names.
     pub fn named(name: &str) -> Result<&'static Object, SettingError> {
-        OBJECTS.iter().find(|object| object.name == name).ok_or_else(|| SettingError {
-            key: "object".into(),
-            got: name.into(),
-            expected: format!("one of {}", OBJECTS.map(|object| object.name).join(", ")),
-        })
+        OBJECTS
+            .iter()
+            .find(|object| object.name == name)
+            .ok_or_else(|| SettingError::none_of("object", name, &OBJECTS.map(|object| object.name)))
     }
 }

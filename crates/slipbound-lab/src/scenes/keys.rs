@@ -130,7 +130,7 @@ impl Key {
                 Ok(Value::Number(f64::from(value)))
             }
             Kind::Word(words) if words.contains(&text) => Ok(Value::Word(text.into())),
-            Kind::Word(words) => Err(refuse(format!("one of {}", words.join(", ")))),
+            Kind::Word(words) => Err(SettingError::none_of(self.name, text, words)),
             Kind::Object => Object::named(text).map(|object| Value::Word(object.name.into())),
             Kind::Faults if text == "none" => Ok(Value::Word(text.into())),
             Kind::Faults => Faults::parse(text).map(|_| Value::Word(text.into())),

@@ -120,11 +120,10 @@ pub const SCENES: [Scene; 12] = [
 impl Scene {
     /// The scene of a name; the error lists the names.
     pub fn named(name: &str) -> Result<&'static Scene, SettingError> {
-        SCENES.iter().find(|scene| scene.name == name).ok_or_else(|| SettingError {
-            key: "scene".into(),
-            got: name.into(),
-            expected: format!("one of {}", SCENES.map(|scene| scene.name).join(", ")),
-        })
+        SCENES
+            .iter()
+            .find(|scene| scene.name == name)
+            .ok_or_else(|| SettingError::none_of("scene", name, &SCENES.map(|scene| scene.name)))
     }
 }
 

@@ -36,11 +36,7 @@ impl Scene {
     pub(super) fn key(&self, name: &str) -> Result<&'static Key, SettingError> {
         self.keys().find(|key| key.name == name).ok_or_else(|| {
             let names: Vec<&str> = std::iter::once("seed").chain(self.keys().map(|key| key.name)).collect();
-            SettingError {
-                key: name.into(),
-                got: format!("a key that the scene {} does not take", self.name),
-                expected: format!("one of {}", names.join(", ")),
-            }
+            SettingError::none_of(&format!("parameter of the scene {}", self.name), name, &names)
         })
     }
 

@@ -3,6 +3,7 @@
 
 use super::error::Error;
 use serde::de::DeserializeOwned;
+use slipbound::setting::nearest;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -57,7 +58,8 @@ pub(crate) fn typed<T: DeserializeOwned>(merged: Table, layers: &[Layer]) -> Res
                 _ if path == unknown || path.ends_with(&format!(".{unknown}")) => path,
                 _ => format!("{path}.{unknown}"),
             };
-            let nearest = nearest(&unknown, &expected);
+            let names: Vec<&str> = expected.iter().map(String::as_str).collect();
+            let nearest = nearest(&unknown, &names).map(str::to_owned);
             return Error::UnknownKey { file: blame(layers, &key), key, nearest, expected };
         }
         let key = match (problem.strip_prefix("missing field"), path.as_str()) {
@@ -86,36 +88,4 @@ pub(crate) fn blame(layers: &[Layer], key: &str) -> String {
     let first = key.split(['.', '[']).next().unwrap_or(key);
     let holds = |layer: &&Layer| layer.table.contains_key(first);
     layers.iter().find(holds).or(layers.first()).map_or_else(String::new, |l| l.file.clone())
-}
-
-/// The candidate that is fewest edits away, if those are at most half of the word.
-pub(crate) fn nearest(word: &str, candidates: &[String]) -> Option<String> {
-    let best = candidates.iter().min_by_key(|c| edits(word, c))?;
-    (2 * edits(word, best) <= word.chars().count()).then(|| best.clone())
-}
-
-/// Insertions, deletions and replacements that turn one word into the other.
-fn edits(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, sign) in a.chars().enumerate() {
-        let mut before = std::mem::replace(&mut row[0], i + 1);
-        for j in 0..b.len() {
-            let replaced = before + usize::from(b[j] != sign);
-            before = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(before + 1);
-        }
-    }
-    row[b.len()]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn edits_are_counted() {
-        assert_eq!((edits("", "abc"), edits("pitch", "pich"), edits("abc", "abc"), edits("ab", "ba")), (3, 1, 0, 2));
-        assert_eq!(nearest("zzz", &["pitch_px".into()]), None);
-    }
 }

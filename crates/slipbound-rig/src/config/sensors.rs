@@ -7,9 +7,10 @@
 //! ```
 
 use super::error::Error;
-use super::layer::{Layer, blame, nearest, typed};
+use super::layer::{Layer, blame, typed};
 use slipbound::image::SizePx;
 use slipbound::sensor::Sensor;
+use slipbound::setting::nearest;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
@@ -111,8 +112,9 @@ fn built_in(name: &str) -> Result<Layer, Error> {
     match BUILT_IN.iter().find(|(known, _)| *known == name) {
         Some((name, text)) => Layer::parse(format!("sensors/{name}.toml"), text),
         None => {
-            let names: Vec<String> = names().map(str::to_owned).collect();
-            Err(Error::UnknownSensor { name: name.into(), nearest: nearest(name, &names), names })
+            let all: Vec<&str> = names().collect();
+            let nearest = nearest(name, &all).map(str::to_owned);
+            Err(Error::UnknownSensor { name: name.into(), nearest, names: names().map(str::to_owned).collect() })
         }
     }
 }

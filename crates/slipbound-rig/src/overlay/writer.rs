@@ -2,6 +2,7 @@
 
 use super::drawing::Overlay;
 use crate::avi_writer::{self, AviWriter};
+use crate::written;
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use std::fs::{self, File};
 use std::io::{self, BufWriter};
@@ -51,7 +52,9 @@ impl OverlayWriter {
         let video = match is_video {
             true => Some(AviWriter::create(to, overlay.size(), rate_hz)?),
             false => {
-                fs::create_dir_all(to).map_err(|source| Error::Write { path: to.to_owned(), source })?;
+                let failed = |source| Error::Write { path: to.to_owned(), source };
+                fs::create_dir_all(to).map_err(failed)?;
+                remove_older(to).map_err(failed)?;
                 None
             }
         };
@@ -80,6 +83,23 @@ impl OverlayWriter {
     pub fn finish(self) -> Result<(), Error> {
         Ok(self.video.map_or(Ok(()), AviWriter::finish)?)
     }
+}
+
+/// Removes the pictures of an earlier overlay, which a shorter one would leave behind as if they were its own.
+fn remove_older(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if is_numbered(&path) && written::is_ours(&path)? {
+            fs::remove_file(path)?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether a file is named as a picture of an overlay is: `000057.png`.
+pub fn is_numbered(path: &Path) -> bool {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.extension().is_some_and(|e| e == "png") && stem.len() >= 6 && stem.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 /// Writes a PNG; `seq` is told when it cannot be encoded.

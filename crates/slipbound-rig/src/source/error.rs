@@ -31,6 +31,20 @@ pub enum Error {
         /// How many files of other kinds were passed over.
         others_count: usize,
     },
+    /// Only pictures of a kind that cannot be read.
+    #[error(
+        "{}: expected images (.jpg, .jpeg, .png), got {count} .{kind} {}; make PNGs of them, without loss: \
+         `for f in *.{kind}; do ffmpeg -i $f ${{f%.{kind}}}.png; done`",
+        path.display(), if *count == 1 { "file" } else { "files" }
+    )]
+    OtherImages {
+        /// The folder, pattern or file.
+        path: PathBuf,
+        /// How their names end.
+        kind: &'static str,
+        /// How many.
+        count: usize,
+    },
     /// The address of a live source that cannot be.
     #[error("{uri}: expected {expected}")]
     Address {
@@ -109,9 +123,11 @@ pub enum Error {
 impl Error {
     fn kind(&self) -> SourceErrorKind {
         match self {
-            Error::Missing { .. } | Error::Pattern { .. } | Error::NoImages { .. } | Error::Address { .. } => {
-                SourceErrorKind::Settings
-            }
+            Error::Missing { .. }
+            | Error::Pattern { .. }
+            | Error::OtherImages { .. }
+            | Error::NoImages { .. }
+            | Error::Address { .. } => SourceErrorKind::Settings,
             Error::Stream { .. } => SourceErrorKind::Disconnected,
             Error::Read { .. } => SourceErrorKind::Unreadable,
             Error::Avi { .. } | Error::Mcap { .. } | Error::Ffmpeg { .. } => SourceErrorKind::Format,
@@ -124,6 +140,7 @@ impl Error {
             Error::Pattern { pattern, .. } => pattern.clone(),
             Error::Address { uri, .. } | Error::Stream { uri, .. } => uri.clone(),
             Error::Missing { path }
+            | Error::OtherImages { path, .. }
             | Error::NoImages { path, .. }
             | Error::Read { path, .. }
             | Error::Avi { path, .. }

@@ -24,9 +24,9 @@ impl Folder {
         Self::of_images(path, all)
     }
 
-    /// The images that a pattern (`*`, `?`, `[...]`, `**`) matches.
+    /// The images that a pattern (`*`, `?`, `[...]`, `**`; numbers also as `%d` or `%06d`) matches.
     pub fn matching(pattern: &str) -> Result<Self, Error> {
-        let paths = glob::glob(pattern).map_err(|e| Error::Pattern {
+        let paths = glob::glob(&without_numbers(pattern)).map_err(|e| Error::Pattern {
             pattern: pattern.into(),
             at: e.pos,
             why: e.msg.into(),
@@ -44,14 +44,50 @@ impl Folder {
     }
 
     fn of_images(path: &Path, all: Vec<PathBuf>) -> Result<Self, Error> {
-        let all_count = all.len();
-        let mut files: Vec<PathBuf> = all.into_iter().filter(|p| has_image_name(p) && !p.is_dir()).collect();
+        let (mut files, named): (Vec<PathBuf>, Vec<PathBuf>) =
+            all.into_iter().partition(|p| has_image_name(p) && !p.is_dir());
         if files.is_empty() {
-            return Err(Error::NoImages { path: path.to_owned(), others_count: all_count });
+            let others: Vec<&str> = named.iter().filter_map(|path| other_image(path)).collect();
+            if let Some(kind) = others.first().copied() {
+                return Err(Error::OtherImages { path: path.to_owned(), kind, count: others.len() });
+            }
+            return Err(Error::NoImages { path: path.to_owned(), others_count: named.len() });
         }
         files.sort_by(|a, b| natural::compare(&a.to_string_lossy(), &b.to_string_lossy()));
         Ok(Folder { files, next: 0 })
     }
+}
+
+/// The ending of a picture that cannot be read here; None for any other file.
+pub(super) fn other_image(path: &Path) -> Option<&'static str> {
+    const ENDINGS: [&str; 6] = ["bmp", "tif", "tiff", "webp", "pgm", "ppm"];
+    ENDINGS.into_iter().find(|ending| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending)))
+}
+
+/// The pattern with `%d` and `%06d`, as C and ffmpeg number files, written as this crate's patterns are.
+fn without_numbers(pattern: &str) -> String {
+    let mut out = String::new();
+    let mut rest = pattern;
+    while let Some((before, after)) = rest.split_once('%') {
+        let digits = after.bytes().take_while(u8::is_ascii_digit).count();
+        let width = after[..digits].strip_prefix('0').map(str::parse::<usize>);
+        out.push_str(before);
+        match (after[digits..].strip_prefix('d'), width, digits) {
+            (Some(then), Some(Ok(width @ 1..=20)), _) => {
+                out.push_str(&"[0-9]".repeat(width));
+                rest = then;
+            }
+            (Some(then), None, 0) => {
+                out.push('*');
+                rest = then;
+            }
+            _ => {
+                out.push('%');
+                rest = after;
+            }
+        }
+    }
+    out + rest
 }
 
 /// The image files that a folder, a pattern or the name of an image stands for; none where it is something else.
@@ -95,5 +131,31 @@ impl FrameSource for Folder {
 
     fn frames_count(&self) -> Option<u64> {
         Some(self.files.len() as u64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_as_c_writes_them_are_a_pattern() {
+        assert_eq!(without_numbers("run/%03d.png"), "run/[0-9][0-9][0-9].png");
+        assert_eq!(without_numbers("run/f%d_*.png"), "run/f*_*.png");
+        for plain in ["100%", "50%done.png", "%s.png", "%6d.png", "%00d", "a%999999d.png"] {
+            assert_eq!(without_numbers(plain).matches('%').count(), plain.matches('%').count(), "{plain}");
+        }
+    }
+
+    #[test]
+    fn pictures_of_other_kinds_are_named_with_what_to_do() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("notes.txt"), "").expect("written");
+        let open = || Folder::open(folder.path()).expect_err("no images").to_string();
+        assert!(open().contains("got none among 1 other files"), "{}", open());
+        std::fs::write(folder.path().join("a.BMP"), "").expect("written");
+        assert!(open().contains("got 1 .bmp file") && open().contains("ffmpeg"), "{}", open());
+        std::fs::write(folder.path().join("b.jpg"), "").expect("written");
+        assert_eq!(Folder::open(folder.path()).expect("an image").files.len(), 1);
     }
 }

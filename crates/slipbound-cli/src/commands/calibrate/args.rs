@@ -18,6 +18,9 @@ pub struct Calibrate {
     /// The sensor file to write; a picture with the grid drawn in goes beside it
     #[arg(short, long, value_name = "FILE.toml", value_parser = toml_name)]
     pub(super) output: PathBuf,
+    /// Overwrite a sensor file that is there
+    #[arg(long)]
+    pub(super) force: bool,
     /// Distance between neighbouring markers on the gel, measured by you; without it no millimetre is reported
     #[arg(long, value_name = "MM")]
     pub(super) pitch_mm: Option<f64>,
@@ -127,16 +130,21 @@ impl Calibrate {
         self.output.with_extension("png")
     }
 
-    /// Neither the file nor the picture may fall on the source.
+    /// Neither the file nor the picture may fall on the source; a sensor file that is there stays, for somebody may have
+    /// edited it. Adding the stiffness to the file of `--sensor` itself changes nothing else in it.
     pub(super) fn refuse_overwriting(&self) -> Result<(), Failure> {
-        let Ok(source) = fs::canonicalize(&self.source) else { return Ok(()) };
-        for path in [self.output.clone(), self.picture()] {
-            if fs::canonicalize(&path).is_ok_and(|p| p == source) {
-                let path = path.display();
-                return Err(Failure::Arguments(anyhow!(
-                    "--output: expected a place of its own, got {path}, the source"
-                )));
-            }
+        let is = |path: &Path, other: &str| {
+            fs::canonicalize(path).is_ok_and(|path| fs::canonicalize(other).is_ok_and(|other| other == path))
+        };
+        if let Some(path) = [self.output.clone(), self.picture()].iter().find(|path| is(path, &self.source)) {
+            let path = path.display();
+            return Err(Failure::Arguments(anyhow!("--output: expected a place of its own, got {path}, the source")));
+        }
+        let is_amended = self.weight_g.is_some() && self.sensor.as_deref().is_some_and(|s| is(&self.output, s));
+        if self.output.is_file() && !self.force && !is_amended {
+            let path = self.output.display();
+            let expected = "expected a new file, or --force to overwrite it";
+            return Err(Failure::Arguments(anyhow!("--output: {expected}, got {path}, which is there")));
         }
         Ok(())
     }

@@ -11,7 +11,7 @@ pub struct Watch {
     /// simulate: 'sim:SCENE?seed=3&force_n=20' (see `slipbound scenes`)
     pub(super) source: String,
     /// The finger: a built-in name (see `slipbound sensors`) or a sensor file [default: that of the
-    /// scene, else by the size of the frames]
+    /// scene, or SOURCE/sensor.toml, else by the size of the frames]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(super) sensor: Option<String>,
     /// The finger at rest: an image, frames A up to but not B of SOURCE, or its first N frames, in which nothing may touch
@@ -21,6 +21,9 @@ pub struct Watch {
     /// Write a report of one JSON object a line; `-` is standard output
     #[arg(long, value_name = "FILE|-")]
     pub(super) json: Option<PathBuf>,
+    /// Write the report as a table too, one row a frame
+    #[arg(long, value_name = "FILE.csv")]
+    pub(super) csv: Option<PathBuf>,
     /// Put the displacement and slip of every marker into the report
     #[arg(long, requires = "json")]
     pub(super) markers: bool,

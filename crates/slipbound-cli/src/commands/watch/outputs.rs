@@ -1,4 +1,4 @@
-//! Where a frame's report goes: JSON lines, overlay, timings.
+//! Where a frame's report goes: JSON lines, table, overlay, timings.
 
 use super::args::Watch;
 use crate::outcome::Failure;
@@ -6,6 +6,7 @@ use slipbound::monitor::{Reason, SlipMonitor, SlipReport};
 use slipbound::port::{Clock, FrameBuffer};
 use slipbound_rig::container::{Recorder, ReportLines};
 use slipbound_rig::overlay::{self, Overlay, OverlayWriter};
+use slipbound_rig::report_csv::ReportCsv;
 use slipbound_rig::report_json::{Header, ReportJson, RestOrigin};
 use slipbound_rig::timings::{Stopwatch, Timings};
 use std::fs::File;
@@ -29,6 +30,7 @@ pub struct Outputs {
     /// Measures the steps while a frame is judged.
     pub stopwatch: Stopwatch,
     json: Option<Json>,
+    csv: Option<(PathBuf, ReportCsv<File>)>,
     recorded: Option<ReportJson<ReportLines>>,
     overlay: Option<(Overlay, OverlayWriter)>,
     timings: Option<Timings>,
@@ -73,6 +75,13 @@ impl Outputs {
                 Some(Json { path: path.clone(), lines, markers: args.markers })
             }
         };
+        let csv = match &args.csv {
+            None => None,
+            Some(path) => {
+                let table = File::create(path).and_then(|file| ReportCsv::new(file, &args.finger));
+                Some((path.clone(), table.map_err(|e| cannot_write(path, e))?))
+            }
+        };
         let overlay = match &args.overlay {
             None => None,
             Some(to) => {
@@ -85,7 +94,7 @@ impl Outputs {
             None => None,
             Some(path) => Some(Timings::create(path).map_err(|e| cannot_write(path, e))?),
         };
-        Ok(Outputs { stopwatch: Stopwatch::new(), json, recorded, overlay, timings })
+        Ok(Outputs { stopwatch: Stopwatch::new(), json, csv, recorded, overlay, timings })
     }
 
     /// Writes the report of a frame.
@@ -97,6 +106,9 @@ impl Outputs {
         if let Some(json) = &mut self.json {
             let markers = json.markers.then(|| monitor.markers());
             json.lines.frame(report, markers).map_err(|e| cannot_write(&json.path, e))?;
+        }
+        if let Some((path, table)) = &mut self.csv {
+            table.frame(report).map_err(|e| cannot_write(path, e))?;
         }
         if let Some(lines) = &mut self.recorded {
             lines.frame(report, None).map_err(|e| Failure::work("record", e))?;

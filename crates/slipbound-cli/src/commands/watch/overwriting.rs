@@ -3,9 +3,36 @@
 use super::args::{RestArgument, Watch};
 use crate::outcome::Failure;
 use anyhow::anyhow;
-use slipbound_rig::{source::image_files, written};
+use slipbound_rig::{overlay::is_numbered, source::image_files, written};
 use std::fs;
 use std::path::{Path, PathBuf};
+
+/// Refuses names whose ending promises another format than is written.
+pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
+    const PICTURES: [&str; 9] = ["mp4", "mkv", "mov", "webm", "m4v", "gif", "png", "jpg", "jpeg"];
+    const TABLES: [&str; 6] = ["csv", "tsv", "xlsx", "parquet", "feather", "pkl"];
+    for (name, path, refused, expected) in [
+        ("--overlay", &args.overlay, &PICTURES[..], "a folder for pictures, or FILE.avi for a video"),
+        ("--json", &args.json, &TABLES[..], "a file of JSON lines (--csv FILE.csv writes a table)"),
+        (
+            "--csv",
+            &args.csv,
+            &["json", "jsonl", "xlsx", "parquet", "feather", "pkl"],
+            "a file of comma-separated values",
+        ),
+        ("--record", &args.record, &["avi", "bag", "db3", "mp4", "json", "jsonl"], "a FILE.mcap"),
+    ] {
+        let Some(path) = path else { continue };
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if refused.contains(&ending.as_str()) {
+            let path = path.display();
+            return Err(Failure::Arguments(anyhow!(
+                "{name} {path}: expected {expected}, got a name that ends in .{ending}"
+            )));
+        }
+    }
+    Ok(())
+}
 
 /// Refuses outputs that would fall on an input or on each other.
 pub fn refuse(args: &Watch) -> Result<(), Failure> {
@@ -24,6 +51,7 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
     ];
     let outputs = [
         ("--json", args.json.as_deref().filter(|_| !args.json_on_stdout())),
+        ("--csv", args.csv.as_deref()),
         ("--timings", args.timings.as_deref()),
         ("--overlay", args.overlay.as_deref()),
         ("--record", args.record.as_deref()),
@@ -75,12 +103,6 @@ fn refuse_foreign(name: &str, place: &Path) -> Result<(), Failure> {
             Err(Failure::Arguments(anyhow!("{name}: {expected}, got {file} (--force overwrites it)")))
         }
     }
-}
-
-/// Whether it is named as a picture of an overlay is: `000057.png`.
-fn is_numbered(path: &Path) -> bool {
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    path.extension().is_some_and(|e| e == "png") && stem.len() >= 6 && stem.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 /// Where a file is or would be; None for devices and pipes, which hold nothing, and for folders that are not there.

@@ -1,0 +1,49 @@
+//! `slipbound completions` and `slipbound man`: what a shell and `man` know of the commands, made from the arguments themselves.
+
+use crate::args::Args;
+use crate::outcome::{Failure, Outcome};
+use anyhow::anyhow;
+use clap::CommandFactory;
+use clap_complete::Shell;
+use std::fs;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// The arguments of `slipbound completions`.
+#[derive(Debug, clap::Args)]
+pub struct Completions {
+    /// The shell
+    shell: Shell,
+}
+
+impl Completions {
+    /// Prints the script.
+    pub fn run(&self) -> Result<Outcome, Failure> {
+        let mut script = Vec::new();
+        clap_complete::generate(self.shell, &mut Args::command(), "slipbound", &mut script);
+        io::stdout().write_all(&script).map_err(|e| Failure::work("standard output", e))?;
+        Ok(Outcome::Done)
+    }
+}
+
+/// The arguments of `slipbound man`.
+#[derive(Debug, clap::Args)]
+pub struct Man {
+    /// The folder of the pages, made if it is not there: slipbound.1, slipbound-watch.1, ...
+    #[arg(short, long, value_name = "FOLDER")]
+    output: PathBuf,
+}
+
+impl Man {
+    /// Writes a page a command.
+    pub fn run(&self) -> Result<Outcome, Failure> {
+        let shown = self.output.display();
+        if self.output.is_file() {
+            return Err(Failure::Arguments(anyhow!("{shown}: expected a folder, got a file")));
+        }
+        let failed = |e: io::Error| Failure::work(format!("{shown}: cannot write"), e);
+        fs::create_dir_all(&self.output).map_err(failed)?;
+        clap_mangen::generate_to(Args::command(), &self.output).map_err(failed)?;
+        Ok(Outcome::Done)
+    }
+}
