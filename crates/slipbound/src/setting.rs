@@ -32,8 +32,23 @@ impl SettingError {
 
 /// The name that a word was probably meant to be: the one with the fewest edits, at most half the length of the word.
 pub fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
-    let best = names.iter().min_by_key(|name| strsim::levenshtein(word, name))?;
-    (2 * strsim::levenshtein(word, best) <= word.chars().count()).then_some(*best)
+    let best = names.iter().min_by_key(|name| edits(word, name))?;
+    (2 * edits(word, best) <= word.chars().count()).then_some(*best)
+}
+
+/// Insertions, deletions and replacements that turn one word into the other.
+fn edits(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, sign) in a.chars().enumerate() {
+        let mut before = std::mem::replace(&mut row[0], i + 1);
+        for j in 0..b.len() {
+            let replaced = before + usize::from(b[j] != sign);
+            before = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(before + 1);
+        }
+    }
+    row[b.len()]
 }
 
 /// Refuses a number outside `low..=high`, or NaN.
@@ -94,6 +109,7 @@ mod tests {
         let names = ["ramp", "roll", "press_release"];
         let error = SettingError::none_of("scene", "rmp", &names).to_string();
         assert_eq!(error, "scene: expected one of ramp, roll, press_release, got rmp (did you mean ramp?)");
+        assert_eq!((edits("", "abc"), edits("pitch", "pich"), edits("abc", "abc"), edits("ab", "ba")), (3, 1, 0, 2));
         assert_eq!(nearest("pres_relase", &names), Some("press_release"));
         assert_eq!((nearest("zzzz", &names), nearest("", &names), nearest("x", &[])), (None, None, None));
     }
