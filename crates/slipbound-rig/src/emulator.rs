@@ -27,6 +27,7 @@ mod jaws;
 mod joined;
 pub mod line;
 mod names;
+mod paced_drive;
 pub mod robotiq;
 mod server;
 mod weiss;

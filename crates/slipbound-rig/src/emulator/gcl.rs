@@ -27,6 +27,8 @@ pub struct Gcl {
     lines: Lines,
     updates: Vec<Update>,
     is_verbose: bool,
+    /// What every new connection begins with.
+    configured: Settings,
 }
 
 impl Default for Gcl {
@@ -38,7 +40,8 @@ impl Default for Gcl {
 impl Gcl {
     /// Wide open.
     pub fn new(settings: Settings) -> Self {
-        Gcl { weiss: Weiss::new(settings), lines: Lines::default(), updates: Vec::new(), is_verbose: false }
+        let (weiss, lines) = (Weiss::new(settings), Lines::default());
+        Gcl { weiss, lines, updates: Vec::new(), is_verbose: false, configured: settings }
     }
 
     fn send_ended(&mut self, outgoing: &mut Vec<u8>) {
@@ -99,9 +102,10 @@ impl Gcl {
             ("FSACK", []) => self.weiss.acknowledge(),
             ("FSTOP" | "FASTSTOP", []) => self.weiss.stop_fast(),
             ("HOME", []) => return self.weiss.begin(Task::Home { closes: false }),
-            ("HOME", [direction]) => return self.weiss.begin(Task::Home { closes: *direction < 0.0 }),
+            ("HOME", [direction]) => return self.weiss.begin(Task::Home { closes: *direction <= 0.0 }),
             ("MOVE", [opening_mm, rest @ ..]) if rest.len() <= 1 => {
-                return self.weiss.begin(Task::Move { opening_mm: *opening_mm, speed: speed_or(rest.first()) });
+                let speed = speed_or(rest.first());
+                return self.weiss.begin(Task::Move { opening_mm: *opening_mm, speed, clamps: false });
             }
             ("GRIP", rest) if rest.len() <= 3 => {
                 let force_n = rest.first().copied().unwrap_or(self.weiss.limit_n);
@@ -126,7 +130,7 @@ impl Gcl {
             "POS" => format!("POS={:.2}", weiss.jaws.opening_mm()),
             "FORCE" => format!("FORCE={:.2}", weiss.jaws.reading_n()),
             "GRIPSTATE" => format!("GRIPSTATE={}", weiss.grasp),
-            "SPEED" => format!("SPEED={:.2}", if weiss.running.is_some() { SPEED } else { 0.0 }),
+            "SPEED" => format!("SPEED={:.2}", weiss.jaws.velocity_mm_per_s()),
             "PWT" => format!("PWT={:.2}", weiss.settings.part_width_tolerance_mm),
             "CLT" => format!("CLT={:.2}", weiss.settings.clamping_travel_mm),
             "VERBOSE" => format!("VERBOSE={}", u8::from(self.is_verbose)),
@@ -148,7 +152,8 @@ impl Gcl {
         status::OK
     }
 
-    /// `AUTOSEND("POS", 100)` sends a value every 100 ms, `AUTOSEND("POS", 0)` no more; what follows is passed over.
+    /// `AUTOSEND("POS", 100)` sends a value every 100 ms, marked by `@`; `AUTOSEND("POS", 0)` no more. What follows is
+    /// passed over.
     fn subscribe(&mut self, now_ns: u64, words: &[&str]) -> u16 {
         let [name, period_ms, ..] = words else { return status::FORMAT };
         let name = name.trim_matches('"');
@@ -203,6 +208,7 @@ impl Firmware for Gcl {
         self.lines.clear();
         self.updates.clear();
         self.is_verbose = false;
+        self.weiss.settings = self.configured;
         self.weiss.connected();
     }
 
@@ -224,7 +230,7 @@ impl Firmware for Gcl {
             if now_ns >= update.due_ns {
                 update.due_ns = now_ns.max(update.due_ns + update.period_ns);
                 let name = update.name.clone();
-                self.value(&name).iter().for_each(|value| write_line(outgoing, value));
+                self.value(&name).iter().for_each(|value| write_line(outgoing, &format!("@{value}")));
             }
         }
     }

@@ -1,7 +1,8 @@
 //! The jaws behind every emulated protocol.
 
 use super::force_sensor::{ForceSensor, SensorFaults};
-use slipbound::plant::{JawCommand, JawDrive, JawSettings, Plant};
+use super::paced_drive::PacedDrive;
+use slipbound::plant::{JawCommand, JawSettings, Plant};
 
 /// Share of the force asked for at which a grasp counts as established.
 const ESTABLISHED: f64 = 0.9;
@@ -9,16 +10,23 @@ const ESTABLISHED: f64 = 0.9;
 /// Time for which jaws on their way have to stand still to be called blocked, ns.
 const BLOCKED_NS: u64 = 50_000_000;
 
-/// Jaws that press on a plant. They move by [`JawDrive`], as those of the simulator.
+/// Jaws that press on a plant. They move by [`JawDrive`](slipbound::plant::JawDrive), as those of the simulator, each
+/// command with a speed of its own.
 #[derive(Debug, Clone)]
 pub struct EmulatedJaws {
-    drive: JawDrive,
+    drive: PacedDrive,
     sensor: ForceSensor,
     is_part_gone: bool,
     refuses_force: bool,
     /// The newest command; the jaws follow it after their delay.
     newest: JawCommand,
     newest_ns: u64,
+    /// Of commands to come, mm/s.
+    speed_mm_per_s: f64,
+    /// Whether closing fingers that find nothing press on each other.
+    may_meet: bool,
+    /// How fast the opening changes now, mm/s; negative while closing.
+    velocity_mm_per_s: f64,
     now_ns: u64,
     /// Since when they stand still, ns.
     stands_ns: u64,
@@ -27,15 +35,17 @@ pub struct EmulatedJaws {
 impl EmulatedJaws {
     /// Wide open. Settings out of range give the default's.
     pub fn new(settings: JawSettings) -> Self {
-        let drive = JawDrive::new(settings).or_else(|_| JawDrive::new(JawSettings::default()));
-        let drive = drive.unwrap_or_else(|_| unreachable!("the default settings are valid"));
+        let drive = PacedDrive::new(settings);
         EmulatedJaws {
+            speed_mm_per_s: drive.settings().speed_mm_per_s,
             drive,
             sensor: ForceSensor::new(SensorFaults::default(), 0),
             is_part_gone: false,
             refuses_force: false,
             newest: JawCommand::Stay,
             newest_ns: 0,
+            may_meet: false,
+            velocity_mm_per_s: 0.0,
             now_ns: 0,
             stands_ns: 0,
         }
@@ -43,15 +53,35 @@ impl EmulatedJaws {
 
     /// Lets time pass: the jaws move, and press on the plant. Does not advance the plant.
     pub fn advance_to(&mut self, now_ns: u64, plant: &mut dyn Plant) {
-        let width_mm = plant.width_mm().filter(|_| !self.is_part_gone);
+        let part_mm = self.between_mm(plant);
         let before_mm = self.drive.opening_mm();
-        self.now_ns = now_ns;
-        self.drive.advance_to(now_ns, width_mm);
-        if self.drive.opening_mm() != before_mm {
+        let meets = self.may_meet && before_mm <= 0.0;
+        self.drive.advance_to(now_ns, part_mm.or(meets.then_some(0.0)));
+        let moved_mm = self.drive.opening_mm() - before_mm;
+        if moved_mm != 0.0 {
             self.stands_ns = now_ns;
         }
-        plant.press(self.drive.force_n());
+        if now_ns > self.now_ns {
+            self.velocity_mm_per_s = moved_mm / ((now_ns - self.now_ns) as f64 * 1e-9);
+        }
+        self.now_ns = now_ns;
+        plant.press(if part_mm.is_some() { self.drive.force_n() } else { 0.0 });
         self.sensor.see(now_ns, self.drive.force_n(), self.drive.touches());
+    }
+
+    /// Width of what is between them, mm; None: nothing.
+    pub fn between_mm(&self, plant: &dyn Plant) -> Option<f64> {
+        plant.width_mm().filter(|_| !self.is_part_gone)
+    }
+
+    /// Speed off the object of the commands to come, mm/s. At first it is that of the settings.
+    pub fn set_speed(&mut self, speed_mm_per_s: f64) {
+        self.speed_mm_per_s = speed_mm_per_s;
+    }
+
+    /// Whether fingers that find nothing press on each other, until they are told to move or to stay.
+    pub fn let_meet(&mut self, may_meet: bool) {
+        self.may_meet = may_meet;
     }
 
     /// Closes with this force, N per finger.
@@ -61,17 +91,19 @@ impl EmulatedJaws {
 
     /// Moves to this opening, mm, without pressing.
     pub fn move_to(&mut self, opening_mm: f64) {
+        self.may_meet = false;
         self.give(JawCommand::MoveTo { opening_mm });
     }
 
     /// Stays where it is, with the force it has.
     pub fn stay(&mut self) {
+        self.may_meet = false;
         self.give(JawCommand::Stay);
     }
 
     fn give(&mut self, command: JawCommand) {
         (self.newest, self.newest_ns) = (command, self.now_ns);
-        self.drive.command(command);
+        self.drive.command(command, self.speed_mm_per_s);
     }
 
     /// The object is gone.
@@ -146,6 +178,11 @@ impl EmulatedJaws {
     /// Distance between the fingertips, mm.
     pub fn opening_mm(&self) -> f64 {
         self.drive.opening_mm()
+    }
+
+    /// How fast that changes, mm/s; negative while closing.
+    pub fn velocity_mm_per_s(&self) -> f64 {
+        self.velocity_mm_per_s
     }
 
     /// How they move.

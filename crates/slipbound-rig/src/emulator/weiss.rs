@@ -39,11 +39,13 @@ pub(crate) enum Task {
     Home {
         closes: bool,
     },
+    /// `clamps`: what is in the way is pressed on with the force limit.
     Move {
         opening_mm: f64,
         speed: f64,
+        clamps: bool,
     },
-    /// Without a width: whatever stops the fingers is the part.
+    /// Without a width: whatever stops the fingers is the part, be it the other finger.
     Grasp {
         width_mm: Option<f64>,
         speed: f64,
@@ -52,6 +54,19 @@ pub(crate) enum Task {
         opening_mm: f64,
         speed: f64,
     },
+}
+
+/// How the last motion ended, until the next begins.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) enum End {
+    #[default]
+    Other,
+    /// Where it was told to go.
+    Reached,
+    /// Something was in the way of closing fingers.
+    Blocked,
+    /// By a stop command.
+    Stopped,
 }
 
 /// The gripper behind its interfaces.
@@ -64,10 +79,13 @@ pub(crate) struct Weiss {
     pub acceleration: f64,
     pub grasp: u8,
     pub running: Option<Task>,
+    pub end: End,
     pub is_homed: bool,
     pub is_stopped: bool,
     pub is_farewell_said: bool,
     ended: Vec<(Task, u16)>,
+    /// Whether it presses on what was in the way of a MOVE.
+    is_clamping: bool,
     is_limit_fixed: bool,
     is_regrasp_allowed: bool,
 }
@@ -80,10 +98,12 @@ impl Weiss {
             acceleration: 1000.0,
             grasp: grasp::IDLE,
             running: None,
+            end: End::Other,
             is_homed: settings.is_homed,
             is_stopped: false,
             is_farewell_said: false,
             ended: Vec::new(),
+            is_clamping: false,
             is_limit_fixed: false,
             is_regrasp_allowed: false,
             settings,
@@ -120,6 +140,9 @@ impl Weiss {
     }
 
     pub fn stop(&mut self) {
+        if self.running.is_some() {
+            self.end = End::Stopped;
+        }
         self.abort();
         self.grasp = grasp::IDLE;
     }
@@ -134,6 +157,7 @@ impl Weiss {
 
     fn abort(&mut self) {
         self.jaws.stay();
+        self.is_clamping = false;
         self.ended.extend(self.running.take().map(|task| (task, status::ABORTED)));
     }
 
@@ -149,10 +173,14 @@ impl Weiss {
             return status::RANGE;
         }
         self.limit_n = limit_n;
-        if matches!(self.grasp, grasp::HOLDING | grasp::GRASPING) && !self.is_limit_fixed && !self.is_stopped {
+        if self.presses_by_force() && !self.is_limit_fixed && !self.is_stopped {
             self.jaws.grasp(limit_n);
         }
         status::OK
+    }
+
+    fn presses_by_force(&self) -> bool {
+        self.is_clamping || matches!(self.grasp, grasp::HOLDING | grasp::GRASPING)
     }
 
     pub fn set_acceleration(&mut self, acceleration: f64) -> u16 {
@@ -165,7 +193,7 @@ impl Weiss {
 
     /// Zeroes the force sensor; not while it presses by force.
     pub fn tare(&mut self) -> u16 {
-        if matches!(self.grasp, grasp::HOLDING | grasp::GRASPING) {
+        if self.presses_by_force() {
             return status::DENIED;
         }
         self.jaws.tare();
@@ -189,8 +217,8 @@ impl Weiss {
         }
         let stroke_mm = self.settings.jaws.stroke_mm;
         let (opening_mm, speed) = match task {
-            Task::Home { closes } => (if closes { 0.0 } else { stroke_mm }, 5.0),
-            Task::Move { opening_mm, speed } | Task::Release { opening_mm, speed } => (opening_mm, speed),
+            Task::Home { closes } => (if closes { 0.0 } else { stroke_mm }, self.settings.jaws.speed_mm_per_s),
+            Task::Move { opening_mm, speed, .. } | Task::Release { opening_mm, speed } => (opening_mm, speed),
             Task::Grasp { width_mm, speed } => (width_mm.unwrap_or(0.0), speed),
         };
         if !(0.0..=stroke_mm).contains(&opening_mm) || !(5.0..=420.0).contains(&speed) {
@@ -199,8 +227,14 @@ impl Weiss {
         match task {
             Task::Grasp { .. } if self.refuses_grasp() => return status::DENIED,
             Task::Release { .. } if self.grasp != grasp::HOLDING => return status::DENIED,
-            Task::Grasp { .. } => {
+            _ => {}
+        }
+        (self.end, self.is_clamping) = (End::Other, false);
+        self.jaws.set_speed(speed);
+        match task {
+            Task::Grasp { width_mm, .. } => {
                 self.grasp = grasp::GRASPING;
+                self.jaws.let_meet(width_mm.is_none());
                 self.jaws.grasp(self.limit_n);
             }
             Task::Release { .. } => {
@@ -227,10 +261,18 @@ impl Weiss {
             Some(Task::Grasp { .. }) | None => {}
             Some(task) => {
                 if self.jaws.is_there() {
-                    self.is_homed |= matches!(task, Task::Home { .. });
+                    match task {
+                        Task::Home { .. } => self.is_homed = true,
+                        _ => self.end = End::Reached,
+                    }
                     self.finish(grasp::IDLE, status::OK);
                 } else if self.jaws.is_blocked() {
-                    self.jaws.stay();
+                    self.end = End::Blocked;
+                    self.is_clamping = matches!(task, Task::Move { clamps: true, .. });
+                    match self.is_clamping {
+                        true => self.jaws.grasp(self.limit_n),
+                        false => self.jaws.stay(),
+                    }
                     self.finish(grasp::IDLE, status::BLOCKED);
                 }
             }
@@ -239,17 +281,25 @@ impl Weiss {
             self.grasp = grasp::PART_LOST;
             self.jaws.stay();
         }
+        if self.is_clamping && self.jaws.has_begun() && !self.jaws.touches() {
+            self.is_clamping = false; // what was in the way is gone
+            self.jaws.stay();
+        }
     }
 
     fn see_grasp(&mut self, width_mm: Option<f64>) {
         let Settings { part_width_tolerance_mm, clamping_travel_mm, .. } = self.settings;
+        let has_width = width_mm.is_some();
         let beyond_mm = width_mm.map_or(0.0, |width_mm| width_mm - self.jaws.opening_mm());
         if self.jaws.touches() && beyond_mm < -part_width_tolerance_mm / 2.0 {
             self.jaws.stay();
+            self.end = End::Blocked;
             self.finish(grasp::ERROR, status::BLOCKED);
         } else if self.jaws.holds() {
             self.finish(grasp::HOLDING, status::OK);
-        } else if !self.jaws.touches() && (beyond_mm > clamping_travel_mm || self.jaws.opening_mm() <= 0.0) {
+        } else if !self.jaws.touches()
+            && (beyond_mm > clamping_travel_mm || (has_width && self.jaws.opening_mm() <= 0.0))
+        {
             self.jaws.stay();
             self.finish(grasp::NO_PART, status::FAILED);
         }
@@ -261,6 +311,7 @@ impl Weiss {
             Fault::PowerCycle => {
                 self.jaws.stay();
                 (self.running, self.is_homed, self.is_stopped) = (None, false, false);
+                (self.end, self.is_clamping) = (End::Other, false);
                 (self.grasp, self.limit_n) = (grasp::IDLE, self.settings.jaws.most_n);
                 self.is_farewell_said = true; // what has no power latches nothing
             }

@@ -5,17 +5,24 @@ pub use super::weiss::Settings;
 use super::fault::Fault;
 use super::firmware::Firmware;
 use super::jaws::EmulatedJaws;
-use super::weiss::{Task, Weiss};
+use super::weiss::{End, Task, Weiss};
 use crate::gripper::wsg50::frame::{self, Frame, Parser, number};
 use crate::gripper::wsg50::words::{flag, id, status};
 use slipbound::plant::Plant;
 
+/// Flags of MOVE: the opening counts from where the fingers are; they stop, without pressing, where they are blocked.
+const RELATIVE: u8 = 1;
+const STOPS_ON_BLOCK: u8 = 1 << 1;
+
 /// A state that it sends by itself.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Update {
     id: u8,
     period_ns: u64,
     due_ns: u64,
+    only_changes: bool,
+    /// The state that was last sent.
+    sent: Vec<u8>,
 }
 
 /// The firmware.
@@ -74,7 +81,7 @@ impl Wsg50 {
             }
             id::SYSTEM_STATE | id::GRASP_STATE | id::OPENING | id::SPEED | id::FORCE => {
                 self.subscribe(now_ns, frame.id, payload);
-                return self.send_state(frame.id, outgoing);
+                return reply(outgoing, frame.id, status::OK, &self.state(frame.id));
             }
             id::HOME => match payload.first() {
                 None | Some(0 | 1) => self.weiss.begin(Task::Home { closes: false }),
@@ -90,7 +97,7 @@ impl Wsg50 {
                 return reply(outgoing, frame.id, status::OK, &acceleration.to_le_bytes());
             }
             id::TARE => self.weiss.tare(),
-            id::MOVE | id::GRASP | id::RELEASE => match task(frame.id, payload) {
+            id::MOVE | id::GRASP | id::RELEASE => match self.task(frame.id, payload) {
                 Some(task) => self.weiss.begin(task),
                 None => status::TOO_SHORT,
             },
@@ -104,45 +111,56 @@ impl Wsg50 {
         self.updates.retain(|update| update.id != id);
         let period_ns = u64::from(u16::from_le_bytes([*low, *high]).max(1)) * 1_000_000;
         if flags & 1 != 0 {
-            self.updates.push(Update { id, period_ns, due_ns: now_ns + period_ns });
+            let (only_changes, sent) = (flags & 2 != 0, self.state(id));
+            self.updates.push(Update { id, period_ns, due_ns: now_ns + period_ns, only_changes, sent });
         }
     }
 
-    fn send_state(&self, id: u8, outgoing: &mut Vec<u8>) {
+    /// A state as it goes over the link.
+    fn state(&self, id: u8) -> Vec<u8> {
         let weiss = &self.weiss;
         match id {
             id::SYSTEM_STATE => {
                 let bits = [
                     (weiss.is_homed, flag::REFERENCED),
                     (weiss.running.is_some(), flag::MOVING),
+                    (weiss.end == End::Blocked, flag::BLOCKED_MINUS),
+                    (weiss.end == End::Stopped, flag::AXIS_STOPPED),
+                    (weiss.end == End::Reached, flag::TARGET_POS_REACHED),
                     (weiss.is_stopped, flag::FAST_STOP),
                 ];
                 let bits = bits.iter().filter(|(is_set, _)| *is_set).fold(0, |all, (_, bit)| all | bit);
-                reply(outgoing, id, status::OK, &bits.to_le_bytes());
+                bits.to_le_bytes().to_vec()
             }
-            id::GRASP_STATE => reply(outgoing, id, status::OK, &[weiss.grasp]),
-            id::OPENING => reply(outgoing, id, status::OK, &(weiss.jaws.opening_mm() as f32).to_le_bytes()),
-            id::FORCE => reply(outgoing, id, status::OK, &(weiss.jaws.reading_n() as f32).to_le_bytes()),
-            id => reply(outgoing, id, status::OK, &0f32.to_le_bytes()),
+            id::GRASP_STATE => vec![weiss.grasp],
+            id::OPENING => bytes(weiss.jaws.opening_mm()),
+            id::SPEED => bytes(weiss.jaws.velocity_mm_per_s()),
+            _ => bytes(weiss.jaws.reading_n()),
         }
     }
+
+    fn task(&self, id: u8, payload: &[u8]) -> Option<Task> {
+        let (flags, numbers) = if id == id::MOVE { payload.split_first()? } else { (&0, payload) };
+        let opening_mm = f64::from(number(numbers)?);
+        let speed = f64::from(number(numbers.get(4..)?)?);
+        let from_mm = if flags & RELATIVE != 0 { self.weiss.jaws.opening_mm() } else { 0.0 };
+        Some(match id {
+            id::MOVE => Task::Move { opening_mm: from_mm + opening_mm, speed, clamps: flags & STOPS_ON_BLOCK == 0 },
+            id::GRASP => Task::Grasp { width_mm: Some(opening_mm), speed },
+            _ => Task::Release { opening_mm, speed },
+        })
+    }
+}
+
+/// A number as it goes over the link.
+fn bytes(number: f64) -> Vec<u8> {
+    (number as f32).to_le_bytes().to_vec()
 }
 
 fn reply(outgoing: &mut Vec<u8>, id: u8, status: u16, rest: &[u8]) {
     let mut payload = status.to_le_bytes().to_vec();
     payload.extend(rest);
     frame::write(outgoing, id, &payload);
-}
-
-fn task(id: u8, payload: &[u8]) -> Option<Task> {
-    let numbers = if id == id::MOVE { payload.get(1..)? } else { payload };
-    let opening_mm = f64::from(number(numbers)?);
-    let speed = f64::from(number(numbers.get(4..)?)?);
-    Some(match id {
-        id::MOVE => Task::Move { opening_mm, speed },
-        id::GRASP => Task::Grasp { width_mm: Some(opening_mm), speed },
-        _ => Task::Release { opening_mm, speed },
-    })
 }
 
 impl Firmware for Wsg50 {
@@ -167,11 +185,15 @@ impl Firmware for Wsg50 {
         self.weiss.advance_to(now_ns, plant);
         self.send_ended(outgoing);
         for i in 0..self.updates.len() {
+            if now_ns < self.updates[i].due_ns {
+                continue;
+            }
+            let state = self.state(self.updates[i].id);
             let update = &mut self.updates[i];
-            if now_ns >= update.due_ns {
-                update.due_ns = now_ns.max(update.due_ns + update.period_ns);
-                let id = update.id;
-                self.send_state(id, outgoing);
+            update.due_ns = now_ns.max(update.due_ns + update.period_ns);
+            if !update.only_changes || state != update.sent {
+                reply(outgoing, update.id, status::OK, &state);
+                update.sent = state;
             }
         }
     }

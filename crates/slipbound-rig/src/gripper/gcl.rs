@@ -119,7 +119,9 @@ impl Gcl {
             return driver.push_event(DriverEvent::Garbled { bytes_count: 1 });
         };
         if let Some((name, value)) = line.split_once('=') {
-            return self.take_value(driver, name, value);
+            // Marked so, a value comes by itself, and answers no question.
+            let (name, is_answer) = name.strip_prefix('@').map_or((name, true), |name| (name, false));
+            return self.take_value(driver, name, value, is_answer);
         }
         let mut words = line.split_whitespace();
         let (kind, name) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
@@ -142,7 +144,7 @@ impl Gcl {
         }
     }
 
-    fn take_value(&mut self, driver: &mut DriverState, name: &str, value: &str) {
+    fn take_value(&mut self, driver: &mut DriverState, name: &str, value: &str, is_answer: bool) {
         let number = value.parse::<f64>().ok().filter(|value| value.is_finite());
         if number.is_some() && is_name(name) && !QUESTIONS.contains(&name) {
             return driver.heard(); // a value that somebody else has asked for
@@ -151,7 +153,9 @@ impl Gcl {
             return driver.push_event(DriverEvent::Garbled { bytes_count: name.len() + value.len() });
         };
         driver.heard();
-        self.take_in_flight(name);
+        if is_answer {
+            self.take_in_flight(name);
+        }
         driver.gripper.time_ns = driver.now_ns();
         match name {
             "POS" => driver.gripper.opening_mm = Some(number).filter(|mm| (-10.0..=1000.0).contains(mm)),

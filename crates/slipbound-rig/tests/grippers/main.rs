@@ -1,9 +1,12 @@
 //! Drivers against emulators: in lock-step through byte queues, then over real sockets and a pseudo-terminal.
 
 mod bench;
+mod client;
 mod driver;
 mod faults;
 mod foreign;
+mod foreign_robotiq;
+mod foreign_weiss;
 mod gcl;
 mod line;
 mod noise;

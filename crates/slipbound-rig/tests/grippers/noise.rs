@@ -103,7 +103,7 @@ fn assert_only_30_n(name: &str, outgoing: &[u8]) {
             }
         }
         "robotiq-rtu" => rtu::Parser::default().feed_asks(outgoing, |ask| match ask {
-            rtu::Ask::Write(outputs) => assert_eq!(outputs, [9, 0, 0, 255, 59, 12]),
+            rtu::Ask::Write { bytes, .. } => assert_eq!(bytes, [9, 0, 0, 255, 59, 12]),
             rtu::Ask::Read { .. } => {}
             other => panic!("{other:?}"),
         }),

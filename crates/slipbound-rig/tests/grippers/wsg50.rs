@@ -31,8 +31,8 @@ fn a_block_is_grasped_held_by_steps_of_force_and_released() {
     assert_eq!(bench.state().expect("there").jaws, Jaws::Open);
     bench.grip(20.0).expect("taken over");
     let closing_ms = bench.until(3000, |state| state.jaws == Jaws::Holding);
-    // 110 to 50 mm at 60 mm/s, 25 ms of delay, 2.3 lags of 80 ms to nine tenths of the force.
-    assert!((1200..=1260).contains(&closing_ms), "{closing_ms} ms");
+    // 110 to 50 mm at 50 mm/s, 25 ms of delay, 2.3 lags of 80 ms to nine tenths of the force.
+    assert!((1400..=1460).contains(&closing_ms), "{closing_ms} ms");
     bench.run(500);
     for force_n in [30.0, 42.5, 60.0, 35.0, 20.0] {
         bench.grip(force_n).expect("taken over");

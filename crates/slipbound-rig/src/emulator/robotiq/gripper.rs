@@ -3,14 +3,40 @@
 use crate::emulator::fault::Fault;
 use crate::emulator::jaws::EmulatedJaws;
 use crate::gripper::config::{Config, Kind, read_table};
-use crate::gripper::robotiq::status::{ACTIVATED, bit, object};
+use crate::gripper::robotiq::status::{ACTIVATED, bit, object, speed_of_count};
 use slipbound::plant::{JawSettings, Plant};
 
-/// A position request from here on means: close on whatever is there. Below it the jaws move without pressing.
-const GRIPS_FROM: u8 = 200;
+/// Activation under way: the jaws close and open to find their ends.
+const ACTIVATING: u8 = 1;
+
+/// Widest opening, mm.
+const STROKE_MM: f64 = 85.0;
+
+/// Speed while activating: 1.2 s to close and open. A real one takes a few seconds; clients wait for its state.
+const ACTIVATION_MM_PER_S: f64 = 150.0;
 
 /// Fault: overcurrent; stands for every cause for which the gripper stops itself.
 const STOPPED: u8 = 0xE;
+
+/// What the jaws are told. Speed and force are the gripper's numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Told {
+    Stay,
+    /// To close, and to open again at the end.
+    Activate {
+        opens: bool,
+    },
+    /// There is nothing on the way.
+    To {
+        position: u8,
+        speed: u8,
+    },
+    /// What is on the way stops the fingers, and is gripped.
+    Grip {
+        speed: u8,
+        force: u8,
+    },
+}
 
 /// The gripper behind its interfaces.
 #[derive(Debug)]
@@ -19,8 +45,11 @@ pub(super) struct Gripper {
     pub outputs: [u8; 6],
     pub activation: u8,
     pub fault: u8,
-    /// Whether it presses on something that was in the way of a motion.
-    meets: bool,
+    told: Told,
+    /// Whether activation has closed the jaws.
+    has_closed: bool,
+    /// Width of what is between the jaws, mm.
+    between_mm: Option<f64>,
     scales: Config,
 }
 
@@ -28,7 +57,8 @@ impl Gripper {
     pub fn new() -> Self {
         let scales = Config::of(Kind::Robotiq);
         let jaws = JawSettings {
-            stroke_mm: 85.0,
+            stroke_mm: STROKE_MM,
+            speed_mm_per_s: ACTIVATION_MM_PER_S,
             resolution_n: 0.5,
             least_n: scales.least_n,
             most_n: scales.most_n,
@@ -40,7 +70,9 @@ impl Gripper {
             outputs: [bit::ACTIVATE, 0, 0, 0, 0, 0],
             activation: ACTIVATED,
             fault: 0,
-            meets: false,
+            told: Told::Stay,
+            has_closed: false,
+            between_mm: None,
         }
     }
 
@@ -51,47 +83,75 @@ impl Gripper {
         }
         let was_active = self.outputs[0] & bit::ACTIVATE != 0;
         self.outputs = outputs;
-        self.meets = false;
         match (was_active, outputs[0] & bit::ACTIVATE != 0) {
-            (_, false) => {
-                (self.activation, self.fault) = (0, 0);
-                self.jaws.stay();
-            }
-            (false, true) => {
-                self.activation = 1;
-                self.jaws.move_to(85.0);
-            }
-            (true, true) if self.activation == ACTIVATED && self.fault == 0 && outputs[0] & bit::GO_TO != 0 => {
-                match outputs[3] {
-                    GRIPS_FROM.. => self.jaws.grasp(read_table(&self.scales.force_table, 0, f64::from(outputs[5]))),
-                    position => self.jaws.move_to(self.scales.opening_of_count(position)),
-                }
-            }
-            _ => {}
+            (_, false) => (self.activation, self.fault) = (0, 0),
+            (false, true) => (self.activation, self.has_closed) = (ACTIVATING, false),
+            (true, true) => {}
         }
+        self.steer();
         true
     }
 
     pub fn advance_to(&mut self, now_ns: u64, plant: &mut dyn Plant) {
+        self.between_mm = self.jaws.between_mm(plant);
         self.jaws.advance_to(now_ns, plant);
-        if self.activation == 1 && self.jaws.is_there() {
-            self.activation = ACTIVATED;
+        if let Told::Activate { opens } = self.told {
+            // What is in the way ends the closing stroke.
+            self.has_closed |= !opens && (self.jaws.is_there() || self.jaws.is_blocked());
+            if opens && self.jaws.is_there() {
+                self.activation = ACTIVATED;
+            }
         }
-        // Whatever is in the way of closing fingers is gripped.
-        let goes = self.activation == ACTIVATED && self.fault == 0 && self.outputs[0] & bit::GO_TO != 0;
-        if goes && self.outputs[3] < GRIPS_FROM && !self.meets && self.jaws.is_blocked() {
-            self.meets = true;
-            self.jaws.grasp(read_table(&self.scales.force_table, 0, f64::from(self.outputs[5])));
+        self.steer();
+    }
+
+    fn goes(&self) -> bool {
+        self.activation == ACTIVATED && self.outputs[0] & bit::GO_TO != 0
+    }
+
+    fn wanted(&self) -> Told {
+        let [.., position, speed, force] = self.outputs;
+        if self.fault != 0 {
+            return Told::Stay;
+        }
+        match self.activation {
+            ACTIVATING => Told::Activate { opens: self.has_closed },
+            _ if !self.goes() => Told::Stay,
+            _ if self.between_mm > Some(self.scales.opening_of_count(position)) => Told::Grip { speed, force },
+            _ => Told::To { position, speed },
         }
     }
 
+    /// Tells the jaws what is now wanted, where it is new.
+    fn steer(&mut self) {
+        let wanted = self.wanted();
+        if wanted == self.told {
+            return;
+        }
+        self.told = wanted;
+        match wanted {
+            Told::Stay => self.jaws.stay(),
+            Told::Activate { opens } => {
+                self.jaws.set_speed(ACTIVATION_MM_PER_S);
+                self.jaws.move_to(if opens { STROKE_MM } else { 0.0 });
+            }
+            Told::To { position, speed } => {
+                self.jaws.set_speed(speed_of_count(speed));
+                self.jaws.move_to(self.scales.opening_of_count(position));
+            }
+            Told::Grip { speed, force } => {
+                self.jaws.set_speed(speed_of_count(speed));
+                self.jaws.grasp(read_table(&self.scales.force_table, 0, f64::from(force)));
+            }
+        }
+    }
+
+    /// gOBJ. The manual: to be ignored without gGTO; its examples then have 0.
     pub fn object(&self) -> u8 {
-        let grips = (self.outputs[3] >= GRIPS_FROM || self.meets) && self.outputs[0] & bit::GO_TO != 0;
-        match grips {
-            true if self.jaws.touches() => object::CONTACT_CLOSING,
-            true if self.jaws.has_begun() && self.jaws.opening_mm() <= 0.0 => object::THERE,
-            false if self.jaws.is_there() => object::THERE,
-            _ if self.meets => object::CONTACT_CLOSING, // the moment before it presses
+        match self.told {
+            _ if !self.goes() => object::MOVING,
+            Told::To { .. } if self.jaws.is_there() => object::THERE,
+            Told::Grip { .. } | Told::Stay if self.jaws.touches() => object::CONTACT_CLOSING,
             _ => object::MOVING,
         }
     }
@@ -111,7 +171,7 @@ impl Gripper {
             Fault::PowerCycle => (self.outputs, self.activation, self.fault) = ([0; 6], 0, 0),
             _ => return false,
         }
-        self.jaws.stay();
+        self.steer();
         true
     }
 }

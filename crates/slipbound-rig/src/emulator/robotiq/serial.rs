@@ -4,65 +4,95 @@ use super::gripper::Gripper;
 use crate::emulator::fault::Fault;
 use crate::emulator::firmware::Firmware;
 use crate::emulator::jaws::EmulatedJaws;
-use crate::gripper::robotiq::rtu::{self, Ask, Parser};
+use crate::gripper::robotiq::rtu::{self, Ask, Parser, Registers};
 use slipbound::plant::Plant;
+use std::ops::Range;
+
+/// Silence that ends a message whose length cannot be told, ns. On the line it is 3.5 characters, 0.3 ms; a client that is
+/// no real-time computer may take longer within a message.
+const SILENCE_NS: u64 = 10_000_000;
+
+/// Modbus exceptions: there is no such function, no such register; the message is no good.
+const NO_SUCH_FUNCTION: u8 = 1;
+const NO_SUCH_REGISTER: u8 = 2;
+const NO_SUCH_VALUE: u8 = 3;
+
+/// The function that writes and reads.
+const READ_WRITE: u8 = 23;
 
 /// The firmware.
 #[derive(Debug)]
 pub struct Serial {
     gripper: Gripper,
     parser: Parser,
+    received_ns: u64,
 }
 
 impl Default for Serial {
     fn default() -> Self {
-        Serial { gripper: Gripper::new(), parser: Parser::default() }
+        Serial { gripper: Gripper::new(), parser: Parser::default(), received_ns: 0 }
     }
 }
 
-/// Modbus exception: there is no such register.
-const NO_SUCH_REGISTER: u8 = 2;
-
-/// Where registers stand among the three that begin at `first`, as a place of their bytes; None where they do not.
-fn place(register: u16, registers_count: u8, first: u16) -> Option<usize> {
-    let from = usize::from(register.checked_sub(first)?);
-    let is_there = registers_count > 0 && from + usize::from(registers_count) <= usize::from(rtu::REGISTERS_COUNT);
-    is_there.then_some(2 * from)
+/// Where the bytes of registers stand among those of the three that begin at `first`. The error is a Modbus exception.
+fn place(registers: Registers, first: u16) -> Result<Range<usize>, u8> {
+    let from = registers.first.checked_sub(first).ok_or(NO_SUCH_REGISTER)?;
+    match registers.count {
+        0 => Err(NO_SUCH_VALUE),
+        count if from.saturating_add(count) > rtu::REGISTERS_COUNT => Err(NO_SUCH_REGISTER),
+        count => Ok(2 * usize::from(from)..2 * usize::from(from + count)),
+    }
 }
 
 impl Serial {
     fn execute(&mut self, ask: Ask, outgoing: &mut Vec<u8>) {
-        match ask {
-            Ask::Write(outputs) if self.gripper.set(outputs) => rtu::answer_write(outgoing),
-            Ask::Write(_) => rtu::answer_refused(outgoing, 16, 3),
-            Ask::Read { function, registers_count } => {
-                let inputs = self.gripper.inputs();
-                rtu::answer_read(outgoing, function, &inputs[..2 * usize::from(registers_count)]);
+        let refused = match ask {
+            Ask::Read { function, registers } => {
+                self.read(function, registers, outgoing).map_err(|why| (function, why))
             }
-            Ask::WriteSome { function, register, registers_count, bytes } => {
-                let Some(from) = place(register, registers_count, rtu::FIRST_OUTPUT) else {
-                    return rtu::answer_refused(outgoing, function, NO_SUCH_REGISTER);
-                };
-                let count = 2 * usize::from(registers_count);
-                let mut outputs = self.gripper.outputs;
-                outputs[from..from + count].copy_from_slice(&bytes[..count]);
-                match self.gripper.set(outputs) {
-                    true => rtu::answer_write_some(outgoing, function, register, registers_count, bytes),
-                    false => rtu::answer_refused(outgoing, function, 3),
-                }
+            Ask::Write { function, registers, bytes } => match self.write(registers, bytes) {
+                Ok(()) => return rtu::answer_write(outgoing, function, registers, bytes),
+                Err(why) => Err((function, why)),
+            },
+            Ask::WriteRead { written, bytes, read } => {
+                // What cannot be read is refused before anything is written.
+                let result = self.registers(read).and_then(|_| self.write(written, bytes));
+                result.and_then(|()| self.read(READ_WRITE, read, outgoing)).map_err(|why| (READ_WRITE, why))
             }
-            Ask::ReadSome { function, register, registers_count } => {
-                let outputs = place(register, registers_count, rtu::FIRST_OUTPUT).map(|at| (at, self.gripper.outputs));
-                let inputs = place(register, registers_count, rtu::FIRST_INPUT).map(|at| (at, self.gripper.inputs()));
-                match outputs.or(inputs) {
-                    Some((from, bytes)) => {
-                        let to = from + 2 * usize::from(registers_count);
-                        rtu::answer_read(outgoing, function, &bytes[from..to]);
-                    }
-                    None => rtu::answer_refused(outgoing, function, NO_SUCH_REGISTER),
-                }
-            }
-            Ask::Unknown(function) => rtu::answer_refused(outgoing, function, 1),
+            Ask::Malformed(function) => Err((function, NO_SUCH_VALUE)),
+            Ask::Unknown(function) => Err((function, NO_SUCH_FUNCTION)),
+        };
+        if let Err((function, why)) = refused {
+            rtu::answer_refused(outgoing, function, why);
+        }
+    }
+
+    /// The six bytes among which registers stand, and where.
+    fn registers(&self, registers: Registers) -> Result<([u8; 6], Range<usize>), u8> {
+        let outputs = place(registers, rtu::FIRST_OUTPUT).map(|at| (self.gripper.outputs, at));
+        outputs.or_else(|_| place(registers, rtu::FIRST_INPUT).map(|at| (self.gripper.inputs(), at)))
+    }
+
+    fn read(&self, function: u8, registers: Registers, outgoing: &mut Vec<u8>) -> Result<(), u8> {
+        let (bytes, at) = self.registers(registers)?;
+        rtu::answer_read(outgoing, function, &bytes[at]);
+        Ok(())
+    }
+
+    fn write(&mut self, registers: Registers, bytes: [u8; 6]) -> Result<(), u8> {
+        let at = place(registers, rtu::FIRST_OUTPUT)?;
+        let mut outputs = self.gripper.outputs;
+        let count = at.len();
+        outputs[at].copy_from_slice(&bytes[..count]);
+        if self.gripper.set(outputs) { Ok(()) } else { Err(NO_SUCH_VALUE) }
+    }
+
+    /// After a silence, what was received has come to its end.
+    fn end(&mut self, now_ns: u64, outgoing: &mut Vec<u8>) {
+        if self.parser.is_within() && now_ns >= self.received_ns + SILENCE_NS {
+            let mut parser = std::mem::take(&mut self.parser);
+            parser.end_ask(|ask| self.execute(ask, outgoing));
+            self.parser = parser;
         }
     }
 }
@@ -74,14 +104,20 @@ impl Firmware for Serial {
 
     fn disconnected(&mut self) {}
 
-    fn receive(&mut self, _now_ns: u64, bytes: &[u8], outgoing: &mut Vec<u8>) {
+    fn receive(&mut self, now_ns: u64, bytes: &[u8], outgoing: &mut Vec<u8>) {
+        if bytes.is_empty() {
+            return;
+        }
+        self.end(now_ns, outgoing);
+        self.received_ns = now_ns;
         let mut parser = std::mem::take(&mut self.parser);
         parser.feed_asks(bytes, |ask| self.execute(ask, outgoing));
         self.parser = parser;
     }
 
-    fn tick(&mut self, now_ns: u64, plant: &mut dyn Plant, _outgoing: &mut Vec<u8>) {
+    fn tick(&mut self, now_ns: u64, plant: &mut dyn Plant, outgoing: &mut Vec<u8>) {
         self.gripper.advance_to(now_ns, plant);
+        self.end(now_ns, outgoing);
     }
 
     fn inject(&mut self, fault: Fault, _outgoing: &mut Vec<u8>) -> bool {

@@ -1,10 +1,14 @@
-//! Modbus RTU, the two functions that a 2F-85 needs.
+//! Modbus RTU: the two functions that we need of a 2F-85, and in [`Ask`] all that it has.
 //!
 //! ```text
 //!   write:  09 10 03E8 0003 06 | 6 bytes | crc     answer  09 10 03E8 0003 crc
 //!   read:   09 04 07D0 0003 crc                    answer  09 04 06 | 6 bytes | crc
 //!                                                  refusal 09 (90 or 84) code crc
 //! ```
+
+mod ask;
+
+pub use ask::{Ask, Registers};
 
 use crc::{CRC_16_MODBUS, Crc};
 
@@ -17,6 +21,7 @@ const READ_HOLDING: u8 = 3;
 const READ: u8 = 4;
 const WRITE: u8 = 16;
 const WRITE_ONE: u8 = 6;
+const READ_WRITE: u8 = 23;
 const REFUSED: u8 = 0x80;
 
 /// The first output register.
@@ -26,7 +31,7 @@ pub const FIRST_OUTPUT: u16 = 1000;
 pub const FIRST_INPUT: u16 = 2000;
 
 /// How many there are of each.
-pub const REGISTERS_COUNT: u8 = 3;
+pub const REGISTERS_COUNT: u16 = 3;
 
 /// Where the outputs are, and how many registers.
 const OUTPUT: [u8; 4] = [0x03, 0xE8, 0x00, 0x03];
@@ -34,8 +39,8 @@ const OUTPUT: [u8; 4] = [0x03, 0xE8, 0x00, 0x03];
 /// Where the inputs are.
 const INPUT: [u8; 2] = [0x07, 0xD0];
 
-/// Longest message of either side, bytes.
-const LONGEST: usize = 15;
+/// Longest message of either side, bytes: Modbus has no longer ones.
+const LONGEST: usize = 256;
 
 fn end(into: &mut Vec<u8>, start: usize) {
     let crc = CRC.checksum(&into[start..]);
@@ -61,21 +66,15 @@ pub fn ask_read(into: &mut Vec<u8>) {
     message(into, &[&[SLAVE, READ], &INPUT, &[0, 3]]);
 }
 
-/// Appends the answer to a write.
-pub fn answer_write(into: &mut Vec<u8>) {
-    message(into, &[&[SLAVE, WRITE], &OUTPUT]);
+/// Appends the answer to a write: of the one by function 6 its value, else how many.
+pub fn answer_write(into: &mut Vec<u8>, function: u8, registers: Registers, bytes: [u8; 6]) {
+    let last = if function == WRITE_ONE { [bytes[0], bytes[1]] } else { registers.count.to_be_bytes() };
+    message(into, &[&[SLAVE, function], &registers.first.to_be_bytes(), &last]);
 }
 
-/// Appends the answer to a write of some registers: of the one by function 6 its value, else how many.
-pub fn answer_write_some(into: &mut Vec<u8>, function: u8, register: u16, registers_count: u8, bytes: [u8; 6]) {
-    let [high, low] = register.to_be_bytes();
-    let last = if function == WRITE_ONE { [bytes[0], bytes[1]] } else { [0, registers_count] };
-    message(into, &[&[SLAVE, function, high, low], &last]);
-}
-
-/// Appends the answer to a read by this function (3 or 4): the first registers of the inputs.
-pub fn answer_read(into: &mut Vec<u8>, function: u8, inputs: &[u8]) {
-    message(into, &[&[SLAVE, function, inputs.len() as u8], inputs]);
+/// Appends the answer to a read by this function (3, 4 or 23): the bytes of the registers.
+pub fn answer_read(into: &mut Vec<u8>, function: u8, registers: &[u8]) {
+    message(into, &[&[SLAVE, function, registers.len() as u8], registers]);
 }
 
 /// Appends a refusal.
@@ -94,46 +93,13 @@ pub enum Answer {
     Refused(u8),
 }
 
-/// What a gripper is asked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ask {
-    /// Write the six output bytes.
-    Write([u8; 6]),
-    /// Write one to three output registers, by function 6 or 16.
-    WriteSome {
-        /// 6 or 16.
-        function: u8,
-        /// The register, from [`FIRST_OUTPUT`] on.
-        register: u16,
-        /// 1 to 3.
-        registers_count: u8,
-        /// Their bytes; what is beyond them is 0.
-        bytes: [u8; 6],
-    },
-    /// Read so many registers of any place, by function 3 or 4.
-    ReadSome {
-        /// 3 or 4.
-        function: u8,
-        /// The first.
-        register: u16,
-        /// How many.
-        registers_count: u8,
-    },
-    /// Read so many input registers, by function 3 or 4.
-    Read {
-        /// 3 or 4.
-        function: u8,
-        /// 1 to 3.
-        registers_count: u8,
-    },
-    /// Something else, by its function.
-    Unknown(u8),
-}
-
 /// What stands at the start of the bytes held.
 enum Look<T> {
+    /// A message, and its length.
     Whole(T, usize),
+    /// No message.
     None,
+    /// A message may, once there is more of it.
     Short,
 }
 
@@ -151,7 +117,20 @@ impl Parser {
 
     /// Takes a master's bytes and calls `found` with every request that is now whole.
     pub fn feed_asks(&mut self, bytes: &[u8], found: impl FnMut(Ask)) {
-        self.feed(bytes, ask, found);
+        self.feed(bytes, ask::ask, found);
+    }
+
+    /// The line has been silent, which ends a master's message: only so is the end of one known whose function is not.
+    /// What has become none is forgotten.
+    pub fn end_ask(&mut self, found: impl FnMut(Ask)) {
+        let ended = (0..self.held.len()).find_map(|start| ask::ended(&self.held[start..]));
+        self.held.clear();
+        ended.into_iter().for_each(found);
+    }
+
+    /// Whether the beginning of a message waits for its rest.
+    pub fn is_within(&self) -> bool {
+        !self.held.is_empty()
     }
 
     /// Forgets what has not become a message.
@@ -172,6 +151,7 @@ impl Parser {
                         start += length;
                     }
                     Look::None => start += 1,
+                    Look::Short if self.held.len() - start == LONGEST => start += 1,
                     Look::Short => break,
                 }
             }
@@ -180,14 +160,16 @@ impl Parser {
     }
 }
 
+/// A message without its checksum, if that is right.
+fn checked(message: &[u8]) -> Option<&[u8]> {
+    let (body, crc) = message.split_last_chunk()?;
+    (CRC.checksum(body).to_le_bytes() == *crc).then_some(body)
+}
+
 /// The first `length` bytes if they are there and their checksum is right.
 fn sound<T>(bytes: &[u8], length: usize, make: impl FnOnce(&[u8]) -> Option<T>) -> Look<T> {
     let Some(message) = bytes.get(..length) else { return Look::Short };
-    let (body, crc) = message.split_at(length - 2);
-    if CRC.checksum(body).to_le_bytes() != crc {
-        return Look::None;
-    }
-    make(body).map_or(Look::None, |made| Look::Whole(made, length))
+    checked(message).and_then(make).map_or(Look::None, |made| Look::Whole(made, length))
 }
 
 fn answer(bytes: &[u8]) -> Look<Answer> {
@@ -199,51 +181,6 @@ fn answer(bytes: &[u8]) -> Look<Answer> {
         [SLAVE, function, ..] if [READ | REFUSED, WRITE | REFUSED].contains(function) => {
             sound(bytes, 5, |body| Some(Answer::Refused(body[2])))
         }
-        _ => Look::None,
-    }
-}
-
-fn ask(bytes: &[u8]) -> Look<Ask> {
-    match bytes {
-        [] | [SLAVE] => Look::Short,
-        [SLAVE, READ | READ_HOLDING, ..] => sound(bytes, 8, |body| {
-            let is_ours = body[2..4] == INPUT && body[4] == 0 && (1..=3).contains(&body[5]);
-            let register = u16::from_be_bytes([body[2], body[3]]);
-            let (function, registers_count) = (body[1], body[5]);
-            Some(match is_ours {
-                true => Ask::Read { function, registers_count },
-                false if body[4] == 0 => Ask::ReadSome { function, register, registers_count },
-                false => Ask::Unknown(function),
-            })
-        }),
-        [SLAVE, WRITE_ONE, ..] => sound(bytes, 8, |body| {
-            let register = u16::from_be_bytes([body[2], body[3]]);
-            Some(Ask::WriteSome {
-                function: WRITE_ONE,
-                register,
-                registers_count: 1,
-                bytes: [body[4], body[5], 0, 0, 0, 0],
-            })
-        }),
-        [SLAVE, WRITE, high, low, 0, count @ 1..=2, twice, ..] if *twice == 2 * count => {
-            let length = 9 + 2 * usize::from(*count);
-            let register = u16::from_be_bytes([*high, *low]);
-            sound(bytes, length, |body| {
-                let mut written = [0; 6];
-                written[..body.len() - 7].copy_from_slice(&body[7..]);
-                Some(Ask::WriteSome { function: WRITE, register, registers_count: *count, bytes: written })
-            })
-        }
-        [SLAVE, WRITE, ..] if bytes.len() < 7 => Look::Short,
-        [SLAVE, WRITE, ..] => {
-            let head = bytes.len().min(7);
-            let expected = [&[SLAVE, WRITE], OUTPUT.as_slice(), &[6]].concat();
-            match bytes[..head] == expected[..head] {
-                true => sound(bytes, 15, |body| body[7..].first_chunk().copied().map(Ask::Write)),
-                false => Look::None,
-            }
-        }
-        [SLAVE, function, ..] if *function < REFUSED => sound(bytes, 8, |body| Some(Ask::Unknown(body[1]))),
         _ => Look::None,
     }
 }
@@ -274,16 +211,18 @@ mod tests {
         let mut out = Vec::new();
         ask_write(&mut out, [0x09, 0, 0, 0, 0xFF, 0xFF]);
         assert_eq!(out, bytes("09 10 03 E8 00 03 06 09 00 00 00 FF FF 72 19"));
-        assert_eq!(asks(&out), [Ask::Write([0x09, 0, 0, 0, 0xFF, 0xFF])]);
+        let (registers, bytes_written) = (Registers { first: 1000, count: 3 }, [0x09, 0, 0, 0, 0xFF, 0xFF]);
+        assert_eq!(asks(&out), [Ask::Write { function: 16, registers, bytes: bytes_written }]);
         out.clear();
-        answer_write(&mut out);
+        answer_write(&mut out, 16, registers, bytes_written);
         assert_eq!(out, bytes("09 10 03 E8 00 03 01 30"));
         assert_eq!(answers(&out), [Answer::Written]);
         out.clear();
         ask_read(&mut out);
         assert_eq!(out, bytes("09 04 07 D0 00 03 B1 CE"));
-        assert_eq!(asks(&out), [Ask::Read { function: 4, registers_count: 3 }]);
-        assert_eq!(asks(&bytes("09 03 07 D0 00 01 85 CF")), [Ask::Read { function: 3, registers_count: 1 }]);
+        let inputs = |count| Registers { first: 2000, count };
+        assert_eq!(asks(&out), [Ask::Read { function: 4, registers: inputs(3) }]);
+        assert_eq!(asks(&bytes("09 03 07 D0 00 01 85 CF")), [Ask::Read { function: 3, registers: inputs(1) }]);
         out.clear();
         answer_read(&mut out, 4, &[0xF9, 0, 0, 0, 0x0D, 0]);
         assert_eq!(out, bytes("09 04 06 F9 00 00 00 0D 00 17 AA"));

@@ -89,6 +89,11 @@ impl Status {
     }
 }
 
+/// The speed of a number, mm/s: 0 is 20, 255 is 150, as the data sheet has it.
+pub(crate) fn speed_of_count(count: u8) -> f64 {
+    20.0 + f64::from(count) * 130.0 / 255.0
+}
+
 impl Config {
     /// Robotiq's number for a force per finger.
     pub(crate) fn force_count(&self, force_n: f64) -> u8 {

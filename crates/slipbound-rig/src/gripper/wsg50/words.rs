@@ -147,7 +147,9 @@ pub mod flag {
     #![allow(missing_docs)]
     pub const REFERENCED: u32 = 1;
     pub const MOVING: u32 = 1 << 1;
+    pub const BLOCKED_MINUS: u32 = 1 << 2;
     pub const AXIS_STOPPED: u32 = 1 << 6;
+    pub const TARGET_POS_REACHED: u32 = 1 << 7;
     pub const FAST_STOP: u32 = 1 << 12;
     pub const TEMPERATURE_FAULT: u32 = 1 << 14;
     pub const POWER_FAULT: u32 = 1 << 15;
