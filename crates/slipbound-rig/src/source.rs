@@ -9,7 +9,7 @@
 //! |---|---|---|---|
 //! | folder, pattern, image | place in the natural order of the names | none | unknown |
 //! | video | place in the file, dropped frames counted | number times the header's frame rate | assumed |
-//!
+//! | video whose stamps are uneven, through `ffmpeg` | place in the file | the container's stamps | container |
 //! | `run.mcap` | as it was recorded | as it was recorded, else the message's | as it was recorded, else container |
 //! | `-` (standard input), named pipe, through `ffmpeg` | place | none | unknown |
 //! | `http://` Motion JPEG | place | the server's stamp, else arrival | device, host |
@@ -44,6 +44,7 @@ mod read_ahead;
 mod riff;
 #[cfg(all(feature = "v4l2", target_os = "linux", target_pointer_width = "64"))]
 pub mod v4l2;
+mod video_times;
 
 pub use avi::Avi;
 pub use camera::{Camera, CameraCounts, CameraTally};

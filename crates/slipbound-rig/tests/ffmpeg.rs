@@ -59,6 +59,31 @@ fn every_frame_comes_once_and_the_same_each_time() {
     }
 }
 
+/// Half a second in which the recorder wrote nothing is no time of ten frames.
+#[test]
+fn a_video_of_varying_rate_has_the_times_of_its_container() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("uneven.mp4");
+    let made = Command::new("ffmpeg")
+        .args(["-v", "error", "-f", "lavfi", "-i", "testsrc=size=64x48:rate=20:duration=1"])
+        .args(["-vf", "select='not(between(n,5,14))'", "-vsync", "vfr", "-c:v", "mpeg4"])
+        .arg(&path)
+        .status();
+    let Ok(status) = made else {
+        eprintln!("no ffmpeg here: not tested");
+        return;
+    };
+    assert!(status.success());
+    let mut source = source::open(path.to_str().expect("UTF-8")).expect("opens");
+    let mut frame = FrameBuffer::default();
+    let mut times_ms = Vec::new();
+    while source.next(&mut frame).expect("no final error") == Next::Frame {
+        assert_eq!(frame.clock, Clock::Container);
+        times_ms.push(frame.time_ns.expect("a time") / 1_000_000);
+    }
+    assert_eq!(times_ms, [0, 50, 100, 150, 200, 750, 800, 850, 900, 950]);
+}
+
 #[test]
 fn a_cut_avi_gives_what_is_there_and_says_so() {
     let dir = tempfile::tempdir().expect("a folder");

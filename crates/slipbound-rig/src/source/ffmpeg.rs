@@ -3,10 +3,10 @@
 //! Each frame comes as a PPM picture, so its size is the program's own word, whatever the container said; one
 //! thread and the bit-exact flags make the pixels the same on every run of one version of the program.
 
-use super::avi::stamp;
+use super::Error;
 use super::picture_size::checked_size;
 use super::riff::{Survey, Video};
-use super::{Error, Rate};
+use super::video_times::{self, VideoTimes};
 use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
 use std::ffi::{OsStr, OsString};
 use std::io::{self, BufRead, BufReader, ErrorKind, Read};
@@ -23,7 +23,7 @@ const STDERR_BYTES: usize = 2000;
 #[derive(Debug)]
 pub struct Ffmpeg {
     path: PathBuf,
-    rate: Option<Rate>,
+    times: VideoTimes,
     frames_count: Option<u64>,
     /// What the file lacks at its end, to be told there.
     lacks: Option<String>,
@@ -44,21 +44,21 @@ const EVERY_FRAME_ONCE: [&str; 2] = ["-fps_mode", "-vsync"];
 
 impl Ffmpeg {
     /// Starts the program on a video. `avi` is what our own reading of an AVI file found; for other containers
-    /// the rate is asked of `ffprobe`, and without it there is no time.
+    /// the times are asked of `ffprobe`, and without it there are none.
     pub(super) fn open(path: &Path, avi: Option<(Video, Survey)>) -> Result<Self, Error> {
         let codec = avi.as_ref().map_or("this kind of video".into(), |(v, _)| format!("the codec {}", v.codec_name()));
         let running = start(path, EVERY_FRAME_ONCE[0]).map_err(|source| match source.kind() {
             ErrorKind::NotFound => Error::FfmpegMissing { path: path.to_owned(), codec },
             _ => Error::FfmpegStart { path: path.to_owned(), source },
         })?;
-        let (rate, frames_count, lacks) = match avi {
-            Some((video, survey)) => (Some(video.rate), Some(survey.frames_count), survey.cut),
+        let (times, frames_count, lacks) = match avi {
+            Some((video, survey)) => (VideoTimes::at(video.rate), Some(survey.frames_count), survey.cut),
             None => {
-                let (rate, count) = probe(path);
-                (rate, count, None)
+                let (times, count) = video_times::probe(path);
+                (times, count, None)
             }
         };
-        Ok(Ffmpeg { path: path.to_owned(), rate, frames_count, lacks, running: Some(running), seq: 0 })
+        Ok(Ffmpeg { path: path.to_owned(), times, frames_count, lacks, running: Some(running), seq: 0 })
     }
 
     /// Starts the program on what cannot be read twice: standard input (`-`) or a named pipe. There is no time.
@@ -67,8 +67,8 @@ impl Ffmpeg {
             ErrorKind::NotFound => Error::FfmpegMissing { path: path.to_owned(), codec: "a pipe".into() },
             _ => Error::FfmpegStart { path: path.to_owned(), source },
         })?;
-        let (rate, frames_count, lacks) = (None, None, None);
-        Ok(Ffmpeg { path: path.to_owned(), rate, frames_count, lacks, running: Some(running), seq: 0 })
+        let times = VideoTimes::default();
+        Ok(Ffmpeg { path: path.to_owned(), times, frames_count: None, lacks: None, running: Some(running), seq: 0 })
     }
 
     /// The program has nothing more to give: all is well, or it says why not.
@@ -103,7 +103,7 @@ impl Ffmpeg {
 
 impl FrameSource for Ffmpeg {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
-        stamp(into, self.rate, self.seq);
+        self.times.stamp(into, self.seq);
         into.encoded.clear();
         loop {
             let Some(running) = &mut self.running else {
@@ -152,7 +152,7 @@ impl Drop for Running {
 }
 
 /// `file:` keeps a name from being read as an option or a protocol.
-fn file_argument(path: &Path) -> OsString {
+pub(super) fn file_argument(path: &Path) -> OsString {
     let mut argument = OsString::from("file:");
     argument.push(path);
     argument
@@ -211,23 +211,6 @@ fn last_words(stderr: ChildStderr) -> String {
         kept.drain(..excess);
     }
     String::from_utf8_lossy(&kept).lines().map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join("; ")
-}
-
-/// Rate and number of frames as `ffprobe` tells them; nothing when it is not there or does not know. What is wrong
-/// with the file is left for `ffmpeg` to say.
-fn probe(path: &Path) -> (Option<Rate>, Option<u64>) {
-    let asked = Command::new("ffprobe")
-        .args(["-v", "quiet", "-select_streams", "v:0", "-show_entries", "stream=avg_frame_rate,nb_frames"])
-        .args(["-of", "default=noprint_wrappers=1"])
-        .arg(file_argument(path))
-        .stdin(Stdio::null())
-        .output();
-    let text = asked.map(|o| String::from_utf8_lossy(&o.stdout).into_owned()).unwrap_or_default();
-    let value = |key: &str| text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
-    let rate = value("avg_frame_rate")
-        .and_then(|r| r.split_once('/'))
-        .and_then(|(frames, seconds)| Some(Rate { frames: frames.parse().ok()?, seconds: seconds.parse().ok()? }));
-    (rate, value("nb_frames").and_then(|n| n.parse().ok()))
 }
 
 /// Reads one binary PPM picture; false at the end of the stream.
