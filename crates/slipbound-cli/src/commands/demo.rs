@@ -131,7 +131,7 @@ impl Demo {
         let rows = results::rows(&scene, &settings, &score);
         let outcome = output.finish(&rows, score.ending, |page| {
             let times = seconds / took_s;
-            format!("{seconds:.1} s in {took_s:.1} s ({times:.1} times real time); report: {page}")
+            format!("simulated {seconds:.1} s in {took_s:.1} s ({times:.1} times real time); report: {page}")
         })?;
         ran.map_err(Failure::Work)?;
         match score.ending {

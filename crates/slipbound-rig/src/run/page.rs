@@ -23,7 +23,7 @@ use super::event::{Event, TimedEvent};
 use super::info::{Row, RunInfo};
 use crate::sheet::markup::{Escaped, base64};
 use slipbound::control::Cycle;
-use slipbound::task::Ending;
+use slipbound::task::{Ending, Phase};
 use std::fmt;
 use text::{in_words, seconds};
 
@@ -72,21 +72,26 @@ impl fmt::Display for Page<'_> {
 impl Page<'_> {
     fn head(&self, f: &mut fmt::Formatter<'_>, title: &str) -> fmt::Result {
         writeln!(f, "<header>\n<p class=\"above\">Slipbound run</p>\n<h1>{}</h1>", Escaped(title))?;
-        writeln!(f, "<p class=\"below\">{}, seed {}</p>", Escaped(&self.info.source), self.info.seed)?;
+        writeln!(f, "<p class=\"below\">{}, seed {}</p>", Escaped(&brief(&self.info.source)), self.info.seed)?;
         let (class, name, why) = match self.ending {
             Some(ending) if ending.is_success() => ("good", name_of(ending), ending.evidence()),
             Some(ending) => ("bad", name_of(ending), ending.evidence()),
             None => ("bad", "Broken off".to_owned(), "the loop stopped before the task was over"),
         };
         writeln!(f, "<p class=\"ending {class}\"><strong>{}</strong>: {}.</p>", Escaped(&name), Escaped(why))?;
-        let most_n = self.cycles.iter().filter_map(|c| c.gripper.force_n).filter(|n| n.is_finite()).fold(0.0, f64::max);
+        let commanded_n = self.cycles.iter().filter_map(|c| c.grip_command.force_n());
+        let most_n = commanded_n.filter(|n| n.is_finite()).fold(0.0, f64::max);
         let last = self.cycles.last();
-        let first_ns = self.cycles.first().map_or(0, |c| c.time_ns);
+        // On the clock that slips, plots and events have, too.
+        let ended = self.cycles.iter().find(|c| matches!(c.phase, Phase::Ended(_)));
         let facts = [
-            (seconds(last.map_or(0, |c| c.time_ns.saturating_sub(first_ns))), "time"),
+            (
+                seconds(ended.or(last).map_or(0, |c| c.time_ns)),
+                if ended.is_some() { "until it ended" } else { "until it broke off" },
+            ),
             (self.marks().count().to_string(), "slips"),
             (last.map_or(0, |c| c.alarms_count).to_string(), "alarms answered"),
-            (format!("{most_n:.1} N"), "largest force per finger"),
+            (format!("{most_n:.1} N"), "largest force commanded, per finger"),
             (self.info.fingers.len().to_string(), if self.info.fingers.len() == 1 { "finger" } else { "fingers" }),
         ];
         writeln!(f, "<ul class=\"facts\">")?;
@@ -208,6 +213,22 @@ impl Page<'_> {
     }
 }
 
+/// Of `TASK?key=value&...` what a reader tells runs apart by; any other source as it is. All of it is among the settings.
+fn brief(source: &str) -> String {
+    const SHOWN: [&str; 7] = ["object", "mu", "mu_right", "fingers", "camera", "surroundings", "fault"];
+    let Some((task, settings)) = source.split_once('?') else { return source.to_owned() };
+    let shown = settings.split('&').filter_map(|setting| setting.split_once('=')).filter_map(|(key, value)| {
+        let usual = matches!((key, value), ("fault", "none") | ("surroundings", "camera") | (_, "object"));
+        let words = value.replace('_', " ");
+        (SHOWN.contains(&key) && !usual).then(|| match key {
+            "object" | "camera" => words,
+            "mu_right" => format!("mu {words} on the right"),
+            _ => format!("{key} {words}"),
+        })
+    });
+    std::iter::once(format!("simulated {task}")).chain(shown).collect::<Vec<_>>().join(", ")
+}
+
 /// `SlipAtMost` as `Slip at most`.
 fn name_of(ending: Ending) -> String {
     let mut words = String::new();
@@ -223,4 +244,18 @@ fn name_of(ending: Ending) -> String {
 fn capital(word: &str) -> String {
     let mut signs = word.chars();
     signs.next().map_or_else(String::new, |first| first.to_uppercase().chain(signs).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_simulated_source_is_told_in_a_few_words_and_a_real_one_as_it_is() {
+        let source =
+            "lift?seed=1&object=water_bottle&mu=0.25&mu_right=object&fingers=2&grid=fast&camera=gelslim&fault=none";
+        assert_eq!(brief(source), "simulated lift, water bottle, mu 0.25, fingers 2, gelslim");
+        assert_eq!(brief("screw?fault=lost@3&mu=object"), "simulated screw, fault lost@3");
+        assert_eq!(brief("v4l2:28GM"), "v4l2:28GM");
+    }
 }

@@ -46,7 +46,7 @@ pub(super) fn in_words(event: &TimedEvent) -> String {
             format!("Slip {slip} at {}: {what} {way}at {}{fingers}", seconds(event.time_ns), newtons(force_n))
         }
         Event::SlipEnds { slip, lasted_ns: 0 } => format!("Slip {slip} is over: seen in one cycle"),
-        Event::SlipEnds { slip, lasted_ns } => format!("Slip {slip} is over: seen for {} ms", lasted_ns / 1_000_000),
+        Event::SlipEnds { slip, lasted_ns } => format!("Slip {slip} is over: seen for {}", seconds(*lasted_ns)),
         Event::Grip { from_n, to_n } => format!("Grip from {} to {}", newtons(from_n), newtons(to_n)),
         Event::Finger { finger, health } => format!("Finger {finger}: {}", health_name(*health)),
         Event::Picture { finger, file, .. } => format!("Picture of {finger}: {file}"),

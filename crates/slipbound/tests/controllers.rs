@@ -1,0 +1,245 @@
+//! Controllers against made-up hands: the paper's law, the margin, the bounds nobody gets past.
+
+mod made_up;
+
+use made_up::{FRAME_NS, gripper, hand};
+use slipbound::grip::{
+    ArmMotion, GripController, GripDecision, GripLimits, Guard, Law, MarginSettings, OnSlipSettings,
+};
+use slipbound::hand::HandReport;
+use slipbound::monitor::SlipState;
+use slipbound::port::{GripperState, Jaws};
+use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
+
+/// Runs a controller over hands, with a gripper that does at once what it is told; the commands as text.
+fn commands(law: Law, limits: GripLimits, hands: &[HandReport]) -> Vec<GripDecision> {
+    let mut controller = law.controller(&limits).expect("valid");
+    let mut force_n = limits.start_n;
+    let step = |(i, hand): (usize, &HandReport)| {
+        let command = controller.decide(i as u64 * FRAME_NS, hand, &gripper(force_n));
+        force_n = command.force_n;
+        command
+    };
+    hands.iter().enumerate().map(step).collect()
+}
+
+#[test]
+fn the_papers_law_pauses_adds_ten_newtons_and_goes_on_up_to_sixty() {
+    let slip = hand(SlipState::Incipient);
+    let stick = hand(SlipState::Stick);
+    let mut hands = Vec::new();
+    for _ in 0..8 {
+        hands.push(slip);
+        hands.extend([stick; 9]);
+    }
+    let told = commands(Law::OnSlip(OnSlipSettings::default()), GripLimits::default(), &hands);
+    let forces: Vec<f64> = told.iter().step_by(10).map(|c| c.force_n).collect();
+    assert_eq!(forces, [20.0, 30.0, 40.0, 50.0, 60.0, 60.0, 60.0, 60.0]);
+    let picture: String = told[..20].iter().map(|c| if c.arm == ArmMotion::Go { '.' } else { '#' }).collect();
+    assert_eq!(picture, "####......####......", "paused until the force has stood for 0.1 s");
+    assert!(told[50..].iter().all(|c| c.arm == ArmMotion::Go), "at the largest force there is nothing to wait for");
+}
+
+#[test]
+fn one_slip_seen_in_several_frames_is_one_alarm() {
+    let slip = hand(SlipState::Incipient);
+    let told = commands(Law::OnSlip(OnSlipSettings::default()), GripLimits::default(), &[slip; 6]);
+    assert_eq!(told.last().expect("commands").force_n, 20.0);
+}
+
+#[test]
+fn the_decreasing_law_loosens_down_to_the_least() {
+    let settings = OnSlipSettings { step_n: -2.0, ..OnSlipSettings::default() };
+    let mut hands = Vec::new();
+    for _ in 0..5 {
+        hands.push(hand(SlipState::Incipient));
+        hands.extend([hand(SlipState::Stick); 9]);
+    }
+    let told = commands(Law::OnSlip(settings), GripLimits::default(), &hands);
+    let forces: Vec<f64> = told.iter().step_by(10).map(|c| c.force_n).collect();
+    assert_eq!(forces, [8.0, 6.0, 5.0, 5.0, 5.0]);
+}
+
+#[test]
+fn a_blind_hand_keeps_its_force_and_the_arm_waits_after_three_frames() {
+    for (law, blind_force_n) in [
+        (Law::Constant, None),
+        (Law::OnSlip(OnSlipSettings::default()), None),
+        (Law::Margin(MarginSettings { stiffness_mpa_per_mm: 0.05, ..MarginSettings::default() }), Some(30.0)),
+    ] {
+        let limits = GripLimits { blind_force_n, ..GripLimits::default() };
+        let mut hands = vec![hand(SlipState::Stick); 3];
+        hands.extend([hand(SlipState::Unjudged); 6]);
+        let told = commands(law, limits, &hands);
+        let picture: String = told.iter().map(|c| if c.arm == ArmMotion::Go { '.' } else { '#' }).collect();
+        assert_eq!(picture, ".....####", "{law:?}");
+        assert_eq!(told[8].force_n, blind_force_n.unwrap_or(10.0), "{law:?}");
+    }
+}
+
+#[test]
+fn a_gripper_that_lost_the_part_or_stopped_is_told_to_keep_its_force() {
+    for jaws in [Jaws::Lost, Jaws::Nothing, Jaws::Stopped] {
+        let mut controller = Law::OnSlip(OnSlipSettings::default()).controller(&GripLimits::default()).expect("valid");
+        let state = GripperState { jaws, ..gripper(10.0) };
+        let command = controller.decide(0, &hand(SlipState::Incipient), &state);
+        assert_eq!(command, GripDecision { force_n: 10.0, arm: ArmMotion::Pause });
+    }
+}
+
+/// A controller gone mad.
+struct Mad(std::vec::IntoIter<f64>);
+
+impl GripController for Mad {
+    fn decide(&mut self, _: u64, _: &HandReport, _: &GripperState) -> GripDecision {
+        GripDecision { force_n: self.0.next().unwrap_or(f64::NAN), arm: ArmMotion::Go }
+    }
+
+    fn alarms_count(&self) -> u32 {
+        0
+    }
+
+    fn wants_more(&self) -> bool {
+        false
+    }
+}
+
+#[test]
+fn a_controller_that_asks_for_what_cannot_be_never_lets_go() {
+    let asked = vec![30.0, f64::NAN, f64::INFINITY, 1e9, -5.0, 0.0, f64::NEG_INFINITY];
+    let mut guard = Guard::new(Box::new(Mad(asked.into_iter())), GripLimits::default());
+    let told: Vec<f64> =
+        (0..7).map(|i| guard.decide(i * FRAME_NS, &hand(SlipState::Stick), &gripper(30.0)).force_n).collect();
+    assert_eq!(told, [30.0, 30.0, 30.0, 60.0, 5.0, 5.0, 5.0]);
+}
+
+#[test]
+fn a_margin_follows_the_load_at_once_and_lets_go_slowly() {
+    let settings = MarginSettings { stiffness_mpa_per_mm: 0.05, ..MarginSettings::default() };
+    // A load that would make the object slide at 13 N, then at 26 N, then at 2.6 N: the margin that is left at 65 %.
+    let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
+    let mut force_n = 10.0;
+    let mut told = Vec::new();
+    for (slides_at_n, frames) in [(6.5, 30), (19.5, 60), (2.6, 90)] {
+        for _ in 0..frames {
+            let hand = HandReport { margin: Some(1.0 - slides_at_n / force_n), ..hand(SlipState::Stick) };
+            let decided = controller.decide(told.len() as u64 * FRAME_NS, &hand, &gripper(force_n));
+            force_n = decided.force_n;
+            told.push(force_n);
+        }
+    }
+    assert!((told[29] - 10.0).abs() < 0.1, "held at its target: {}", told[29]);
+    assert!((told[89] - 30.0).abs() < 0.5, "19.5 N over 0.65: {}", told[89]);
+    assert!(told[34] > 25.0, "within five frames: {}", told[34]);
+    let fall_n = told[100] - told[130];
+    assert!((fall_n - 5.0).abs() < 0.1, "5 N a second, not {fall_n} N in 1 s");
+    assert!(told.iter().all(|n| (5.0..=60.0).contains(n)));
+}
+
+#[test]
+fn a_loaded_contact_that_cannot_be_judged_is_gripped_harder_within_bounds_and_one_that_nobody_sees_is_not() {
+    let settings = MarginSettings { stiffness_mpa_per_mm: 0.05, ..MarginSettings::default() };
+    let forces = |margin: f64, then: SlipState| {
+        let known = HandReport { margin: Some(margin), ..hand(SlipState::Stick) };
+        let hands: Vec<HandReport> = (0..10).map(|_| known).chain((0..60).map(|_| hand(then))).collect();
+        let told = commands(Law::Margin(settings), GripLimits::default(), &hands);
+        (told[9].force_n, told[39].force_n, told[69].force_n)
+    };
+    let (before_n, after_n, last_n) = forces(0.4, SlipState::Unsure);
+    assert!((after_n - before_n - 5.0).abs() < 0.5 && (last_n / before_n - 1.5).abs() < 0.01, "{after_n} {last_n}");
+    for (margin, then) in [(0.9, SlipState::Unsure), (0.4, SlipState::Unjudged), (0.4, SlipState::NoContact)] {
+        let (before_n, after_n, last_n) = forces(margin, then);
+        assert_eq!((after_n, last_n), (before_n, before_n), "{margin} {then:?}");
+    }
+}
+
+#[test]
+fn a_margin_without_a_known_gel_is_refused_and_says_what_to_do() {
+    let settings = TaskSettings { controller: ControllerKind::Margin, ..TaskSettings::default() };
+    let error = settings.task(TaskKind::Screw, None).err().expect("refused");
+    assert_eq!(error.key, "margin.stiffness_mpa_per_mm");
+    assert!(error.to_string().contains("calibrate"), "{error}");
+    assert!(settings.task(TaskKind::Screw, Some(0.05)).is_ok());
+}
+
+#[test]
+fn settings_that_are_no_numbers_or_out_of_range_are_refused_by_name() {
+    let good = TaskSettings::default();
+    let mut cases: Vec<(TaskSettings, &str)> = Vec::new();
+    let mut with = |change: fn(&mut TaskSettings), key| {
+        let mut bad = good;
+        change(&mut bad);
+        cases.push((bad, key));
+    };
+    with(|s| s.grip.most_n = f64::NAN, "grip.most_n");
+    with(|s| s.grip.start_n = 70.0, "grip.start_n");
+    with(|s| s.grip.start_n = 1.0, "grip.start_n");
+    with(|s| s.grip.blind_force_n = Some(100.0), "grip.blind_force_n");
+    with(|s| s.on_slip.step_n = f64::INFINITY, "on_slip.step_n");
+    with(|s| s.margin.target_fraction = 1.5, "margin.target_fraction");
+    with(|s| s.screw.rate_rad_per_s = 0.0, "screw.rate_rad_per_s");
+    with(|s| s.unscrew.open_rad = -1.0, "unscrew.open_rad");
+    with(|s| s.place.laying_mm_per_s = 0.1, "place.laying_mm_per_s");
+    with(|s| s.lift.lift_mm = f64::NAN, "lift.lift_mm");
+    for (settings, key) in cases {
+        assert_eq!(settings.check().expect_err(key).key, key);
+    }
+}
+
+/// Any hands, grippers, controllers and wishes of tasks.
+mod guarded {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn force() -> impl Strategy<Value = f64> {
+        prop_oneof![
+            5 => -20.0..120.0f64,
+            1 => proptest::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.0, 1e300, 1e-300])
+        ]
+    }
+
+    fn state() -> impl Strategy<Value = SlipState> {
+        use SlipState::*;
+        proptest::sample::select(vec![NoContact, Unsure, Stick, Incipient, Gross, Unjudged])
+    }
+
+    fn jaws() -> impl Strategy<Value = Jaws> {
+        use Jaws::*;
+        prop_oneof![4 => Just(Holding), 1 => proptest::sample::select(vec![Unknown, Open, Closing, Nothing, Lost, Stopped])]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn no_force_leaves_the_limits_and_none_falls_while_blind(
+            cycles in proptest::collection::vec((force(), state(), jaws(), 0..120u64, any::<bool>()), 1..60),
+            blind_force_n in proptest::option::of(5.0..60.0f64),
+        ) {
+            let wanted: Vec<f64> = cycles.iter().map(|cycle| cycle.0).collect();
+            let limits = GripLimits { blind_force_n, ..GripLimits::default() };
+            let mut guard = Guard::new(Box::new(Mad(wanted.into_iter())), limits);
+            let (mut now_ns, mut before_n, mut blind_ms) = (0, limits.start_n, 0);
+            for (i, (wanted_n, state, jaws, wait_ms, by_task)) in cycles.into_iter().enumerate() {
+                now_ns += wait_ms * 1_000_000;
+                let (hand, state_n) = (hand(state), GripperState { jaws, ..gripper(before_n) });
+                let told = match by_task {
+                    true => guard.hold(now_ns, &hand, &state_n, wanted_n),
+                    false => guard.decide(now_ns, &hand, &state_n),
+                };
+                prop_assert!((limits.least_n..=limits.most_n).contains(&told.force_n), "{told:?}");
+                prop_assert_eq!(told.force_n, guard.force_n());
+                let sees = state != SlipState::Unjudged;
+                blind_ms = if sees || i == 0 { 0 } else { blind_ms + wait_ms };
+                let is_gone = matches!(jaws, Jaws::Lost | Jaws::Nothing | Jaws::Stopped);
+                if !sees || is_gone {
+                    prop_assert!(told.force_n >= before_n, "it fell from {before_n} N to {} N", told.force_n);
+                }
+                prop_assert_eq!(guard.is_blind(), !sees && blind_ms >= 90);
+                if guard.is_blind() || is_gone {
+                    prop_assert_eq!(told.arm, ArmMotion::Pause);
+                }
+                before_n = told.force_n;
+            }
+        }
+    }
+}
