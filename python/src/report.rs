@@ -5,8 +5,8 @@ use crate::field::{Field, Kept};
 use pyo3::prelude::*;
 use serde_json::Value;
 use slipbound::monitor::{
-    ContactReport, Estimate as CoreEstimate, Estimates, EvidenceReport, MarkerCounts, MotionReport, Reason,
-    ShearReport, SlipKind, SlipReport, SlipState, SlipSummary,
+    ContactReport, Estimate as CoreEstimate, EvidenceReport, MarkerCounts, MotionReport, ShearReport, SlipKind,
+    SlipReport, SlipState, SlipSummary,
 };
 use slipbound::plane::Vec2;
 use slipbound_rig::report_json::frame_line;
