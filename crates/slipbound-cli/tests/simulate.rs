@@ -112,7 +112,7 @@ fn what_cannot_be_is_a_bad_argument() {
         (&["simulate", "rampe", "-o", "x"], "scene: expected one of press, "),
         (&["simulate", "missing.toml", "-o", "x"], "missing.toml: expected a scene file"),
         (&["simulate", "press?object=crayons_box&turn_deg=90", "-o", "x"], "the pad less a cell all round"),
-        (&["watch", "sim:press?colour=red"], "colour: expected one of seed, object, "),
+        (&["watch", "sim:press?colour=red"], "parameter of the scene press: expected one of seed, object, "),
     ] {
         let ended = run(dir.path(), arguments);
         assert_eq!(ended.code, Some(2), "{ended:?}");

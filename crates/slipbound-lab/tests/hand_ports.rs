@@ -122,7 +122,7 @@ fn scenes_are_text_and_what_they_cannot_be_is_refused_by_name() {
         ("screw?seed=-1", "seed: expected a whole number from 0 to 9007199254740992, got -1"),
         ("screw?object=spoon", "object: expected one of tape_roll"),
         ("screw?object=scissors", "object: expected something round, for the task screw, got scissors"),
-        ("screw?tilt_deg=3", "tilt_deg: expected one of seed, object, mu"),
+        ("screw?tilt_deg=3", "parameter of the task screw: expected one of seed, object, mu"),
         ("unscrew?break_n_mm=open", "break_n_mm: expected a number from 0 to 1000000, or `closed`, got open"),
         ("lift?fill_kg_per_s=-1", "fill_kg_per_s: expected a number from 0 to 2, or `seed`, got -1"),
         ("lift?mu", "mu: expected key=value, got no value"),
