@@ -22,6 +22,7 @@ pub mod watch;
 
 use crate::args::{Args, Command};
 use crate::outcome::{Failure, Outcome};
+use clap::CommandFactory;
 
 /// Runs the command asked for.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -44,7 +45,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Gripper(gripper) => gripper.run(),
         Command::Latency(latency) => latency.run(),
         Command::Emulate(emulate) => emulate.run(),
-        Command::Completions(completions) => completions.run(),
-        Command::Man(man) => man.run(),
+        Command::Completions(completions) => completions.run(Args::command()),
+        Command::Man(man) => man.run(Args::command()),
     }
 }

@@ -1,9 +1,8 @@
 //! `slipbound completions` and `slipbound man`: what a shell and `man` know of the commands, made from the arguments themselves.
 
-use crate::args::Args;
 use crate::outcome::{Failure, Outcome};
 use anyhow::anyhow;
-use clap::CommandFactory;
+use clap::Command;
 use clap_complete::Shell;
 use std::fs;
 use std::io::{self, Write};
@@ -17,10 +16,10 @@ pub struct Completions {
 }
 
 impl Completions {
-    /// Prints the script.
-    pub fn run(&self) -> Result<Outcome, Failure> {
+    /// Prints the script that completes the arguments of `program`.
+    pub fn run(&self, mut program: Command) -> Result<Outcome, Failure> {
         let mut script = Vec::new();
-        clap_complete::generate(self.shell, &mut Args::command(), "slipbound", &mut script);
+        clap_complete::generate(self.shell, &mut program, "slipbound", &mut script);
         io::stdout().write_all(&script).map_err(|e| Failure::work("standard output", e))?;
         Ok(Outcome::Done)
     }
@@ -35,15 +34,15 @@ pub struct Man {
 }
 
 impl Man {
-    /// Writes a page a command.
-    pub fn run(&self) -> Result<Outcome, Failure> {
+    /// Writes a page for `program` and each of its commands.
+    pub fn run(&self, program: Command) -> Result<Outcome, Failure> {
         let shown = self.output.display();
         if self.output.is_file() {
             return Err(Failure::Arguments(anyhow!("{shown}: expected a folder, got a file")));
         }
         let failed = |e: io::Error| Failure::work(format!("{shown}: cannot write"), e);
         fs::create_dir_all(&self.output).map_err(failed)?;
-        clap_mangen::generate_to(Args::command(), &self.output).map_err(failed)?;
+        clap_mangen::generate_to(program, &self.output).map_err(failed)?;
         Ok(Outcome::Done)
     }
 }

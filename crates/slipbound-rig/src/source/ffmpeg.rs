@@ -54,7 +54,7 @@ impl Ffmpeg {
         let (times, frames_count, lacks) = match avi {
             Some((video, survey)) => (VideoTimes::at(video.rate), Some(survey.frames_count), survey.cut),
             None => {
-                let (times, count) = video_times::probe(path);
+                let (times, count) = video_times::probe(&file_argument(path));
                 (times, count, None)
             }
         };
@@ -152,7 +152,7 @@ impl Drop for Running {
 }
 
 /// `file:` keeps a name from being read as an option or a protocol.
-pub(super) fn file_argument(path: &Path) -> OsString {
+fn file_argument(path: &Path) -> OsString {
     let mut argument = OsString::from("file:");
     argument.push(path);
     argument

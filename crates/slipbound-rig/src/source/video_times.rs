@@ -7,9 +7,8 @@
 
 use super::Rate;
 use super::avi::stamp;
-use super::ffmpeg::file_argument;
 use slipbound::port::{Clock, FrameBuffer};
-use std::path::Path;
+use std::ffi::OsStr;
 use std::process::{Command, Stdio};
 
 /// Stamps this near to those of an even rate are even: Matroska rounds them to milliseconds.
@@ -39,13 +38,13 @@ impl VideoTimes {
     }
 }
 
-/// Times and number of frames as `ffprobe` tells them; nothing when it is not there or does not know. What is wrong
+/// Times and number of frames of what `input` names, as `ffprobe` tells them; nothing when it is not there or does not know. What is wrong
 /// with the file is left for `ffmpeg` to say.
-pub(super) fn probe(path: &Path) -> (VideoTimes, Option<u64>) {
+pub(super) fn probe(input: &OsStr) -> (VideoTimes, Option<u64>) {
     let asked = Command::new("ffprobe")
         .args(["-v", "quiet", "-select_streams", "v:0"])
         .args(["-show_entries", "packet=pts_time,flags:stream=avg_frame_rate,nb_frames", "-of", "compact=p=0"])
-        .arg(file_argument(path))
+        .arg(input)
         .stdin(Stdio::null())
         .output();
     read(&asked.map(|o| String::from_utf8_lossy(&o.stdout).into_owned()).unwrap_or_default())

@@ -7,22 +7,12 @@
 //! ```
 
 mod ask;
+mod frame;
 
 pub use ask::{Ask, Registers};
+pub use frame::SLAVE;
 
-use crc::{CRC_16_MODBUS, Crc};
-
-/// The gripper's address on the line.
-pub const SLAVE: u8 = 9;
-
-const CRC: Crc<u16> = Crc::<u16>::new(&CRC_16_MODBUS);
-
-const READ_HOLDING: u8 = 3;
-const READ: u8 = 4;
-const WRITE: u8 = 16;
-const WRITE_ONE: u8 = 6;
-const READ_WRITE: u8 = 23;
-const REFUSED: u8 = 0x80;
+use frame::{Look, READ, REFUSED, WRITE, WRITE_ONE, message, sound};
 
 /// The first output register.
 pub const FIRST_OUTPUT: u16 = 1000;
@@ -41,20 +31,6 @@ const INPUT: [u8; 2] = [0x07, 0xD0];
 
 /// Longest message of either side, bytes: Modbus has no longer ones.
 const LONGEST: usize = 256;
-
-fn end(into: &mut Vec<u8>, start: usize) {
-    let crc = CRC.checksum(&into[start..]);
-    into.extend(crc.to_le_bytes());
-}
-
-/// A message of either side without its checksum.
-fn message(into: &mut Vec<u8>, parts: &[&[u8]]) {
-    let start = into.len();
-    for part in parts {
-        into.extend_from_slice(part);
-    }
-    end(into, start);
-}
 
 /// Appends the request to write the six output bytes.
 pub fn ask_write(into: &mut Vec<u8>, outputs: [u8; 6]) {
@@ -91,16 +67,6 @@ pub enum Answer {
     Written,
     /// The function was refused, with this code.
     Refused(u8),
-}
-
-/// What stands at the start of the bytes held.
-enum Look<T> {
-    /// A message, and its length.
-    Whole(T, usize),
-    /// No message.
-    None,
-    /// A message may, once there is more of it.
-    Short,
 }
 
 /// Finds messages in bytes as they come. Keeps at most one message's worth.
@@ -158,18 +124,6 @@ impl Parser {
             self.held.drain(..start);
         }
     }
-}
-
-/// A message without its checksum, if that is right.
-fn checked(message: &[u8]) -> Option<&[u8]> {
-    let (body, crc) = message.split_last_chunk()?;
-    (CRC.checksum(body).to_le_bytes() == *crc).then_some(body)
-}
-
-/// The first `length` bytes if they are there and their checksum is right.
-fn sound<T>(bytes: &[u8], length: usize, make: impl FnOnce(&[u8]) -> Option<T>) -> Look<T> {
-    let Some(message) = bytes.get(..length) else { return Look::Short };
-    checked(message).and_then(make).map_or(Look::None, |made| Look::Whole(made, length))
 }
 
 fn answer(bytes: &[u8]) -> Look<Answer> {

@@ -7,7 +7,7 @@
 //!   23    write, read   09 17 07D0 0002 03E9 0002 04 | 4 bytes | crc     read from, count; write to, count
 //! ```
 
-use super::{Look, READ, READ_HOLDING, READ_WRITE, REFUSED, SLAVE, WRITE, WRITE_ONE, checked, sound};
+use super::frame::{Look, READ, READ_HOLDING, READ_WRITE, REFUSED, SLAVE, WRITE, WRITE_ONE, checked, sound};
 
 /// Some registers that follow one another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,7 +110,8 @@ pub(super) fn ended(bytes: &[u8]) -> Option<Ask> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Parser, message};
+    use super::super::Parser;
+    use super::super::frame::message;
     use super::*;
 
     fn bytes(hex: &str) -> Vec<u8> {
