@@ -4,6 +4,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::prelude::*;
 use slipbound::image::Mask;
 use slipbound::monitor::{Marker, SlipMonitor};
+use slipbound::pixels::morphology::Element;
 use slipbound::plane::Vec2;
 use slipbound::sensor::Sensor;
 use slipbound_rig::overlay::Seen;
@@ -13,8 +14,8 @@ use std::sync::Arc;
 pub struct Kept {
     pub sensor: Arc<Sensor>,
     pub markers: Vec<Marker>,
-    /// Contact region and inner region; None without contact.
-    regions: Option<(Mask, Mask)>,
+    /// Contact region and what erodes it to the inner one; None without contact.
+    regions: Option<(Mask, Option<Element>)>,
 }
 
 impl Kept {
@@ -25,7 +26,7 @@ impl Kept {
 
     /// As the monitor has it after a frame; `touched`: whether there is a contact.
     pub fn of(monitor: &SlipMonitor, sensor: Arc<Sensor>, touched: bool) -> Self {
-        let regions = touched.then(|| (monitor.contact_region().clone(), monitor.inner_region().clone()));
+        let regions = touched.then(|| (monitor.contact_region().clone(), monitor.inner_erosion().cloned()));
         Kept { sensor, markers: monitor.markers().to_vec(), regions }
     }
 
@@ -33,10 +34,12 @@ impl Kept {
     pub fn seen<R>(&self, draw: impl FnOnce(Seen<'_>) -> R) -> R {
         let Kept { sensor, markers, regions } = self;
         match regions {
-            Some((contact_region, inner_region)) => draw(Seen { sensor, markers, contact_region, inner_region }),
+            Some((contact_region, inner)) => {
+                draw(Seen { sensor, markers, contact_region, inner_erosion: inner.as_ref() })
+            }
             None => {
                 let empty = Mask::new(sensor.rectified_px());
-                draw(Seen { sensor, markers, contact_region: &empty, inner_region: &empty })
+                draw(Seen { sensor, markers, contact_region: &empty, inner_erosion: None })
             }
         }
     }

@@ -27,6 +27,7 @@ pub use settings::Settings;
 pub use slip::{RigidField, SlipRule, SlipSettings};
 
 use crate::image::{Frame, Gray, Mask};
+use crate::pixels::morphology::{Element, Morphology};
 use crate::port::GripSample;
 use crate::sensor::Sensor;
 use crate::setting::SettingError;
@@ -227,9 +228,19 @@ impl SlipMonitor {
         &self.contact.region
     }
 
-    /// The inner contact region of the last frame, rectified; empty without contact.
-    pub fn inner_region(&self) -> &Mask {
-        &self.motion.inner
+    /// What erodes the contact region to the inner one of the last frame; None without contact. The steps look at the inner region
+    /// where there are markers; who wants a picture of it erodes [`SlipMonitor::contact_region`] by this.
+    pub fn inner_erosion(&self) -> Option<&Element> {
+        self.motion.inner_erosion()
+    }
+
+    /// That picture; empty without contact. Makes memory at each call.
+    pub fn inner_region(&self) -> Mask {
+        let mut inner = Mask::new(self.contact.region.size());
+        if let Some(element) = self.inner_erosion() {
+            Morphology::new(inner.size()).erode(&self.contact.region, element, &mut inner);
+        }
+        inner
     }
 
     /// The grey rectified picture of the last frame.

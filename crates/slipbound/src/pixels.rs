@@ -3,7 +3,9 @@
 
 pub mod background;
 pub mod bgr;
+pub mod binomial;
 mod bits;
+pub mod blur;
 mod border;
 pub mod canny;
 pub mod cells;
@@ -11,6 +13,7 @@ pub mod centroid;
 pub mod components;
 pub mod contour;
 pub mod contrast;
+pub mod disc;
 pub mod dots;
 pub mod flatten;
 pub mod gaussian;
@@ -20,4 +23,5 @@ pub mod morphology;
 pub mod patch;
 pub mod threshold;
 pub mod warp;
+pub mod wide;
 pub mod yuyv;

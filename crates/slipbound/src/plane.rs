@@ -143,13 +143,14 @@ impl RigidMotion {
 
     /// Exact displacement of a point of the body.
     pub fn displacement(&self, rest: Vec2) -> Vec2 {
-        let (s, c) = (libm::sin(self.rotation_rad), libm::cos(self.rotation_rad));
-        let arm = rest - self.reference;
+        self.tabulated().displacement(rest)
+    }
+
+    /// The motion with its sines taken, for many points.
+    pub(crate) fn tabulated(&self) -> TabulatedMotion {
         // R - I, with cos - 1 written so that nothing cancels at small angles.
         let half = libm::sin(self.rotation_rad / 2.0);
-        let c1 = -2.0 * half * half;
-        debug_assert!((c1 - (c - 1.0)).abs() < 1e-12);
-        self.translation + Vec2::new(c1 * arm.x - s * arm.y, s * arm.x + c1 * arm.y)
+        TabulatedMotion { motion: *self, sin: libm::sin(self.rotation_rad), cos_less_1: -2.0 * half * half }
     }
 
     /// Displacement by equation 1 of the paper: the limit of [`RigidMotion::displacement`] at small angles.
@@ -167,6 +168,28 @@ impl RigidMotion {
         let half = self.rotation_rad / 2.0;
         let cot = libm::cos(half) / libm::sin(half);
         Some(self.reference + (self.translation + self.translation.turned() * cot) * 0.5)
+    }
+}
+
+/// A rigid motion with its sines taken.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TabulatedMotion {
+    motion: RigidMotion,
+    sin: f64,
+    cos_less_1: f64,
+}
+
+impl TabulatedMotion {
+    /// As [`RigidMotion::apply`].
+    pub(crate) fn apply(&self, rest: Vec2) -> Vec2 {
+        rest + self.displacement(rest)
+    }
+
+    /// As [`RigidMotion::displacement`].
+    pub(crate) fn displacement(&self, rest: Vec2) -> Vec2 {
+        let arm = rest - self.motion.reference;
+        let turned = Vec2::new(self.cos_less_1 * arm.x - self.sin * arm.y, self.sin * arm.x + self.cos_less_1 * arm.y);
+        self.motion.translation + turned
     }
 }
 

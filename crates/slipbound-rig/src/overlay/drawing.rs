@@ -6,8 +6,9 @@ use super::palette::{BACKGROUND, CONTACT, INNER, LOST, MEASURED, PAPER, RIGID, S
 use super::regions::Region;
 use super::seen::Seen;
 use super::strips;
-use slipbound::image::{Frame, SizePx};
+use slipbound::image::{Frame, Mask, SizePx};
 use slipbound::monitor::{Marker, MotionReport, SlipReport, SlipState};
+use slipbound::pixels::morphology::Morphology;
 use slipbound::plane::{RigidMotion, Vec2};
 use slipbound::sensor::Sensor;
 
@@ -31,6 +32,9 @@ pub struct Overlay {
     backdrop: Backdrop,
     contact: Region,
     inner: Region,
+    /// The inner region itself, and what draws it.
+    eroded: Mask,
+    erosion: Morphology,
     scale: f64,
     /// Arrows are drawn this many times as long as the displacement in the picture.
     magnification: f64,
@@ -52,6 +56,8 @@ impl Overlay {
             backdrop: Backdrop::new(sensor, panel, scale),
             contact: Region::new(rectified, panel, scale),
             inner: Region::new(rectified, panel, scale),
+            eroded: Mask::new(rectified),
+            erosion: Morphology::new(rectified),
             scale,
             magnification,
         }
@@ -77,7 +83,11 @@ impl Overlay {
         if let Some(frame) = seen {
             self.backdrop.take(frame);
             self.contact.take(found.contact_region);
-            self.inner.take(found.inner_region);
+            match found.inner_erosion {
+                Some(element) => self.erosion.erode(found.contact_region, element, &mut self.eroded),
+                None => self.eroded.clear(),
+            }
+            self.inner.take(&self.eroded);
             let pitch_px = found.sensor.pitch_px;
             let left = (0, strips::HEAD_PX);
             self.panel.put(self.backdrop.rgb());

@@ -2,6 +2,7 @@
 
 use slipbound::image::Mask;
 use slipbound::monitor::{Marker, SlipMonitor};
+use slipbound::pixels::morphology::Element;
 use slipbound::sensor::Sensor;
 
 /// What was found on a frame, borrowed from the monitor that has just judged it, or from a copy that was kept.
@@ -13,8 +14,8 @@ pub struct Seen<'a> {
     pub markers: &'a [Marker],
     /// The contact region, rectified.
     pub contact_region: &'a Mask,
-    /// The inner contact region, rectified.
-    pub inner_region: &'a Mask,
+    /// What erodes the contact region to the inner one; None without contact.
+    pub inner_erosion: Option<&'a Element>,
 }
 
 impl<'a> From<&'a SlipMonitor> for Seen<'a> {
@@ -23,7 +24,7 @@ impl<'a> From<&'a SlipMonitor> for Seen<'a> {
             sensor: monitor.sensor(),
             markers: monitor.markers(),
             contact_region: monitor.contact_region(),
-            inner_region: monitor.inner_region(),
+            inner_erosion: monitor.inner_erosion(),
         }
     }
 }

@@ -1,5 +1,4 @@
-//! The coarse cells of a picture on the rectified image: which camera cell each shows, which of them markers cover,
-//! and an average over neighbouring cells. Contact on smooth gels and the rest frame are computed on these.
+//! The coarse cells of a picture on the rectified image: which camera cell each shows, and which of them markers cover. Contact on smooth gels and the rest frame are computed on these.
 
 use crate::pixels::cells::Cells;
 use crate::plane::Vec2;
@@ -53,6 +52,11 @@ impl CellMap {
         self.camera_cell.len()
     }
 
+    /// Of each cell, the camera cell that it shows.
+    pub(crate) fn camera_cells(&self) -> &[u32] {
+        &self.camera_cell
+    }
+
     /// The colour of cell `i`.
     pub(crate) fn colour(&self, cells: &Cells, i: usize) -> [f32; 3] {
         cells.means_levels()[self.camera_cell[i] as usize]
@@ -85,39 +89,4 @@ impl CellMap {
 /// Radius around a marker within which cells do not count: its own, its blurred rim, and half a cell of motion.
 pub(crate) fn cover_radius_px(sensor: &Sensor) -> f64 {
     0.55 * sensor.marker_diameter_px + 1.5
-}
-
-/// Averages over a cell's neighbourhood with weights 1 4 6 4 1 each way, leaving out cells of weight 0.
-/// `values` holds three channels and the weight, all premultiplied; the result is divided again.
-pub(crate) fn smooth(values: &mut [[f32; 4]], scratch: &mut [[f32; 4]], columns: usize) {
-    let rows = values.len() / columns;
-    let add = |to: &mut [[f32; 4]], from: &[[f32; 4]], tap: f32| {
-        to.as_flattened_mut().iter_mut().zip(from.as_flattened()).for_each(|(t, f)| *t += tap * f);
-    };
-    const TAPS: [(usize, f32); 2] = [(1, 4.0), (2, 1.0)];
-    for (y, out) in scratch.chunks_exact_mut(columns).enumerate() {
-        let row = |y: usize| &values[y * columns..][..columns];
-        out.fill([0.0; 4]);
-        add(out, row(y), 6.0);
-        for (away, tap) in TAPS {
-            if y >= away {
-                add(out, row(y - away), tap);
-            }
-            if y + away < rows {
-                add(out, row(y + away), tap);
-            }
-        }
-    }
-    for (row, out) in scratch.chunks_exact(columns).zip(values.chunks_exact_mut(columns)) {
-        out.fill([0.0; 4]);
-        add(out, row, 6.0);
-        for (away, tap) in TAPS.into_iter().filter(|(away, _)| *away < columns) {
-            add(&mut out[away..], &row[..columns - away], tap);
-            add(&mut out[..columns - away], &row[away..], tap);
-        }
-    }
-    for v in values {
-        let per_weight = 1.0 / v[3].max(1e-6);
-        v.iter_mut().take(3).for_each(|x| *x *= per_weight);
-    }
 }

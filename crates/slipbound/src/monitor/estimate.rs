@@ -190,12 +190,13 @@ impl Estimator {
         let Some(fitted) = field::fit(&self.points, self.motion.as_ref(), self.pitch_px) else { return };
         let middle = self.points.iter().fold(Vec2::ZERO, |sum, q| sum + q.rest) / self.points.len() as f64;
         let motion = RigidMotion { reference: middle, translation: fitted.displacement(middle), ..fitted };
+        let tabulated = motion.tabulated();
         for m in markers.iter().filter(|m| m.whole && m.matched) {
             let under_load = self.reference.under_load(m, growth);
-            self.reference.keep(m, m.in_contact, || under_load - motion.displacement(m.rest));
+            self.reference.keep(m, m.in_contact, || under_load - tabulated.displacement(m.rest));
         }
         for point in &mut self.points {
-            point.rigid = motion.displacement(point.rest);
+            point.rigid = tabulated.displacement(point.rest);
             point.radius = (point.rest - middle).length();
         }
         self.motion = Some(motion);

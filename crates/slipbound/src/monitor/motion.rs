@@ -9,7 +9,7 @@
 
 use crate::image::Mask;
 use crate::monitor::report::Marker;
-use crate::pixels::morphology::{Element, Morphology};
+use crate::pixels::morphology::Element;
 use crate::plane::{RigidMotion, Vec2};
 use crate::sensor::Sensor;
 use crate::setting::{SettingError, within};
@@ -70,15 +70,14 @@ pub(super) struct Motion {
     settings: MotionSettings,
     pitch_px: f64,
     elements: [Element; 4],
-    morphology: Morphology,
-    pub(super) inner: Mask,
+    /// Which element made the inner region last; None without contact.
+    element: Option<usize>,
     pub(super) motion: Option<RigidMotion>,
     pub(super) inner_count: u32,
 }
 
 impl Motion {
     pub(super) fn new(sensor: &Sensor, settings: &MotionSettings) -> Self {
-        let size = sensor.rectified_px();
         Motion {
             settings: settings.clone(),
             pitch_px: sensor.pitch_px,
@@ -86,8 +85,7 @@ impl Motion {
                 let side = (pitch * sensor.pitch_px).round().max(1.0) as usize;
                 Element::ellipse(side, side)
             }),
-            morphology: Morphology::new(size),
-            inner: Mask::new(size),
+            element: None,
             motion: None,
             inner_count: 0,
         }
@@ -95,20 +93,26 @@ impl Motion {
 
     /// No contact: no inner region and no motion.
     pub(super) fn clear(&mut self) {
-        self.inner.clear();
+        self.element = None;
         self.motion = None;
         self.inner_count = 0;
+    }
+
+    /// What erodes the contact region to the inner one; None without contact.
+    pub(super) fn inner_erosion(&self) -> Option<&Element> {
+        self.element.map(|i| &self.elements[i])
     }
 
     /// Fits the motion since the reference frame; marks the inner markers.
     pub(super) fn fit(&mut self, contact: &Mask, markers: &mut [Marker]) {
         self.motion = None;
-        for element in &self.elements {
-            self.morphology.erode(contact, element, &mut self.inner);
+        for (i, element) in self.elements.iter().enumerate() {
+            self.element = Some(i);
             self.inner_count = 0;
             for m in markers.iter_mut() {
+                // Looked at where there are markers: drawing the whole region took longer than all else in this step.
                 let (x, y) = (m.now.x.round() as isize, m.now.y.round() as isize);
-                m.inner = m.whole && m.in_reference && self.inner.get(x, y);
+                m.inner = m.whole && m.in_reference && element.fits(contact, x, y);
                 self.inner_count += u32::from(m.inner);
             }
             if self.inner_count >= self.settings.inner_markers_count {
@@ -196,7 +200,7 @@ pub fn fit_most(pairs: impl Iterator<Item = (Vec2, Vec2)> + Clone, pitch_px: f64
     let mut motion = all;
     for scale_pitch in AGREEMENT_PITCH {
         let scale_squared = (scale_pitch * pitch_px) * (scale_pitch * pitch_px);
-        let last = motion;
+        let last = motion.tabulated();
         let weighed = pairs.clone().map(move |(a, b)| {
             let t = 1.0 + (b - last.apply(a)).length_squared() / scale_squared;
             (a, b, 1.0 / (t * t))

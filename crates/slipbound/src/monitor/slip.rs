@@ -121,12 +121,13 @@ impl Slip {
     pub(super) fn judge(&mut self, motion: Option<&RigidMotion>, markers: &mut [Marker]) {
         self.clear();
         let Some(motion) = motion else { return };
+        let exact = motion.tabulated();
         let threshold_px = self.summary.threshold_pitch * self.pitch_px;
         let (mut longest_px, mut over_sum, mut arm_squared, mut count) = (0.0f64, Vec2::ZERO, 0.0, 0u32);
         for m in markers.iter_mut().filter(|m| m.in_contact && m.whole && m.in_reference) {
             let rigid = match self.settings.field {
                 // Deviation: D8 exact rotation
-                RigidField::Exact => motion.displacement(m.reference),
+                RigidField::Exact => exact.displacement(m.reference),
                 RigidField::SmallAngle => motion.displacement_small_angle(m.reference), // Eq. 1
             };
             m.slip = m.now_from_reference() - rigid;

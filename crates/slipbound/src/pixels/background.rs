@@ -6,6 +6,7 @@
 //! The widths of the boxes are chosen so that all steps together have the variance of the Gaussian asked for.
 
 use super::border::{reflect, reflect_101};
+use super::wide::wide;
 use crate::image::SizePx;
 
 /// Levels are kept in these fractions among the tiles.
@@ -195,10 +196,12 @@ fn box_row(padded: &[u16], radius: usize, out: &mut [u16]) {
     // The last enters beyond the row: `padded` holds one value more than the last box needs.
 }
 
-fn box_columns(sums: &mut [u32], leaves: &[u16], enters: &[u16], inverse: u64, out: &mut [u16]) {
-    for (((sum, out), &leaves), &enters) in sums.iter_mut().zip(out).zip(leaves).zip(enters) {
-        *out = scaled(*sum, inverse);
-        *sum = *sum + u32::from(enters) - u32::from(leaves);
+wide! {
+    fn box_columns(sums: &mut [u32], leaves: &[u16], enters: &[u16], inverse: u64, out: &mut [u16]) {
+        for (((sum, out), &leaves), &enters) in sums.iter_mut().zip(out).zip(leaves).zip(enters) {
+            *out = scaled(*sum, inverse);
+            *sum = *sum + u32::from(enters) - u32::from(leaves);
+        }
     }
 }
 
@@ -217,10 +220,12 @@ fn widen<const TILE: usize>(tiles: &[u16], out: &mut [u16]) {
     }
 }
 
-/// Two rows in 16ths of a level -> the row that lies `weight` 16ths from the first to the second.
-fn between(above: &[u16], below: &[u16], weight: u16, out: &mut [u8]) {
-    for ((out, &above), &below) in out.iter_mut().zip(above).zip(below) {
-        *out = ((above * (16 - weight) + below * weight + 128) >> 8) as u8;
+wide! {
+    /// Two rows in 16ths of a level -> the row that lies `weight` 16ths from the first to the second.
+    fn between(above: &[u16], below: &[u16], weight: u16, out: &mut [u8]) {
+        for ((out, &above), &below) in out.iter_mut().zip(above).zip(below) {
+            *out = ((above * (16 - weight) + below * weight + 128) >> 8) as u8;
+        }
     }
 }
 

@@ -7,7 +7,8 @@
 //! Pixel for pixel what cv2.Canny(src, low, high) gives, with its default aperture and L1 norm. A band of rows is
 //! treated as an image of its own: neither gradient nor edge crosses its border.
 
-use super::bits::pack_64;
+use super::bits::pack_row;
+use super::wide::wide;
 use crate::image::{Mask, SizePx};
 use std::ops::Range;
 
@@ -32,7 +33,7 @@ pub struct Canny {
     magnitudes: [Vec<i16>; 3],
     /// Directions of two rows, by row number modulo 2.
     directions: [Vec<i16>; 2],
-    /// Per pixel of a row: 1 on a ridge above low, 1 on a ridge above high.
+    /// Per pixel of a row: 255 on a ridge above low, 255 on a ridge above high.
     weak_row: Vec<u8>,
     strong_row: Vec<u8>,
     weak: Mask,
@@ -149,11 +150,13 @@ impl Canny {
     }
 }
 
-fn sum_columns(above: &[u8], here: &[u8], below: &[u8], sums: &mut [i16], differences: &mut [i16]) {
-    let rows = above.iter().zip(here).zip(below);
-    for ((sum, difference), ((&a, &h), &b)) in sums.iter_mut().zip(differences).zip(rows) {
-        *sum = i16::from(a) + 2 * i16::from(h) + i16::from(b);
-        *difference = i16::from(b) - i16::from(a);
+wide! {
+    fn sum_columns(above: &[u8], here: &[u8], below: &[u8], sums: &mut [i16], differences: &mut [i16]) {
+        let rows = above.iter().zip(here).zip(below);
+        for ((sum, difference), ((&a, &h), &b)) in sums.iter_mut().zip(differences).zip(rows) {
+            *sum = i16::from(a) + 2 * i16::from(h) + i16::from(b);
+            *difference = i16::from(b) - i16::from(a);
+        }
     }
 }
 
@@ -164,59 +167,58 @@ fn repeat_ends(row: &mut [i16]) {
     row[last] = row[last - 1];
 }
 
-/// Magnitude |dx| + |dy| and direction of the gradient.
-fn gradient(sums: &[i16], differences: &[i16], magnitudes: &mut [i16], directions: &mut [i16]) {
-    let n = magnitudes.len();
-    let (sums_left, sums_right) = (&sums[..n], &sums[2..][..n]);
-    let (left, middle, right) = (&differences[..n], &differences[1..][..n], &differences[2..][..n]);
-    let directions = &mut directions[..n];
-    for i in 0..n {
-        let dx = sums_right[i] - sums_left[i];
-        let dy = left[i] + 2 * middle[i] + right[i];
-        let (x, y) = (dx.abs(), dy.abs());
-        magnitudes[i] = x + y;
-        // floor(x tan 22.5); x times 13573 / 2^15 is whole only at x = 0, so <= here is < in exact arithmetic.
-        let flat = ((i32::from(2 * x) * TAN_22) >> 16) as i16;
-        // tan 67.5 = 2 + tan 22.5
-        let diagonal = if (dx ^ dy) < 0 { RISING } else { FALLING };
-        let steep = if y > flat + 2 * x { DOWN } else { diagonal };
-        directions[i] = if y <= flat { ACROSS } else { steep };
+wide! {
+    /// Magnitude |dx| + |dy| and direction of the gradient.
+    fn gradient(sums: &[i16], differences: &[i16], magnitudes: &mut [i16], directions: &mut [i16]) {
+        let n = magnitudes.len();
+        let (sums_left, sums_right) = (&sums[..n], &sums[2..][..n]);
+        let (left, middle, right) = (&differences[..n], &differences[1..][..n], &differences[2..][..n]);
+        let directions = &mut directions[..n];
+        for i in 0..n {
+            let dx = sums_right[i] - sums_left[i];
+            let dy = left[i] + 2 * middle[i] + right[i];
+            let (x, y) = (dx.abs(), dy.abs());
+            magnitudes[i] = x + y;
+            // floor(x tan 22.5); x times 13573 / 2^15 is whole only at x = 0, so <= here is < in exact arithmetic.
+            let flat = ((i32::from(2 * x) * TAN_22) >> 16) as i16;
+            // tan 67.5 = 2 + tan 22.5
+            let diagonal = if (dx ^ dy) < 0 { RISING } else { FALLING };
+            let steep = if y > flat + 2 * x { DOWN } else { diagonal };
+            directions[i] = if y <= flat { ACROSS } else { steep };
+        }
     }
 }
 
-/// Marks the pixels whose magnitude is not exceeded along the gradient: those above low as weak, above high as strong.
-fn ridges(
-    above: &[i16],
-    here: &[i16],
-    below: &[i16],
-    directions: &[i16],
-    [low, high]: [i16; 2],
-    weak: &mut [u8],
-    strong: &mut [u8],
-) {
-    let n = weak.len();
-    let [above_left, above_mid, above_right] = [0, 1, 2].map(|k| &above[k..][..n]);
-    let [left, mid, right] = [0, 1, 2].map(|k| &here[k..][..n]);
-    let [below_left, below_mid, below_right] = [0, 1, 2].map(|k| &below[k..][..n]);
-    let (directions, strong) = (&directions[..n], &mut strong[..n]);
-    for i in 0..n {
-        let m = mid[i];
-        // Of two equal neighbours along an axis the first counts.
-        let across = (m > left[i]) & (m >= right[i]);
-        let down = (m > above_mid[i]) & (m >= below_mid[i]);
-        let falling = (m > above_left[i]) & (m > below_right[i]);
-        let rising = (m > above_right[i]) & (m > below_left[i]);
-        let d = directions[i];
-        let ridge =
-            ((d == ACROSS) & across) | ((d == DOWN) & down) | ((d == FALLING) & falling) | ((d == RISING) & rising);
-        weak[i] = (ridge & (m > low)) as u8;
-        strong[i] = (ridge & (m > high)) as u8;
-    }
-}
-
-fn pack_row(flags: &[u8], words: &mut [u64]) {
-    for (word, flags) in words.iter_mut().zip(flags.as_chunks::<64>().0) {
-        *word = pack_64(flags);
+wide! {
+    /// Marks the pixels whose magnitude is not exceeded along the gradient: those above low as weak, above high as strong,
+    /// by 255.
+    fn ridges(
+        above: &[i16],
+        here: &[i16],
+        below: &[i16],
+        directions: &[i16],
+        thresholds: [i16; 2],
+        weak: &mut [u8],
+        strong: &mut [u8],
+    ) {
+        let ([low, high], n) = (thresholds, weak.len());
+        let [above_left, above_mid, above_right] = [0, 1, 2].map(|k| &above[k..][..n]);
+        let [left, mid, right] = [0, 1, 2].map(|k| &here[k..][..n]);
+        let [below_left, below_mid, below_right] = [0, 1, 2].map(|k| &below[k..][..n]);
+        let (directions, strong) = (&directions[..n], &mut strong[..n]);
+        for i in 0..n {
+            let m = mid[i];
+            // Of two equal neighbours along an axis the first counts.
+            let across = (m > left[i]) & (m >= right[i]);
+            let down = (m > above_mid[i]) & (m >= below_mid[i]);
+            let falling = (m > above_left[i]) & (m > below_right[i]);
+            let rising = (m > above_right[i]) & (m > below_left[i]);
+            let d = directions[i];
+            let ridge =
+                ((d == ACROSS) & across) | ((d == DOWN) & down) | ((d == FALLING) & falling) | ((d == RISING) & rising);
+            weak[i] = u8::from(ridge & (m > low)).wrapping_neg();
+            strong[i] = u8::from(ridge & (m > high)).wrapping_neg();
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Mean colour of square cells: colour pixels -> a coarse picture of block means, three numbers a cell.
 
+use super::wide::wide;
 use crate::image::{ByteOrder, Pixels, SizePx};
 
 /// A coarse picture: block means in grey levels, row by row.
@@ -9,6 +10,7 @@ pub struct Cells {
     columns: usize,
     rows: usize,
     sums: Vec<u16>,
+    sums_next: Vec<u16>,
     means: Vec<[f32; 3]>,
 }
 
@@ -18,7 +20,8 @@ impl Cells {
     pub fn new(size: SizePx, cell_px: usize) -> Self {
         assert!((1..=16).contains(&cell_px), "16-bit column sums hold cells of at most 16 px");
         let (columns, rows) = (size.width / cell_px, size.height / cell_px);
-        Cells { cell_px, columns, rows, sums: vec![0; columns * cell_px * 3], means: vec![[0.0; 3]; columns * rows] }
+        let sums = vec![0; columns * cell_px * 3];
+        Cells { cell_px, columns, rows, sums_next: sums.clone(), sums, means: vec![[0.0; 3]; columns * rows] }
     }
 
     /// Side of a cell in pixels.
@@ -61,13 +64,18 @@ impl Cells {
             let sums = &mut self.sums[..used];
             sums.fill(0);
             for y in cell_row * c..(cell_row + 1) * c {
-                for (sum, &value) in sums.iter_mut().zip(row(y)) {
-                    *sum += u16::from(value);
-                }
+                add_bytes(row(y), sums);
+            }
+            // Of each pixel, those to its right: one, then three, then seven; a sum over 16 x 16 pixels still fits.
+            let (mut sums, mut next, mut pixels) = (sums, &mut self.sums_next[..used], 1);
+            while c.is_multiple_of(2 * pixels) {
+                add_right(sums, pixels * CHANNELS, next);
+                std::mem::swap(&mut sums, &mut next);
+                pixels *= 2;
             }
             for (mean, block) in means.iter_mut().zip(sums.chunks_exact(c * CHANNELS)) {
                 let mut total = [0u32; CHANNELS];
-                for pixel in block.chunks_exact(CHANNELS) {
+                for pixel in block.chunks_exact(CHANNELS).step_by(pixels) {
                     for (t, &v) in total.iter_mut().zip(pixel) {
                         *t += u32::from(v);
                     }
@@ -75,6 +83,18 @@ impl Cells {
                 *mean = std::array::from_fn(|k| total[k.min(CHANNELS - 1)] as f32 * per_level);
             }
         }
+    }
+}
+
+wide! {
+    fn add_bytes(row: &[u8], sums: &mut [u16]) {
+        sums.iter_mut().zip(row).for_each(|(sum, &value)| *sum += u16::from(value));
+    }
+
+    /// Adds to each sum the one `away` further on; the last `away` are left alone.
+    fn add_right(sums: &[u16], away: usize, out: &mut [u16]) {
+        let right = &sums[away.min(sums.len())..];
+        out.iter_mut().zip(sums.iter().zip(right)).for_each(|(out, (a, b))| *out = a + b);
     }
 }
 

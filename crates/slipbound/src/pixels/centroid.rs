@@ -17,6 +17,7 @@
 //! dots): a pull is a sum of products of integers, the same in any order. F is straight over half a pixel, so the
 //! step from the nearest assumed centre to the true one loses only what the stiffness is wrong by.
 
+use super::wide::wide;
 use crate::image::SizePx;
 use crate::plane::Vec2;
 
@@ -27,6 +28,8 @@ const FINE: (usize, usize) = (8, 16);
 const COARSE: usize = 4;
 /// A dot pulls along its weaker axis with at least this share of the stronger one's.
 const STRIPE_RATIO: f64 = 0.25;
+/// Pixels that are weighed side by side.
+const LANES: usize = 16;
 /// The largest tabulated weight.
 const FULL_WEIGHT: f64 = 8000.0;
 
@@ -35,6 +38,9 @@ const FULL_WEIGHT: f64 = 8000.0;
 struct Phase {
     along: Vec<i16>,
     across: Vec<i16>,
+    /// The same with rows of a whole number of [`LANES`], zeros after them.
+    along_padded: Vec<[i16; LANES]>,
+    across_padded: Vec<[i16; LANES]>,
     along_sum: i64,
     across_sum: i64,
 }
@@ -114,22 +120,24 @@ impl EdgeKernel {
         // On a pixel grid the ring cancels a constant only roughly: take off the level of the window's rim first.
         let rim = |y: usize| line(y).iter().map(|&v| u32::from(v)).sum::<u32>();
         let level = f64::from(rim(rows.start) + rim(rows.end - 1)) / (2 * columns.len()) as f64;
-        let (mut fx, mut fy) = (0i64, 0i64);
-        let (mut weight_x, mut weight_y) = (phase.along_sum, phase.across_sum);
-        if !whole {
-            (weight_x, weight_y) = (0, 0);
-        }
-        for y in rows {
-            let weights = y * side + columns.start..y * side + columns.end;
-            let (along, across) = (&phase.along[weights.clone()], &phase.across[weights]);
-            let (x_sum, y_sum) = row_pull(line(y), along, across);
-            fx += i64::from(x_sum);
-            fy += i64::from(y_sum);
-            if !whole {
-                weight_x += along.iter().map(|&w| i64::from(w)).sum::<i64>();
-                weight_y += across.iter().map(|&w| i64::from(w)).sum::<i64>();
+        let corner = (row + rows.start - half) * size.width + column + columns.start - half;
+        let padded_end = corner + (side - 1) * size.width + side.next_multiple_of(LANES);
+        let [fx, fy, weight_x, weight_y] = if whole && padded_end <= grey.len() {
+            let [fx, fy] =
+                window_pull(&grey[corner..padded_end], size.width, &phase.along_padded, &phase.across_padded, side);
+            [fx, fy, phase.along_sum, phase.across_sum]
+        } else {
+            let mut sums = [0i64; 4];
+            for y in rows {
+                let weights = y * side + columns.start..y * side + columns.end;
+                let (along, across) = (&phase.along[weights.clone()], &phase.across[weights]);
+                let (x_sum, y_sum) = row_pull(line(y), along, across);
+                let weight = |row: &[i16]| row.iter().map(|&w| i64::from(w)).sum::<i64>();
+                let row = [i64::from(x_sum), i64::from(y_sum), weight(along), weight(across)];
+                sums.iter_mut().zip(row).for_each(|(sum, v)| *sum += v);
             }
-        }
+            sums
+        };
         let force = Vec2::new(fx as f64 - level * weight_x as f64, fy as f64 - level * weight_y as f64);
         Some((force / FULL_WEIGHT, at))
     }
@@ -198,7 +206,35 @@ impl Phase {
         };
         let (along, across) = (table(&|p| p.x), table(&|p| p.y));
         let sum = |table: &[i16]| table.iter().map(|&w| i64::from(w)).sum();
-        Phase { along_sum: sum(&along), across_sum: sum(&across), along, across }
+        let padded = |table: &[i16]| -> Vec<[i16; LANES]> {
+            let row =
+                |row: &[i16]| (0..side.next_multiple_of(LANES)).map(|i| row.get(i).copied().unwrap_or(0)).collect();
+            let rows: Vec<i16> = table.chunks_exact(side).flat_map(|r| -> Vec<i16> { row(r) }).collect();
+            rows.as_chunks().0.to_vec()
+        };
+        let (along_padded, across_padded) = (padded(&along), padded(&across));
+        Phase { along_sum: sum(&along), across_sum: sum(&across), along, across, along_padded, across_padded }
+    }
+}
+
+wide! {
+    /// The same through a whole window: its rows lie `stride` apart in `grey`, and what is read beyond a row weighs nothing.
+    fn window_pull(grey: &[u8], stride: usize, along: &[[i16; LANES]], across: &[[i16; LANES]], side: usize) -> [i64; 2] {
+        let per_row = side.div_ceil(LANES);
+        let (mut fx, mut fy) = (0, 0);
+        for (y, (along, across)) in along.chunks_exact(per_row).zip(across.chunks_exact(per_row)).enumerate() {
+            let row = grey[y * stride..][..per_row * LANES].as_chunks::<LANES>().0;
+            let (mut x_sum, mut y_sum) = (0i32, 0i32);
+            for ((pixels, along), across) in row.iter().zip(along).zip(across) {
+                for i in 0..LANES {
+                    x_sum += i32::from(i16::from(pixels[i])) * i32::from(along[i]);
+                    y_sum += i32::from(i16::from(pixels[i])) * i32::from(across[i]);
+                }
+            }
+            fx += i64::from(x_sum);
+            fy += i64::from(y_sum);
+        }
+        [fx, fy]
     }
 }
 

@@ -33,6 +33,14 @@ struct Run {
     row: u32,
 }
 
+/// A run and the number, among all runs, of the first one of its piece.
+#[derive(Debug, Clone)]
+pub(crate) struct RunOfPiece {
+    pub(crate) row: usize,
+    pub(crate) columns: std::ops::Range<usize>,
+    pub(crate) piece: usize,
+}
+
 /// The scratch of the labelling.
 #[derive(Debug, Clone)]
 pub struct Components {
@@ -166,6 +174,17 @@ impl Components {
         }
         // These runs were the clear ones: nothing is labelled now.
         self.components.clear();
+    }
+
+    /// The runs of a mask, row by row, and which of them belong together because they touch along sides.
+    pub(crate) fn runs_by_sides(&mut self, mask: &Mask) -> impl Iterator<Item = RunOfPiece> + Clone {
+        self.join_runs(mask, 0, Corners::Part);
+        self.components.clear();
+        self.runs.iter().zip(&self.earlier).map(|(run, &root)| RunOfPiece {
+            row: run.row as usize,
+            columns: run.from as usize..run.to as usize,
+            piece: root as usize,
+        })
     }
 
     /// Finds the runs of `mask` (of its clear pixels where `turn` is all ones) and points each to its root.

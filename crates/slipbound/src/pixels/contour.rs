@@ -21,30 +21,39 @@ pub fn mask_above(values: &[f32], columns: usize, cell_px: usize, level: f32, ou
     let per_px = 1.0 / cell_px as f32;
     for i in 0..=rows {
         let (above, below) = (i.saturating_sub(1) * columns, i.min(rows - 1) * columns);
+        let (above, below) = (&values[above..above + columns], &values[below..below + columns]);
         let ys = square(i, rows, size.height);
+        // A run of squares that reach the level at all four corners is set at once.
+        let mut whole_from = None;
         for j in 0..=columns {
             let (left, right) = (j.saturating_sub(1), j.min(columns - 1));
-            let corners = [values[above + left], values[above + right], values[below + left], values[below + right]];
-            let reached = corners.iter().filter(|&&v| v >= level).count();
-            if reached == 0 {
+            let corners = [above[left], above[right], below[left], below[right]];
+            let reached = corners.map(|v| v >= level);
+            let xs = square(j, columns, size.width);
+            if reached == [true; 4] {
+                whole_from = whole_from.or(Some(xs.start));
                 continue;
             }
-            let xs = square(j, columns, size.width);
+            if let Some(from) = whole_from.take() {
+                ys.clone().for_each(|y| set_range(out.row_mut(y), from, xs.start));
+            }
+            if reached == [false; 4] {
+                continue;
+            }
             for y in ys.clone() {
-                let words = out.row_mut(y);
-                if reached == 4 {
-                    set_range(words, xs.start, xs.end);
-                    continue;
-                }
                 let share = |px: usize, i: usize| (px as f32 - half) * per_px - (i as f32 - 1.0);
                 let down = share(y, i);
                 let (a, b) =
                     (corners[0] + (corners[2] - corners[0]) * down, corners[1] + (corners[3] - corners[1]) * down);
+                let words = out.row_mut(y);
                 for x in xs.clone() {
                     let v = a + (b - a) * share(x, j);
                     words[x / 64] |= u64::from(v >= level) << (x % 64);
                 }
             }
+        }
+        if let Some(from) = whole_from {
+            ys.for_each(|y| set_range(out.row_mut(y), from, size.width));
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Contrast of square cells: grey picture -> mean difference of neighbouring pixels, one number a cell.
 
+use super::wide::wide;
 use crate::image::Gray;
 
 /// Longest side of a cell in px: the sum over its column still fits 16 bits.
@@ -20,15 +21,19 @@ pub fn cell_contrast(grey: Gray<'_>, cell_px: usize, sums: &mut [u16], out: &mut
             let row = grey.row(y);
             let below = grey.row((y + 1).min(size.height - 1));
             // The last pixel of a row has none to its right, those of the last row none below.
-            for (sum, (a, b)) in sums.iter_mut().zip(row.iter().zip(&row[1..])) {
-                *sum += u16::from(a.abs_diff(*b));
-            }
-            for (sum, (a, b)) in sums.iter_mut().zip(row.iter().zip(below)) {
-                *sum += u16::from(a.abs_diff(*b));
-            }
+            add_differences(row, &row[1..], sums);
+            add_differences(row, below, sums);
         }
         for (out, cell) in out.iter_mut().zip(sums.chunks_exact(cell_px)) {
             *out = cell.iter().map(|&sum| u32::from(sum)).sum::<u32>() as f32 * per_pixel;
+        }
+    }
+}
+
+wide! {
+    fn add_differences(a: &[u8], b: &[u8], sums: &mut [u16]) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += u16::from(a.abs_diff(*b));
         }
     }
 }

@@ -9,6 +9,8 @@
 //!   +-----------+
 //! ```
 
+use super::bits::pack_row;
+use super::wide::wide;
 use crate::image::SizePx;
 use crate::plane::Vec2;
 use crate::sensor::Polarity;
@@ -40,8 +42,16 @@ pub struct DotFinder {
     invert: bool,
     row_sums: Vec<u16>,
     padded: Vec<u16>,
-    integral: Vec<i32>,
+    /// Sums of columns of the padded image, as high as core and ring together and as high as the core.
+    all_columns: Vec<i32>,
+    core_columns: Vec<i32>,
+    /// Sums of such columns along a row.
+    all_sums: Vec<i32>,
+    core_sums: Vec<i32>,
     response: Vec<i32>,
+    /// 255 where a row has a peak, and the same in bits.
+    peaks: Vec<u8>,
+    peak_bits: Vec<u64>,
     spots: Vec<Spot>,
     order: Vec<u32>,
     taken: Vec<bool>,
@@ -68,8 +78,13 @@ impl DotFinder {
             invert: polarity == Polarity::Dark,
             row_sums: vec![0; size.width],
             padded: vec![0; padded.area()],
-            integral: vec![0; (padded.width + 1) * (padded.height + 1)],
+            all_columns: vec![0; padded.width],
+            core_columns: vec![0; padded.width],
+            all_sums: vec![0; small.width],
+            core_sums: vec![0; small.width],
             response: vec![0; small.area()],
+            peaks: vec![0; small.width.next_multiple_of(64)],
+            peak_bits: vec![0; small.width.div_ceil(64)],
             spots: Vec::with_capacity(most),
             order: Vec::with_capacity(most),
             taken: Vec::with_capacity(most),
@@ -80,7 +95,6 @@ impl DotFinder {
     pub fn run(&mut self, grey: &[u8], min_levels: f32) -> &[Spot] {
         assert_eq!(grey.len(), self.size.area(), "grey image of another size");
         self.decimate(grey);
-        self.integrate();
         self.respond();
         self.collect(min_levels.max(0.25));
         self.keep_apart();
@@ -92,23 +106,19 @@ impl DotFinder {
         let width = self.small.width + 2 * pad;
         let flip = if self.invert { 255 * STEPS_PER_LEVEL as u16 } else { 0 };
         for y in 0..self.small.height {
-            let sums = &mut self.row_sums[..self.small.width << self.shift];
-            sums.fill(0);
-            for row in 0..n {
-                let from = ((y << self.shift) + row) * self.size.width;
-                for (sum, &v) in sums.iter_mut().zip(&grey[from..from + self.size.width]) {
-                    *sum += u16::from(v);
-                }
-            }
+            let row = |i: usize| &grey[((y << self.shift) + i.min(n - 1)) * self.size.width..][..self.size.width];
             let out = &mut self.padded[(y + pad) * width..][..width];
             let small = &mut out[pad..pad + self.small.width];
             match self.shift {
-                0 => small.iter_mut().zip(&*sums).for_each(|(o, s)| *o = (s * 4).abs_diff(flip)),
-                1 => small.iter_mut().zip(sums.chunks_exact(2)).for_each(|(o, s)| *o = (s[0] + s[1]).abs_diff(flip)),
-                _ => small
-                    .iter_mut()
-                    .zip(sums.chunks_exact(4))
-                    .for_each(|(o, s)| *o = ((s[0] + s[1] + s[2] + s[3]) / 4).abs_diff(flip)),
+                0 => small.iter_mut().zip(row(0)).for_each(|(o, &v)| *o = (4 * u16::from(v)).abs_diff(flip)),
+                1 => decimate_by_2(row(0), row(1), flip, small),
+                _ => {
+                    let sums = &mut self.row_sums[..self.small.width << self.shift];
+                    sums.fill(0);
+                    (0..n).for_each(|i| add_bytes(row(i), sums));
+                    let fours = small.iter_mut().zip(sums.as_chunks::<4>().0);
+                    fours.for_each(|(o, s)| *o = ((s[0] + s[1] + s[2] + s[3]) / 4).abs_diff(flip));
+                }
             }
             let (first, last) = (out[pad], out[pad + self.small.width - 1]);
             out[..pad].fill(first);
@@ -121,38 +131,25 @@ impl DotFinder {
         }
     }
 
-    fn integrate(&mut self) {
-        let width = self.small.width + 2 * self.ring_half;
-        let mut above_from = 0;
-        for values in self.padded.chunks_exact(width) {
-            let (above, here) = self.integral[above_from..].split_at_mut(width + 1);
-            let mut sum = 0i32;
-            here[0] = 0;
-            for ((out, up), &v) in here[1..=width].iter_mut().zip(&above[1..]).zip(values) {
-                sum += i32::from(v);
-                *out = up.wrapping_add(sum);
-            }
-            above_from += width + 1;
-        }
-    }
-
     /// response = core sum * ring area - ring sum * core area: a contrast times both areas.
     fn respond(&mut self) {
-        let (c, r) = (self.core_half, self.ring_half);
-        let stride = self.small.width + 2 * r + 1;
+        let (c, r, width) = (self.core_half, self.ring_half, self.small.width + 2 * self.ring_half);
         let (core_area, all_area) = self.areas();
+        let (all_rows, core_rows) = (2 * r + 1, 2 * c + 1);
+        let padded = &self.padded;
+        let row = |y: usize| &padded[y * width..][..width];
+        self.all_columns.fill(0);
+        self.core_columns.fill(0);
+        (0..all_rows).for_each(|y| add_row(row(y), &mut self.all_columns));
+        (r - c..r - c + core_rows).for_each(|y| add_row(row(y), &mut self.core_columns));
         for (y, out) in self.response.chunks_exact_mut(self.small.width).enumerate() {
-            let line = |dy: usize, dx: usize| &self.integral[(y + dy) * stride + dx..][..self.small.width];
-            let (ra, rb) = (line(0, 0), line(0, 2 * r + 1));
-            let (rc, rd) = (line(2 * r + 1, 0), line(2 * r + 1, 2 * r + 1));
-            let (near, far) = (r - c, r + c + 1);
-            let (ca, cb) = (line(near, near), line(near, far));
-            let (cc, cd) = (line(far, near), line(far, far));
-            for x in 0..out.len() {
-                let all = rd[x].wrapping_sub(rb[x]).wrapping_sub(rc[x]).wrapping_add(ra[x]);
-                let core = cd[x].wrapping_sub(cb[x]).wrapping_sub(cc[x]).wrapping_add(ca[x]);
-                out[x] = core.wrapping_mul(all_area).wrapping_sub(all.wrapping_mul(core_area));
+            if y > 0 {
+                exchange_row(row(y + all_rows - 1), row(y - 1), &mut self.all_columns);
+                exchange_row(row(y + r - c + core_rows - 1), row(y + r - c - 1), &mut self.core_columns);
             }
+            sum_along(&self.all_columns, all_rows, &mut self.all_sums);
+            sum_along(&self.core_columns[r - c..], core_rows, &mut self.core_sums);
+            contrast(&self.all_sums, &self.core_sums, core_area, all_area, out);
         }
     }
 
@@ -171,16 +168,18 @@ impl DotFinder {
         let at = |x: usize, y: usize| self.response[y * w + x];
         let half_block = (f64::from(1u32 << self.shift) - 1.0) / 2.0;
         self.spots.clear();
+        if w < 3 {
+            return;
+        }
         for y in 1..h.saturating_sub(1) {
-            for x in 1..w.saturating_sub(1) {
+            let row = |y: usize| &self.response[y * w..][..w];
+            find_peaks(row(y - 1), row(y), row(y + 1), least, &mut self.peaks[1..w - 1]);
+            pack_row(&self.peaks, &mut self.peak_bits);
+            for x in
+                self.peak_bits.iter().enumerate().flat_map(|(word, &bits)| ones(bits).map(move |bit| 64 * word + bit))
+            {
                 let v = at(x, y);
-                if v < least || v <= at(x - 1, y) || v < at(x + 1, y) || v <= at(x, y - 1) || v < at(x, y + 1) {
-                    continue;
-                }
                 let corners = [at(x - 1, y - 1), at(x + 1, y - 1), at(x - 1, y + 1), at(x + 1, y + 1)];
-                if v <= corners[0] || v <= corners[1] || v < corners[2] || v < corners[3] {
-                    continue;
-                }
                 let curvature = |before: i32, after: i32| f64::from(before) + f64::from(after) - 2.0 * f64::from(v);
                 let (xx, yy) = (curvature(at(x - 1, y), at(x + 1, y)), curvature(at(x, y - 1), at(x, y + 1)));
                 let xy =
@@ -254,6 +253,79 @@ impl DotFinder {
             !taken[index - 1]
         });
         debug_assert_eq!(kept, self.spots.len());
+    }
+}
+
+/// The numbers of the bits that are set, ascending.
+fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let bit = (bits != 0).then(|| bits.trailing_zeros() as usize)?;
+        bits &= bits - 1;
+        Some(bit)
+    })
+}
+
+wide! {
+    fn add_bytes(row: &[u8], sums: &mut [u16]) {
+        sums.iter_mut().zip(row).for_each(|(sum, &v)| *sum += u16::from(v));
+    }
+
+    /// Sums of 2 x 2 pixels, or what they lack of `flip`.
+    fn decimate_by_2(above: &[u8], below: &[u8], flip: u16, out: &mut [u16]) {
+        let pairs = above.as_chunks::<2>().0.iter().zip(below.as_chunks::<2>().0);
+        for (out, (a, b)) in out.iter_mut().zip(pairs) {
+            // Left and right byte of a pair, taken apart as halves of one number.
+            let (a, b) = (u16::from_le_bytes(*a), u16::from_le_bytes(*b));
+            *out = ((a & 255) + (a >> 8) + (b & 255) + (b >> 8)).abs_diff(flip);
+        }
+    }
+
+    fn add_row(row: &[u16], columns: &mut [i32]) {
+        columns.iter_mut().zip(row).for_each(|(sum, &v)| *sum += i32::from(v));
+    }
+
+    fn exchange_row(enters: &[u16], leaves: &[u16], columns: &mut [i32]) {
+        let rows = enters.iter().zip(leaves);
+        columns.iter_mut().zip(rows).for_each(|(sum, (&enters, &leaves))| *sum += i32::from(enters) - i32::from(leaves));
+    }
+
+    /// Sums of `count` neighbours, by eights of places: what is summed stays in registers.
+    fn sum_along(columns: &[i32], count: usize, sums: &mut [i32]) {
+        const PLACES: usize = 16;
+        let (whole, rest) = sums.as_chunks_mut::<PLACES>();
+        let rest_at = whole.len() * PLACES;
+        for (k, sums) in whole.iter_mut().enumerate() {
+            let near = &columns[k * PLACES..][..PLACES + count - 1];
+            *sums = [0; PLACES];
+            for places in near.windows(PLACES) {
+                sums.iter_mut().zip(places).for_each(|(sum, v)| *sum += v);
+            }
+        }
+        for (sum, near) in rest.iter_mut().zip(columns[rest_at..].windows(count)) {
+            *sum = near.iter().sum();
+        }
+    }
+
+    fn contrast(all: &[i32], core: &[i32], core_area: i32, all_area: i32, out: &mut [i32]) {
+        for (out, (&all, &core)) in out.iter_mut().zip(all.iter().zip(core)) {
+            *out = core.wrapping_mul(all_area).wrapping_sub(all.wrapping_mul(core_area));
+        }
+    }
+
+    /// 255 where the inner places of the row between are at least `least` and a maximum among their eight neighbours; of equal
+    /// ones the first counts. `peaks`: two shorter than the rows.
+    fn find_peaks(above: &[i32], here: &[i32], below: &[i32], least: i32, peaks: &mut [u8]) {
+        let n = peaks.len();
+        let [above_left, above_mid, above_right] = [&above[..n], &above[1..][..n], &above[2..][..n]];
+        let [left, mid, right] = [&here[..n], &here[1..][..n], &here[2..][..n]];
+        let [below_left, below_mid, below_right] = [&below[..n], &below[1..][..n], &below[2..][..n]];
+        for i in 0..n {
+            let v = mid[i];
+            let along = (v >= least) & (v > left[i]) & (v >= right[i]) & (v > above_mid[i]) & (v >= below_mid[i]);
+            let across =
+                (v > above_left[i]) & (v > above_right[i]) & (v >= below_left[i]) & (v >= below_right[i]);
+            peaks[i] = u8::from(along & across).wrapping_neg();
+        }
     }
 }
 

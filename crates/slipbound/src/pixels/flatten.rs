@@ -1,5 +1,7 @@
 //! Grey image and its background -> image of even illumination: clip((grey - background + offset) * gain + bias).
 
+use super::wide::wide;
+
 /// The three numbers of the flattening.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flatten {
@@ -37,6 +39,12 @@ impl Flatten {
         assert_eq!(grey.len(), out.len(), "grey image and output differ in size");
         let gain_4096ths = (self.gain * 4096.0).round().min(32767.0) as i16;
         let level_quarters = (self.level * 4.0).round() as i16 + 2;
+        flatten(grey, background, gain_4096ths, level_quarters, out);
+    }
+}
+
+wide! {
+    fn flatten(grey: &[u8], background: &[u8], gain_4096ths: i16, level_quarters: i16, out: &mut [u8]) {
         for ((out, &g), &b) in out.iter_mut().zip(grey).zip(background) {
             let difference_64ths = (i16::from(g) - i16::from(b)) << 6;
             let product_quarters = ((i32::from(difference_64ths) * i32::from(gain_4096ths)) >> 16) as i16;

@@ -62,10 +62,93 @@ fn turned(flip: Flip) -> (bool, bool) {
     }
 }
 
-/// Plainly written: with SSE2 a sum at every byte by 16-bit products takes a third less time, with AVX2 three times more.
-fn grey_row(row: &[u8], [r, g, b]: [u32; 3], out: &mut [u8]) {
+/// A row of pixels; `row` may be longer. The twin of [`avx2::grey_row`], which gives the same bits.
+fn grey_row(row: &[u8], weights_65536ths: [u32; 3], out: &mut [u8]) {
+    #[cfg(target_arch = "x86_64")]
+    if super::wide::has_avx2() {
+        // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature the kernel needs.
+        #[allow(unsafe_code)]
+        return unsafe { avx2::grey_row(row, weights_65536ths, out) };
+    }
+    grey_pixels(row, weights_65536ths, out);
+}
+
+fn grey_pixels(row: &[u8], [r, g, b]: [u32; 3], out: &mut [u8]) {
     for (out, p) in out.iter_mut().zip(row.as_chunks::<3>().0) {
         *out = ((u32::from(p[0]) * r + u32::from(p[1]) * g + u32::from(p[2]) * b + 32768) >> 16) as u8;
+    }
+}
+
+/// Three bytes a pixel are not what a compiler turns into vectors well: written out it takes half the time.
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use std::arch::x86_64::*;
+
+    /// Pixels a round, and the bytes it reads: the last eight pixels are read with four bytes to spare.
+    const PIXELS: usize = 32;
+    const READ_BYTES: usize = 3 * PIXELS + 4;
+
+    /// ```text
+    ///   8 pixels, 12 bytes a lane:   r g b r g b r g b r g b      --shuffle--> (r g) (r g) ..   and (b 0) (b 0) .. , 16 bits each
+    ///   weight = 256 high + low:     256 (r g . high + b high) + (r g . low + b low) + 1/2, of which the upper half is kept
+    /// ```
+    #[target_feature(enable = "avx2")]
+    pub(super) fn grey_row(row: &[u8], weights_65536ths: [u32; 3], out: &mut [u8]) {
+        let [first, second, third] = weights_65536ths;
+        let pair = |a: u32, b: u32| _mm256_set1_epi32((a | b << 16) as i32);
+        let (pair_high, pair_low) = (pair(first >> 8, second >> 8), pair(first & 255, second & 255));
+        let (last_high, last_low) = (pair(third >> 8, 0), pair(third & 255, 0));
+        let pairs = twice(_mm_setr_epi8(0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1));
+        let lasts = twice(_mm_setr_epi8(2, -1, -1, -1, 5, -1, -1, -1, 8, -1, -1, -1, 11, -1, -1, -1));
+        let half = _mm256_set1_epi32(32768);
+        let in_order = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
+        let mut at = 0;
+        while at + PIXELS <= out.len() && 3 * at + READ_BYTES <= row.len() {
+            let bytes = &row[3 * at..][..READ_BYTES];
+            let mut eights = [_mm256_setzero_si256(); 4];
+            for (k, eight) in eights.iter_mut().enumerate() {
+                let pixels = load(&bytes[24 * k..], &bytes[24 * k + 12..]);
+                let (two, one) = (_mm256_shuffle_epi8(pixels, pairs), _mm256_shuffle_epi8(pixels, lasts));
+                let high = _mm256_add_epi32(_mm256_madd_epi16(two, pair_high), _mm256_madd_epi16(one, last_high));
+                let low = _mm256_add_epi32(_mm256_madd_epi16(two, pair_low), _mm256_madd_epi16(one, last_low));
+                let sum = _mm256_add_epi32(_mm256_slli_epi32(high, 8), _mm256_add_epi32(low, half));
+                *eight = _mm256_srli_epi32(sum, 16);
+            }
+            let [a, b, c, d] = eights;
+            let bytes = _mm256_packus_epi16(_mm256_packus_epi32(a, b), _mm256_packus_epi32(c, d));
+            store(_mm256_permutevar8x32_epi32(bytes, in_order), &mut out[at..at + PIXELS]);
+            at += PIXELS;
+        }
+        super::grey_pixels(&row[3 * at..], weights_65536ths, &mut out[at..]);
+    }
+
+    #[target_feature(enable = "avx2")]
+    fn twice(lane: __m128i) -> __m256i {
+        _mm256_set_m128i(lane, lane)
+    }
+
+    /// 16 bytes of each, the first in the lower lane.
+    #[target_feature(enable = "avx2")]
+    fn load(lower: &[u8], upper: &[u8]) -> __m256i {
+        let number = |bytes: &[u8], at: usize| {
+            let mut eight = [0; 8];
+            eight.copy_from_slice(&bytes[at..at + 8]);
+            i64::from_le_bytes(eight)
+        };
+        _mm256_setr_epi64x(number(lower, 0), number(lower, 8), number(upper, 0), number(upper, 8))
+    }
+
+    #[target_feature(enable = "avx2")]
+    fn store(from: __m256i, to: &mut [u8]) {
+        let numbers = [
+            _mm256_extract_epi64::<0>(from),
+            _mm256_extract_epi64::<1>(from),
+            _mm256_extract_epi64::<2>(from),
+            _mm256_extract_epi64::<3>(from),
+        ];
+        for (to, number) in to.as_chunks_mut::<8>().0.iter_mut().zip(numbers) {
+            *to = number.to_le_bytes();
+        }
     }
 }
 
@@ -117,6 +200,25 @@ mod tests {
                 let exact: f64 = p.iter().zip(weights).map(|(&v, w)| f64::from(v) * w).sum();
                 assert!((f64::from(got) - exact).abs() < 0.51, "{p:?}: {got} for {exact}");
             }
+        }
+    }
+
+    #[test]
+    fn wide_rows_have_the_bits_of_plain_ones() {
+        for (width, weights) in
+            [(33, [0.3, 0.7, 0.0]), (640, [0.299, 0.587, 0.114]), (641, [1.0, 0.0, 0.0]), (95, [0.0, 0.0, 1.0])]
+        {
+            let row: Vec<u8> = (0..3 * width as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+            let weights = GreyWeights::new(weights).rgb_65536ths;
+            let (mut wide, mut plain) = (vec![0; width], vec![1; width]);
+            grey_row(&row, weights, &mut wide);
+            grey_pixels(&row, weights, &mut plain);
+            assert_eq!(wide, plain, "{width} pixels");
+            // As many pixels as are asked for, however long the row is.
+            grey_row(&row, weights, &mut wide[..32]);
+            grey_row(&[255; 96], weights, &mut wide[..32]);
+            assert!(wide[..32].iter().all(|&v| v >= 254), "a white row that ends with its last pixel");
+            assert_eq!(wide[32..], plain[32..], "{width} pixels: written beyond the end");
         }
     }
 

@@ -1,30 +1,35 @@
 //! Mask -> mask grown or shrunk by an element, 64 pixels at a time.
 //!
 //! ```text
-//!   element, a pile of chords          one source row, grown step by step from the narrowest chord
-//!     . . # . .   [ 0, 0]              to the widest; after each step it is laid onto every output
-//!     # # # # #   [-2, 2]              row where the element has that chord
-//!     # # o # #   [-2, 2]  o anchor
+//!   element, a pile of chords          the whole source, grown step by step from the narrowest chord
+//!     . . # . .   [ 0, 0]              to the widest; after each step it is laid onto the output, moved by
+//!     # # # # #   [-2, 2]              each row that has that chord. Rows of the widest chord are doubled
+//!     # # o # #   [-2, 2]  o anchor    first: two, four, eight of them at once
 //!     # # # # #   [-2, 2]
 //!     . . # . .   [ 0, 0]
 //! ```
 //! Shapes, anchor (w/2, h/2) and border are those of cv2.getStructuringElement, cv2.dilate and cv2.erode: pixels
 //! outside the image neither grow nor shrink anything, and an even element is not mirrored between the two.
 
+use super::wide::wide;
 use crate::image::{Mask, SizePx};
 
 /// Words beside a row for what a chord reaches outside the image.
 const MAX_PAD_WORDS: usize = 8;
 /// The largest element, in px: it must not reach further than the padding.
 const MAX_ELEMENT_PX: usize = 1023;
+/// Up to so many neighbouring rows of one chord are laid by doubling.
+const MOST_DOUBLED_ROWS: usize = 64;
 
 /// A structuring element, ready to be laid onto rows of bits.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Element {
     size: SizePx,
     steps: Vec<Step>,
-    /// Offsets, source row minus output row, of the chords of all steps in turn.
+    /// Offsets, source row minus output row, of the chords of all steps in turn; ascending within a step.
     rows: Vec<isize>,
+    /// How far each chord reaches to the left and to the right of the anchor, px, and its row as above; the widest first.
+    chords: Vec<(usize, usize, isize)>,
     pad_words: usize,
 }
 
@@ -90,9 +95,35 @@ impl Element {
             size: SizePx::new(width_px, height_px),
             steps,
             rows: chords.iter().map(|&(_, _, dy)| dy).collect(),
+            chords: chords.into_iter().rev().collect(),
             pad_words: reach.div_ceil(64),
         }
     }
+
+    /// Whether [`Morphology::erode`] by this element would set the pixel (x, y) of `mask`: whether the element, laid there, holds
+    /// only set pixels as far as it lies inside the image. False outside the image.
+    pub fn fits(&self, mask: &Mask, x: isize, y: isize) -> bool {
+        if !mask.get(x, y) {
+            return false;
+        }
+        let SizePx { width, height } = mask.size();
+        let (x, y) = (x as usize, y as usize);
+        self.chords.iter().all(|&(left, right, dy)| match y.checked_add_signed(dy).filter(|&y| y < height) {
+            Some(row) => all_set(mask.row(row), x.saturating_sub(left), (x + right).min(width - 1)),
+            None => true,
+        })
+    }
+}
+
+/// Whether the bits from `first` to `last` are set.
+fn all_set(row: &[u64], first: usize, last: usize) -> bool {
+    let (from, to) = (u64::MAX << (first % 64), u64::MAX >> (63 - last % 64));
+    let missing = |word: usize, wanted: u64| !row[word] & wanted != 0;
+    let (first, last) = (first / 64, last / 64);
+    if first == last {
+        return !missing(first, from & to);
+    }
+    !missing(first, from) && !missing(last, to) && row[first + 1..last].iter().all(|&word| word == u64::MAX)
 }
 
 /// The scratch of the four operations.
@@ -100,42 +131,49 @@ impl Element {
 pub struct Morphology {
     size: SizePx,
     between: Mask,
-    /// A row of bits with its padding, before and after a step.
-    row: Vec<u64>,
-    row_next: Vec<u64>,
+    spread: Spread,
+}
+
+/// Rows of bits with their padding: before and after a step, and what has been laid down.
+#[derive(Debug, Clone)]
+struct Spread {
+    rows: Vec<u64>,
+    rows_next: Vec<u64>,
+    laid: Vec<u64>,
 }
 
 impl Morphology {
     /// Scratch for masks of `size`.
     pub fn new(size: SizePx) -> Self {
-        let words = size.width.div_ceil(64) + 2 * MAX_PAD_WORDS;
-        Morphology { size, between: Mask::new(size), row: vec![0; words], row_next: vec![0; words] }
+        let words = (size.width.div_ceil(64) + 2 * MAX_PAD_WORDS) * (size.height + MOST_DOUBLED_ROWS);
+        let spread = Spread { rows: vec![0; words], rows_next: vec![0; words], laid: vec![0; words] };
+        Morphology { size, between: Mask::new(size), spread }
     }
 
     /// Sets a pixel where the element, laid on it, holds a set pixel.
     pub fn dilate(&mut self, src: &Mask, element: &Element, out: &mut Mask) {
         self.check(src, out);
-        spread(src, element, 0, &mut self.row, &mut self.row_next, out);
+        self.spread.run(src, element, 0, out);
     }
 
     /// Sets a pixel where the element, laid on it, holds only set pixels, as far as it lies inside the image.
     pub fn erode(&mut self, src: &Mask, element: &Element, out: &mut Mask) {
         self.check(src, out);
-        spread(src, element, u64::MAX, &mut self.row, &mut self.row_next, out);
+        self.spread.run(src, element, u64::MAX, out);
     }
 
     /// Dilates, then erodes: closes gaps narrower than the element.
     pub fn close(&mut self, src: &Mask, element: &Element, out: &mut Mask) {
         self.check(src, out);
-        spread(src, element, 0, &mut self.row, &mut self.row_next, &mut self.between);
-        spread(&self.between, element, u64::MAX, &mut self.row, &mut self.row_next, out);
+        self.spread.run(src, element, 0, &mut self.between);
+        self.spread.run(&self.between, element, u64::MAX, out);
     }
 
     /// Erodes, then dilates: removes what is narrower than the element.
     pub fn open(&mut self, src: &Mask, element: &Element, out: &mut Mask) {
         self.check(src, out);
-        spread(src, element, u64::MAX, &mut self.row, &mut self.row_next, &mut self.between);
-        spread(&self.between, element, 0, &mut self.row, &mut self.row_next, out);
+        self.spread.run(src, element, u64::MAX, &mut self.between);
+        self.spread.run(&self.between, element, 0, out);
     }
 
     fn check(&self, src: &Mask, out: &Mask) {
@@ -144,68 +182,134 @@ impl Morphology {
     }
 }
 
-/// Dilates; with `turn` all ones, what is not set spreads instead, which erodes what is.
-fn spread(src: &Mask, element: &Element, turn: u64, row: &mut Vec<u64>, row_next: &mut Vec<u64>, out: &mut Mask) {
-    let (pad, words, height) = (element.pad_words, src.row(0).len(), src.size().height as isize);
-    let padded = words + 2 * pad;
-    let last_word = src.last_word();
-    out.clear();
-    for y in 0..height {
-        let inside = pad..pad + words;
-        row[..pad].fill(0);
-        row[pad + words..padded].fill(0);
-        let mut any = 0;
-        for (bits, &from) in row[inside.clone()].iter_mut().zip(src.row(y as usize)) {
-            *bits = from ^ turn;
-            any |= *bits;
+impl Spread {
+    /// Dilates; with `turn` all ones, what is not set spreads instead, which erodes what is.
+    fn run(&mut self, src: &Mask, element: &Element, turn: u64, out: &mut Mask) {
+        let (pad, words, height) = (element.pad_words, src.row(0).len(), src.size().height);
+        let (stride, last_word) = (words + 2 * pad, src.last_word());
+        // Only rows that hold something spread.
+        let holds = |y: &usize| {
+            let row = src.row(*y).iter().enumerate();
+            row.fold(0, |any, (i, &bits)| any | spreading(bits, turn, i, words, last_word)) != 0
+        };
+        let Some(first) = (0..height).find(&holds) else {
+            for y in 0..height {
+                let to = out.row_mut(y);
+                to.fill(turn);
+                to[words - 1] &= last_word;
+            }
+            return;
+        };
+        let end = (first..height).rev().find(holds).map_or(height, |last| last + 1);
+        let count = (end - first) * stride;
+        for (padded, y) in self.rows.chunks_exact_mut(stride).zip(first..end) {
+            padded[..pad].fill(0);
+            padded[pad + words..].fill(0);
+            for (i, (to, &bits)) in padded[pad..pad + words].iter_mut().zip(src.row(y)).enumerate() {
+                *to = spreading(bits, turn, i, words, last_word);
+            }
         }
-        row[pad + words - 1] &= last_word;
-        if any == 0 {
-            continue;
-        }
-        let mut rows = &element.rows[..];
-        for step in &element.steps {
+        let laid = &mut self.laid[..height * stride];
+        laid.fill(0);
+        let mut offsets = &element.rows[..];
+        for (i, step) in element.steps.iter().enumerate() {
             if step.left + step.right > 0 {
-                widen(&row[..padded], &mut row_next[..padded], step.left, step.right);
-                std::mem::swap(row, row_next);
+                widen(&self.rows[..count], &mut self.rows_next[..count], step.left, step.right);
+                std::mem::swap(&mut self.rows, &mut self.rows_next);
             }
-            let (here, later) = rows.split_at(step.rows);
-            for dy in here {
-                if (0..height).contains(&(y - dy)) {
-                    for (out, bits) in out.row_mut((y - dy) as usize).iter_mut().zip(&row[inside.clone()]) {
-                        *out |= bits;
-                    }
-                }
+            let (here, later) = offsets.split_at(step.rows);
+            if i + 1 == element.steps.len() {
+                lay(here, &mut self.rows, &mut self.rows_next, count, first, stride, laid);
+            } else {
+                here.iter().for_each(|dy| join_moved(&self.rows[..count], first as isize - dy, stride, laid));
             }
-            rows = later;
+            offsets = later;
         }
-    }
-    for y in 0..height as usize {
-        let bits = out.row_mut(y);
-        for bits in bits.iter_mut() {
-            *bits ^= turn;
+        for (y, laid) in laid.chunks_exact(stride).enumerate() {
+            let to = out.row_mut(y);
+            to.iter_mut().zip(&laid[pad..]).for_each(|(to, bits)| *to = bits ^ turn);
+            to[words - 1] &= last_word;
         }
-        bits[words - 1] &= last_word;
     }
 }
 
-/// Pixel x of `out` is set where x - left, x or x + right of `row` is. Moves of 0 to 63 px.
-fn widen(row: &[u64], out: &mut [u64], left: u32, right: u32) {
-    let n = row.len();
-    let mixed = |before: u64, here: u64, after: u64| {
-        // Two shifts, since a shift by 64 is none.
-        here | here >> right | (after << 1) << (63 - right) | here << left | (before >> 1) >> (63 - left)
-    };
-    if n == 1 {
-        out[0] = mixed(0, row[0], 0);
+/// What spreads of word `i` of a row: nothing beyond the width of the image.
+fn spreading(bits: u64, turn: u64, i: usize, words: usize, last_word: u64) -> u64 {
+    (bits ^ turn) & if i + 1 == words { last_word } else { u64::MAX }
+}
+
+/// Lays the first `count` words of `rows`, of which the first is row `first` of the image, onto `laid`, moved up by each of
+/// `offsets`. Neighbouring offsets, as those of a rectangle, are laid as one: the rows joined with themselves moved down by 1, 2, 4 ..;
+/// what is in `rows` and `scratch` is gone then.
+fn lay(
+    offsets: &[isize],
+    rows: &mut [u64],
+    scratch: &mut [u64],
+    count: usize,
+    first: usize,
+    stride: usize,
+    laid: &mut [u64],
+) {
+    let one_run = offsets.windows(2).all(|pair| pair[1] == pair[0] + 1);
+    if !one_run || !(4..=MOST_DOUBLED_ROWS).contains(&offsets.len()) {
+        for &offset in offsets {
+            join_moved(&rows[..count], first as isize - offset, stride, laid);
+        }
         return;
     }
-    let (before, here, after) = (&row[..n - 2], &row[1..n - 1], &row[2..]);
-    for (out, ((&before, &here), &after)) in out[1..n - 1].iter_mut().zip(before.iter().zip(here).zip(after)) {
-        *out = mixed(before, here, after);
+    // Row j becomes rows j - n + 1 to j.
+    let all = count + (offsets.len() - 1) * stride;
+    let (mut rows, mut scratch) = (&mut rows[..all], &mut scratch[..all]);
+    rows[count..].fill(0);
+    let mut n = 1;
+    while n < offsets.len() {
+        let by = n.min(offsets.len() - n);
+        let away = by * stride;
+        scratch[..away].copy_from_slice(&rows[..away]);
+        join(&rows[away..], &rows[..all - away], &mut scratch[away..]);
+        std::mem::swap(&mut rows, &mut scratch);
+        n += by;
     }
-    out[0] = mixed(0, row[0], row[1]);
-    out[n - 1] = mixed(row[n - 2], row[n - 1], 0);
+    join_moved(rows, first as isize - offsets[offsets.len() - 1], stride, laid);
+}
+
+/// Joins rows to `laid` from row `at` on, which may lie outside it, as may their end.
+fn join_moved(rows: &[u64], at: isize, stride: usize, laid: &mut [u64]) {
+    let skipped = (-at).max(0) as usize * stride;
+    let from = at.max(0) as usize * stride;
+    if skipped < rows.len() && from < laid.len() {
+        let count = (rows.len() - skipped).min(laid.len() - from);
+        join_into(&rows[skipped..][..count], &mut laid[from..][..count]);
+    }
+}
+wide! {
+    /// Pixel x of `out` is set where x - left, x or x + right of `rows` is, through all rows with their padding. Moves of 0 to 63 px.
+    fn widen(rows: &[u64], out: &mut [u64], left: u32, right: u32) {
+        // Two shifts, since a shift by 64 is none.
+        let mixed = |before: u64, here: u64, after: u64| {
+            here | here >> right | (after << 1) << (63 - right) | here << left | (before >> 1) >> (63 - left)
+        };
+        let n = rows.len();
+        if n < 3 {
+            let at = |i: usize| rows.get(i).copied().unwrap_or(0);
+            (0..n).for_each(|i| out[i] = mixed(if i > 0 { at(i - 1) } else { 0 }, rows[i], at(i + 1)));
+            return;
+        }
+        let (before, here, after) = (&rows[..n - 2], &rows[1..n - 1], &rows[2..]);
+        for (out, ((&before, &here), &after)) in out[1..n - 1].iter_mut().zip(before.iter().zip(here).zip(after)) {
+            *out = mixed(before, here, after);
+        }
+        out[0] = mixed(0, rows[0], rows[1]);
+        out[n - 1] = mixed(rows[n - 2], rows[n - 1], 0);
+    }
+
+    fn join(a: &[u64], b: &[u64], out: &mut [u64]) {
+        out.iter_mut().zip(a.iter().zip(b)).for_each(|(out, (a, b))| *out = a | b);
+    }
+
+    fn join_into(from: &[u64], out: &mut [u64]) {
+        out.iter_mut().zip(from).for_each(|(out, bits)| *out |= bits);
+    }
 }
 
 #[cfg(test)]
@@ -360,6 +464,11 @@ mod tests {
             prop_assert_eq!(&out, &naive(&dilated, &shape, true));
             morphology.open(&src, &element, &mut out);
             prop_assert_eq!(&out, &naive(&eroded, &shape, false));
+            morphology.erode(&dilated, &element, &mut out);
+            for i in 0..size.area() {
+                let (x, y) = ((i % width) as isize, (i / width) as isize);
+                prop_assert_eq!(element.fits(&dilated, x, y), out.get(x, y) && dilated.get(x, y), "({}, {})", x, y);
+            }
         }
     }
 }

@@ -51,6 +51,19 @@ pub fn far_from(grey: &[u8], background: &[u8], levels: u8, out: &mut Mask) {
     }
 }
 
+/// Sets exactly the pixels whose value, rows without a gap, is at least `level`.
+pub fn at_least(values: &[f32], level: f32, out: &mut Mask) {
+    let size = out.size();
+    assert_eq!(values.len(), size.area(), "values of another size than the mask");
+    for (y, row) in values.chunks_exact(size.width).enumerate() {
+        for (word, row) in out.row_mut(y).iter_mut().zip(row.chunks(64)) {
+            let mut flags = [0; 64];
+            flags.iter_mut().zip(row).for_each(|(flag, &v)| *flag = u8::from(v >= level));
+            *word = pack_64(&flags);
+        }
+    }
+}
+
 #[inline]
 fn word_below(grey: &[u8; 64], levels: &[u8; 64]) -> u64 {
     let mut flags = [0; 64];
@@ -89,6 +102,14 @@ mod tests {
             .collect();
         far_from(&grey, &[100; 140], 20, &mut mask);
         assert_eq!((mask.area_px2(), mask.get(3, 0), mask.get(69, 0)), (2, true, true));
+    }
+
+    #[test]
+    fn at_the_level_itself_is_at_least_the_level_and_nan_is_not() {
+        let mut mask = Mask::new(SizePx::new(67, 2));
+        let values: Vec<f32> = (0..134).map(|i| if i == 70 { f32::NAN } else { i as f32 }).collect();
+        at_least(&values, 66.0, &mut mask);
+        assert_eq!((mask.area_px2(), mask.get(65, 0), mask.get(66, 0), mask.get(3, 1)), (67, false, true, false));
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //!   bilinear, 0 where map leaves src     l'------ r'     where l is the last pixel but one
 //! ```
 
+use super::wide::wide;
 use crate::image::{Mask, SizePx};
 use crate::plane::Vec2;
 
@@ -105,22 +106,24 @@ fn fetch(src: &[u8], stride: usize, from: &[u32], upper: &mut [u16], lower: &mut
     }
 }
 
-/// Bilinear mean in integers, to 2/128 of a level before it is rounded; exact where a fraction is 0 or 128.
-fn mix(upper: &[u16], lower: &[u16], fraction_x: &[u8], fraction_y: &[u8], out: &mut [u8]) {
-    // The high half of a product of 16-bit numbers, which is one instruction for 8 or more of them.
-    let high = |a: u16, b: u16| ((u32::from(a) * u32::from(b)) >> 16) as u16;
-    let fractions = fraction_x.iter().zip(fraction_y);
-    for ((out, (&upper, &lower)), (&fx, &fy)) in out.iter_mut().zip(upper.iter().zip(lower)).zip(fractions) {
-        let right = u16::from(fx);
-        let left = FRACTIONS - right;
-        // 256ths of a level, at most 255 * 256; and weights of 2^-15.
-        let above = ((upper & 255) * left + (upper >> 8) * right) << 1;
-        let below = ((lower & 255) * left + (lower >> 8) * right) << 1;
-        let down = u16::from(fy) << 8;
-        let up = (FRACTIONS << 8).wrapping_sub(down);
-        let level_128ths = high(above, up).wrapping_add(high(below, down));
-        let keep = if fy == OUTSIDE { 0 } else { u16::MAX };
-        *out = ((level_128ths.wrapping_add(FRACTIONS / 2) >> 7) & keep) as u8;
+wide! {
+    /// Bilinear mean in integers, to 2/128 of a level before it is rounded; exact where a fraction is 0 or 128.
+    fn mix(upper: &[u16], lower: &[u16], fraction_x: &[u8], fraction_y: &[u8], out: &mut [u8]) {
+        // The high half of a product of 16-bit numbers, which is one instruction for 8 or more of them.
+        let high = |a: u16, b: u16| ((u32::from(a) * u32::from(b)) >> 16) as u16;
+        let fractions = fraction_x.iter().zip(fraction_y);
+        for ((out, (&upper, &lower)), (&fx, &fy)) in out.iter_mut().zip(upper.iter().zip(lower)).zip(fractions) {
+            let right = u16::from(fx);
+            let left = FRACTIONS - right;
+            // 256ths of a level, at most 255 * 256; and weights of 2^-15.
+            let above = ((upper & 255) * left + (upper >> 8) * right) << 1;
+            let below = ((lower & 255) * left + (lower >> 8) * right) << 1;
+            let down = u16::from(fy) << 8;
+            let up = (FRACTIONS << 8).wrapping_sub(down);
+            let level_128ths = high(above, up).wrapping_add(high(below, down));
+            let keep = if fy == OUTSIDE { 0 } else { u16::MAX };
+            *out = ((level_128ths.wrapping_add(FRACTIONS / 2) >> 7) & keep) as u8;
+        }
     }
 }
 

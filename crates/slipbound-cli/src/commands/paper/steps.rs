@@ -86,7 +86,7 @@ pub fn method() -> Result<Vec<Part>, Failure> {
             dot(&mut markers, size, (marker.now.x, marker.now.y), 3.0);
         }
         figures.push(figure("Markers", "found, and matched to the reference", &markers, size)?);
-        let regions = tinted(&levels, size, &[(contact, [60, 200, 90]), (inner, [255, 255, 255])]);
+        let regions = tinted(&levels, size, &[(contact, [60, 200, 90]), (&inner, [255, 255, 255])]);
         figures.push(figure("Inner region", "the contact eroded: what moves as a rigid body", &regions, size)?);
         figures.push(overlay("Displacement and slip field", buffer, report, monitor)?);
         Ok(())

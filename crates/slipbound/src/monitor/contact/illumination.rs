@@ -1,6 +1,6 @@
 //! What a finger shows by itself: the smooth light on its gel, separated from the sharper imprint of an object.
 
-use crate::monitor::cell_map::smooth;
+use crate::pixels::binomial::Binomial;
 
 /// The rest picture of a finger that is already touched: a smooth surface (a polynomial of degree 6)
 /// fitted to the cells so that the imprint, which is sharper than illumination can be, counts as outliers.
@@ -90,8 +90,7 @@ pub(crate) fn roughness_levels(cells: &[[f32; 3]], covered: &[bool], columns: us
     };
     let weighed = |(i, c): (usize, &[f32; 3])| if shown(i) { [c[0], c[1], c[2], 1.0] } else { [0.0; 4] };
     let mut values: Vec<[f32; 4]> = cells.iter().enumerate().map(weighed).collect();
-    let mut scratch = values.clone();
-    smooth(&mut values, &mut scratch, columns);
+    Binomial::new(columns, values.len()).run(&mut values);
     let mut sharp: Vec<f32> = Vec::with_capacity(cells.len());
     for (i, (cell, around)) in cells.iter().zip(&values).enumerate() {
         // Where half of the neighbourhood is hidden, its mean lies off centre.

@@ -3,11 +3,14 @@
 //! Cells under a marker, then or now, are left out and filled from their neighbours; a common change of
 //! brightness (exposure, a warming LED) is divided out first.
 
-use crate::image::Mask;
-use crate::monitor::cell_map::{CellMap, cover_radius_px, smooth};
+use crate::image::{Mask, SizePx};
+use crate::monitor::cell_map::{CellMap, cover_radius_px};
+use crate::pixels::binomial::{Binomial, Weighted};
 use crate::pixels::cells::Cells;
 use crate::pixels::components::Components;
 use crate::pixels::contour::mask_above;
+use crate::pixels::disc::Disc;
+use crate::pixels::threshold::at_least;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
@@ -21,12 +24,17 @@ pub(crate) struct ShadingContact {
     cover_radius_px: f64,
     least_cells: usize,
     ratios: Vec<f32>,
-    change: Vec<[f32; 4]>,
-    scratch: Vec<[f32; 4]>,
+    change: Vec<Weighted>,
+    smooth: Binomial,
     score: Vec<f32>,
-    widened: Vec<Vec<f32>>,
+    disc: Disc,
     work: Vec<f32>,
-    stack: Vec<u32>,
+    /// The greatest change but one in a hundred of the last frame.
+    last_peak: f32,
+    /// Cells that changed, their pieces, and of each piece its cells and its strongest change.
+    changed: Mask,
+    pieces: Components,
+    measures: Vec<(usize, f32)>,
     components: Components,
 }
 
@@ -47,14 +55,17 @@ impl ShadingContact {
             rest_covered: rest_covered.to_vec(),
             covered: vec![false; count],
             cover_radius_px: cover_radius_px(sensor),
-            widened: vec![vec![0.0; count]; (close_pitch * sensor.pitch_px / 2.0 / cell_px).round() as usize + 1],
+            disc: Disc::new(map.columns, count, (close_pitch * sensor.pitch_px / 2.0 / cell_px).round() as usize),
             least_cells: (least_px / (cell_px * cell_px)).ceil() as usize,
             ratios: Vec::with_capacity(count),
             change: vec![[0.0; 4]; count],
-            scratch: vec![[0.0; 4]; count],
+            smooth: Binomial::new(map.columns, count),
             score: vec![0.0; count],
             work: vec![0.0; count],
-            stack: Vec::with_capacity(count),
+            last_peak: 0.0,
+            changed: Mask::new(SizePx::new(map.columns, map.rows)),
+            pieces: Components::new(SizePx::new(map.columns, map.rows)),
+            measures: Vec::with_capacity(count),
             components: Components::new(sensor.rectified_px()),
             map,
         }
@@ -76,15 +87,14 @@ impl ShadingContact {
             self.map.cover(centre, self.cover_radius_px, &mut self.covered);
         }
         let gain = self.gain(cells);
-        for i in 0..self.map.count() {
-            let (now, rest) = (self.map.colour(cells, i), self.rest[i]);
-            self.change[i] = if self.covered[i] {
-                [0.0; 4]
-            } else {
-                [now[0] * gain[0] - rest[0], now[1] * gain[1] - rest[1], now[2] * gain[2] - rest[2], 1.0]
-            };
+        let means = cells.means_levels();
+        let known = self.rest.iter().zip(&self.covered).zip(self.map.camera_cells());
+        for (change, ((rest, &covered), &cell)) in self.change.iter_mut().zip(known) {
+            let now = means[cell as usize];
+            let seen = [now[0] * gain[0] - rest[0], now[1] * gain[1] - rest[1], now[2] * gain[2] - rest[2], 1.0];
+            *change = if covered { [0.0; 4] } else { seen };
         }
-        smooth(&mut self.change, &mut self.scratch, self.map.columns);
+        self.smooth.run(&mut self.change);
         for (score, c) in self.score.iter_mut().zip(&self.change) {
             *score = if c[3] > 0.0 { c[0].abs().max(c[1].abs()).max(c[2].abs()) } else { 0.0 };
         }
@@ -92,7 +102,8 @@ impl ShadingContact {
         let peak = self.peak();
         let change_levels = change_levels.max(change_fraction * peak);
         let strength = mean_above(&self.score, change_levels);
-        self.close();
+        // Joins the lines that the rim of an object leaves into the region between them.
+        self.disc.close(&mut self.score);
         self.drop_small(change_levels, 2.0 * change_fraction * peak);
         mask_above(&self.score, self.map.columns, self.map.cell_px, change_levels, region);
         // The flat middle of an object changes less than its rim.
@@ -116,88 +127,47 @@ impl ShadingContact {
         })
     }
 
-    /// Greyscale closing with a disc: joins the lines that the rim of an object leaves into the region between them.
-    fn close(&mut self) {
-        let (columns, widened) = (self.map.columns, &mut self.widened);
-        spread(&mut self.score, widened, columns, 0.0, |a, b| if a > b { a } else { b });
-        spread(&mut self.score, widened, columns, f32::MAX, |a, b| if a < b { a } else { b });
-    }
-
     /// The change that one cell in a hundred exceeds.
     fn peak(&mut self) -> f32 {
-        self.work.copy_from_slice(&self.score);
-        let at = self.work.len() * 99 / 100;
-        *self.work.select_nth_unstable_by(at, f32::total_cmp).1
+        let at = self.score.len() * 99 / 100;
+        let wanted = self.score.len() - at;
+        // Those near the last peak are enough to be sorted, where they are as many as are wanted.
+        let floor = 0.7 * self.last_peak;
+        let mut count = 0;
+        for &v in &self.score {
+            self.work[count] = v;
+            count += usize::from(v > floor);
+        }
+        self.last_peak = if count >= wanted {
+            *self.work[..count].select_nth_unstable_by(count - wanted, f32::total_cmp).1
+        } else {
+            self.work.copy_from_slice(&self.score);
+            *self.work.select_nth_unstable_by(at, f32::total_cmp).1
+        };
+        self.last_peak
     }
 
     /// Drops pieces that are small or reach `peak` nowhere.
     fn drop_small(&mut self, level: f32, peak: f32) {
+        at_least(&self.score, level, &mut self.changed);
         let columns = self.map.columns;
-        // `work` says what has been seen.
-        self.work.fill(0.0);
-        for start in 0..self.score.len() {
-            if self.score[start] < level || self.work[start] != 0.0 {
-                continue;
-            }
-            self.stack.clear();
-            self.stack.push(start as u32);
-            self.work[start] = 1.0;
-            let mut next = 0;
-            while next < self.stack.len() {
-                let i = self.stack[next] as usize;
-                next += 1;
-                let (x, y) = (i % columns, i / columns);
-                let around = [
-                    (x > 0).then(|| i - 1),
-                    (x + 1 < columns).then(|| i + 1),
-                    (y > 0).then(|| i - columns),
-                    (y + 1 < self.map.rows).then(|| i + columns),
-                ];
-                for j in around.into_iter().flatten() {
-                    if self.work[j] == 0.0 && self.score[j] >= level {
-                        self.work[j] = 1.0;
-                        self.stack.push(j as u32);
-                    }
-                }
-            }
-            let highest = self.stack.iter().map(|&i| self.score[i as usize]).fold(0.0, f32::max);
-            if self.stack.len() < self.least_cells || highest < peak {
-                for &i in &self.stack {
-                    self.score[i as usize] = 0.0;
-                }
+        let (runs, measures, score) = (self.pieces.runs_by_sides(&self.changed), &mut self.measures, &mut self.score);
+        measures.clear();
+        for (i, run) in runs.clone().enumerate() {
+            let cells = &score[run.row * columns..][run.columns.clone()];
+            let highest = cells.iter().copied().fold(0.0, f32::max);
+            measures.push((cells.len(), highest));
+            // The first run of a piece comes before its others.
+            if run.piece != i {
+                let first = &mut measures[run.piece];
+                *first = (first.0 + cells.len(), first.1.max(highest));
             }
         }
-    }
-}
-
-/// Maximum or minimum over a disc around every cell; its radius is one less than the number of `widened` scratch
-/// pictures. `start` is what any value replaces.
-fn spread(
-    values: &mut [f32],
-    widened: &mut [Vec<f32>],
-    columns: usize,
-    start: f32,
-    reduce: impl Fn(f32, f32) -> f32 + Copy,
-) {
-    let (rows, k) = (values.len() / columns, widened.len() - 1);
-    let take = |to: &mut [f32], from: &[f32]| to.iter_mut().zip(from).for_each(|(t, &f)| *t = reduce(*t, f));
-    // widened[w]: over 2 w + 1 cells of the row.
-    widened[0].copy_from_slice(values);
-    for w in 1..=k {
-        let (narrower, wider) = widened.split_at_mut(w);
-        wider[0].copy_from_slice(&narrower[w - 1]);
-        let rows = values.chunks_exact(columns).zip(wider[0].chunks_exact_mut(columns));
-        for (row, out) in rows.filter(|_| w < columns) {
-            take(&mut out[w..], &row[..columns - w]);
-            take(&mut out[..columns - w], &row[w..]);
-        }
-    }
-    for (y, out) in values.chunks_exact_mut(columns).enumerate() {
-        out.fill(start);
-        for near in y.saturating_sub(k)..=(y + k).min(rows - 1) {
-            let away = near.abs_diff(y);
-            let w = ((k * k - away * away) as f64).sqrt().round() as usize;
-            take(out, &widened[w][near * columns..][..columns]);
+        for run in runs {
+            let (count, highest) = measures[run.piece];
+            if count < self.least_cells || highest < peak {
+                score[run.row * columns..][run.columns].fill(0.0);
+            }
         }
     }
 }

@@ -42,7 +42,7 @@ pub(super) fn fit(points: &[Point], before: Option<&RigidMotion>, pitch_px: f64)
     };
     for scale_pitch in scales {
         let scale_squared = (scale_pitch * pitch_px) * (scale_pitch * pitch_px);
-        let last = motion;
+        let last = motion.tabulated();
         motion = weighted(points, |p| {
             let off = p.displacement - p.joined - last.displacement(p.rest);
             let t = 1.0 + off.length_squared() / scale_squared;

@@ -10,6 +10,7 @@ use super::picture::Picture;
 use super::planes::Planes;
 use crate::image::Mask;
 use crate::monitor::imprint::Imprint;
+use crate::pixels::blur::Blur;
 use crate::plane::Vec2;
 use crate::sensor::{Sensor, Skin};
 
@@ -53,13 +54,9 @@ pub(super) struct Pattern {
     free: Vec<FreeCell>,
     /// Camera's view: what is outside is not seen.
     view: Option<Mask>,
-    kernel: Vec<f32>,
-    kernel_weight: f32,
+    blur: Blur,
     /// Fabric: the weave at rest, its contrast in each gel cell; zero where nobody saw it unloaded.
     weave: Option<Weave>,
-    /// One row with nothing on both sides of it, as far as the blur reaches.
-    row: Vec<f32>,
-    rows_blurred: Vec<f32>,
     blurred: Planes,
     /// Band-passed, in gel coordinates.
     pub(super) now: Planes,
@@ -86,15 +83,11 @@ impl Pattern {
         let reach = (2.5 * spread_cells).ceil() as usize;
         let kernel: Vec<f32> =
             (0..=reach).map(|d| libm::exp(-0.5 * (d as f64 / spread_cells).powi(2)) as f32).collect();
-        let along = 2.0 * kernel.iter().sum::<f32>() - kernel[0];
         Pattern {
             free,
             view: view.cloned(),
-            kernel,
-            kernel_weight: along * along,
+            blur: Blur::new(kernel, picture.columns, count),
             weave: (sensor.skin == Skin::Fabric).then(|| Weave { contrast: vec![0.0; count], frames_count: 0 }),
-            row: vec![0.0; picture.columns + 2 * reach],
-            rows_blurred: vec![0.0; count],
             blurred: planes.clone(),
             now: planes,
             picture,
@@ -142,11 +135,11 @@ impl Pattern {
             self.now.shades[0].iter_mut().zip(rest).for_each(|(out, (rest, seen))| *out -= rest * seen);
         }
         for (from, to) in self.now.all_mut().zip(self.blurred.all_mut()) {
-            blur(from, self.picture.columns, &self.kernel, &mut self.row, &mut self.rows_blurred, to);
+            self.blur.run(from, to);
         }
         let weights = &self.blurred.seen;
         if self.weave.is_some() {
-            let least = LEAST_WEIGHT_FRACTION * self.kernel_weight;
+            let least = LEAST_WEIGHT_FRACTION * self.blur.weight();
             let cells = self.now.shades[0].iter_mut().zip(&mut self.now.seen);
             for ((out, seen), (blurred, &weight)) in cells.zip(self.blurred.shades[0].iter().zip(weights)) {
                 (*out, *seen) = if weight > least { (blurred / weight, 1.0) } else { (0.0, 0.0) };
@@ -162,60 +155,6 @@ impl Pattern {
     }
 }
 
-/// Symmetric blur of one plane, rows first; `kernel`: its weights from the middle outwards; nothing lies beyond the border.
-/// `row`: scratch of a row and twice the kernel's reach; `between`: scratch as large as the plane.
-fn blur(from: &[f32], columns: usize, kernel: &[f32], row: &mut [f32], between: &mut [f32], to: &mut [f32]) {
-    let reach = kernel.len() - 1;
-    let outward = || kernel.iter().enumerate().skip(1);
-    for (from, out) in from.chunks_exact(columns).zip(between.chunks_exact_mut(columns)) {
-        row[reach..reach + columns].copy_from_slice(from);
-        out.iter_mut().zip(from).for_each(|(out, from)| *out = kernel[0] * from);
-        for (away, &weight) in outward() {
-            let sides = row[reach - away..].iter().zip(&row[reach + away..]);
-            out.iter_mut().zip(sides).for_each(|(out, (left, right))| *out += weight * (left + right));
-        }
-    }
-    let line = |y: usize| &between[y * columns..(y + 1) * columns];
-    let rows = between.len() / columns;
-    for (y, out) in to.chunks_exact_mut(columns).enumerate() {
-        out.iter_mut().zip(line(y)).for_each(|(out, from)| *out = kernel[0] * from);
-        for (away, &weight) in outward() {
-            let (above, below) = (y.checked_sub(away), Some(y + away).filter(|&y| y < rows));
-            match (above, below) {
-                (Some(above), Some(below)) => {
-                    let sides = line(above).iter().zip(line(below));
-                    out.iter_mut().zip(sides).for_each(|(out, (a, b))| *out += weight * (a + b));
-                }
-                (Some(y), None) | (None, Some(y)) => {
-                    out.iter_mut().zip(line(y)).for_each(|(out, from)| *out += weight * from);
-                }
-                (None, None) => {}
-            }
-        }
-    }
-}
-
 fn in_view(view: Option<&Mask>, [x, y]: [f32; 2]) -> bool {
     view.is_none_or(|view| view.get(x.round() as isize, y.round() as isize))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_blur_of_a_point_is_the_kernel_both_ways_and_ends_at_the_border() {
-        let (columns, rows, kernel) = (9, 7, [4.0, 2.0, 1.0]);
-        let (mut row, mut between, mut to) =
-            (vec![0.0; columns + 4], vec![0.0; columns * rows], vec![0.0; columns * rows]);
-        for (x, y) in [(4, 3), (0, 0), (8, 6), (1, 5)] {
-            let mut from = vec![0.0; columns * rows];
-            from[y * columns + x] = 1.0;
-            blur(&from, columns, &kernel, &mut row, &mut between, &mut to);
-            for (i, &seen) in to.iter().enumerate() {
-                let weight = |a: usize, b: usize| kernel.get(a.abs_diff(b)).copied().unwrap_or(0.0);
-                assert_eq!(seen, weight(i % columns, x) * weight(i / columns, y), "{i} of ({x}, {y})");
-            }
-        }
-    }
 }

@@ -1,0 +1,231 @@
+//! How fast a finger is judged, for `bench/speed.sh`: medians and tails against one copy of the frame, growth with pixels and
+//! with markers, many fingers at once. Prints JSON; `judge` prints nothing and is there to have its instructions counted.
+//!
+//! ```text
+//!   speed judge   FINGER FRAMES     judges so many frames
+//!   speed measure FINGER FRAMES     whole step and each step, us: median, 99.9th percentile
+//!   speed growth  FINGER            medians for 320x240 to 1920x1440 px, and for 50 to 5,000 markers
+//!   speed fingers FINGER SECONDS    1 to 16 monitors at 90 Hz on all cores: late frames, share of the cores in use
+//! ```
+//! FINGER: smooth, fabric, rectified (fabric, every pixel resampled). 640x480 colour, 391 markers of 8.4 px, in contact, grip known.
+#![allow(missing_docs, clippy::disallowed_types, clippy::disallowed_macros)] // a bench reads the clock and prints
+
+#[path = "../tests/picture/mod.rs"]
+mod picture;
+
+use picture::{Painter, Touch};
+use serde_json::{Value, json};
+use slipbound::image::{Frame, Pixels, Rgb, SizePx};
+use slipbound::monitor::{Probe, RestBuilder, RestKind, Settings, SlipMonitor, Step};
+use slipbound::plane::{Homography, Vec2};
+use slipbound::port::GripSample;
+use slipbound::sensor::{Rectification, Shear, Skin};
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+const SIZE: SizePx = SizePx::new(640, 480);
+const PITCH_PX: f64 = 26.5;
+const FRAME_NS: u64 = 1_000_000_000 / 90;
+const WARM_UP_FRAMES: usize = 200;
+
+/// A finger and some frames of it, to be judged over and over.
+struct Recording {
+    size: SizePx,
+    frames: Vec<Vec<u8>>,
+    monitor: SlipMonitor,
+    seq: u64,
+}
+
+impl Recording {
+    fn new(finger: &str, size: SizePx, pitch_px: f64) -> Self {
+        let skin = match finger {
+            "smooth" => Skin::Smooth,
+            "fabric" | "rectified" => Skin::Fabric,
+            other => panic!("finger {other:?}: expected smooth, fabric or rectified"),
+        };
+        let mut painter = Painter::new(size, pitch_px, 0.317 * pitch_px, skin, 0.02 * pitch_px, 9);
+        painter.sensor.shear = Some(Shear { stiffness_n_per_pitch: 0.2, provenance: "assumed".into() });
+        let (width, height) = (size.width as f64, size.height as f64);
+        if finger == "rectified" {
+            // A slight turn, so that every pixel is resampled.
+            let homography = Homography([[1.0, 0.02, -5.0], [-0.02, 1.0, 6.0], [0.0, 0.0, 1.0]]);
+            let crop_px = [0, 0, size.width, size.height];
+            painter.sensor.rectification = Some(Rectification { homography, crop_px, distortion: None });
+        }
+        let touch = Touch {
+            centre: Vec2::new(width, height) * 0.5,
+            radii_px: Vec2::new(0.33 * width, 0.375 * height),
+            strength_levels: 32.0,
+        };
+        let frames = (0..12)
+            .map(|i| {
+                let shift = Vec2::new(0.7, 0.2) * f64::from(6 - (i - 6i32).abs()) * (pitch_px / PITCH_PX);
+                let moved = |&p: &Vec2| if touch.depth(p) < 0.8 { p + shift } else { p };
+                let now: Vec<Vec2> = painter.rest.iter().map(moved).collect();
+                painter.paint(&now, Some(&touch), i as u64)
+            })
+            .collect();
+        let settings = Settings::default();
+        let mut builder = RestBuilder::new(&painter.sensor, &settings, size).expect("valid");
+        let rest = painter.paint(&painter.rest, None, 0);
+        builder.add(&picture::frame(&rest, size, 0)).expect("bright");
+        let rest = builder.build(RestKind::Unloaded).expect("markers");
+        let monitor = SlipMonitor::new(&painter.sensor, &settings, rest).expect("valid");
+        Recording { size, frames, monitor, seq: 0 }
+    }
+
+    fn judge(&mut self, probe: &mut dyn Probe) {
+        let rgb = &self.frames[self.seq as usize % self.frames.len()];
+        let pixels = Pixels::Rgb(Rgb::new(rgb, self.size).expect("a whole picture"));
+        let frame = Frame { pixels, seq: self.seq, time_ns: Some(self.seq * FRAME_NS) };
+        black_box(self.monitor.step_probed(&frame, Some(GripSample { force_n: 10.0 }), probe));
+        self.seq += 1;
+    }
+}
+
+/// Times between the steps, us.
+struct StepTimes {
+    since: Instant,
+    times_us: Vec<(Step, Vec<f64>)>,
+}
+
+impl Probe for StepTimes {
+    fn after(&mut self, step: Step, _: &SlipMonitor) {
+        let now = Instant::now();
+        if let Some((_, times)) = self.times_us.iter_mut().find(|(s, _)| *s == step) {
+            times.push(1e6 * (now - self.since).as_secs_f64());
+        }
+        self.since = Instant::now();
+    }
+}
+
+/// The value below which this share of the times lies, us.
+fn quantile_us(times: &mut [f64], share: f64) -> f64 {
+    times.sort_unstable_by(f64::total_cmp);
+    times[((times.len() - 1) as f64 * share).round() as usize]
+}
+
+fn timed_us(work: impl FnOnce()) -> f64 {
+    let start = Instant::now();
+    work();
+    1e6 * start.elapsed().as_secs_f64()
+}
+
+fn measure(finger: &str, frames_count: usize) -> Value {
+    let mut recording = Recording::new(finger, SIZE, PITCH_PX);
+    let mut target = recording.frames[0].clone();
+    (0..WARM_UP_FRAMES).for_each(|_| recording.judge(&mut ()));
+    // The copies go through the same frames as the monitor, in the same run; each in a stretch of its own, so that neither
+    // finds the cache as the other left it.
+    let (mut whole, mut copies) = (Vec::with_capacity(frames_count), Vec::new());
+    while whole.len() < frames_count {
+        for _ in 0..500.min(frames_count - whole.len()) {
+            whole.push(timed_us(|| recording.judge(&mut ())));
+        }
+        for i in 0..60 {
+            let frame = &recording.frames[i % recording.frames.len()];
+            copies.push(timed_us(|| black_box(&mut target).copy_from_slice(black_box(frame))));
+        }
+    }
+    let steps = [Step::Imprint, Step::Contact, Step::Markers, Step::Motion, Step::Slip];
+    let mut probe = StepTimes { since: Instant::now(), times_us: steps.map(|s| (s, Vec::new())).into() };
+    for _ in 0..frames_count.min(2000) {
+        probe.since = Instant::now();
+        recording.judge(&mut probe);
+    }
+    let mut by_step: serde_json::Map<String, Value> = (probe.times_us.iter_mut())
+        .map(|(step, times)| (format!("{step:?}").to_lowercase(), json!(quantile_us(times, 0.5))))
+        .collect();
+    let (copy_us, median_us) = (quantile_us(&mut copies, 0.5), quantile_us(&mut whole, 0.5));
+    let stated: f64 = by_step.values().filter_map(Value::as_f64).sum();
+    by_step.insert("estimates".into(), json!((median_us - stated).max(0.0)));
+    json!({
+        "markers_count": recording.monitor.markers().len(), "frames_count": frames_count, "memcpy_us_median": copy_us,
+        "step_us_median": median_us, "step_us_p999": quantile_us(&mut whole, 0.999),
+        "step_us_worst": whole[whole.len() - 1], "memcpy_ratio": median_us / copy_us, "steps_us_median": by_step,
+    })
+}
+
+fn growth(finger: &str) -> Value {
+    let median_us = |size: SizePx, pitch_px: f64| {
+        let mut recording = Recording::new(finger, size, pitch_px);
+        (0..50).for_each(|_| recording.judge(&mut ()));
+        let mut times: Vec<f64> = (0..300).map(|_| timed_us(|| recording.judge(&mut ()))).collect();
+        (recording.monitor.markers().len(), quantile_us(&mut times, 0.5))
+    };
+    let pixels: Vec<Value> = [(320, 240), (640, 480), (960, 720), (1280, 960), (1600, 1200), (1920, 1440)]
+        .map(|(width, height)| {
+            let (markers_count, us) = median_us(SizePx::new(width, height), PITCH_PX * width as f64 / 640.0);
+            json!({ "pixels_count": width * height, "markers_count": markers_count, "step_us_median": us })
+        })
+        .into();
+    let markers: Vec<Value> = [50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0, 5000.0]
+        .map(|wanted: f64| {
+            let (markers_count, us) = median_us(SizePx::new(1280, 960), (1280.0 * 960.0 / wanted).sqrt());
+            json!({ "pixels_count": 1280 * 960, "markers_count": markers_count, "step_us_median": us })
+        })
+        .into();
+    json!({ "pixels": pixels, "markers": markers })
+}
+
+/// So many monitors, each with a frame every 1/90 s, shared among as many threads as there are cores; a frame judged after the
+/// next is due is late.
+fn fingers(finger: &str, seconds: f64) -> Value {
+    let cores_count = std::thread::available_parallelism().map_or(1, usize::from);
+    let period = Duration::from_nanos(FRAME_NS);
+    let rows: Vec<Value> = [1, 2, 4, 8, 12, 16]
+        .map(|monitors_count: usize| {
+            let start = Instant::now() + Duration::from_millis(20 + 120 * monitors_count as u64);
+            let share = |thread: usize| {
+                let own = (thread..monitors_count).step_by(cores_count).count();
+                let mut recordings: Vec<_> = (0..own).map(|_| Recording::new(finger, SIZE, PITCH_PX)).collect();
+                let (mut late_count, mut judged_count, mut busy) = (0u64, 0u64, Duration::ZERO);
+                for tick in 0..(seconds * 90.0) as u32 {
+                    let due = start + period * tick;
+                    std::thread::sleep(due.saturating_duration_since(Instant::now()));
+                    for recording in &mut recordings {
+                        let since = Instant::now();
+                        recording.judge(&mut ());
+                        busy += since.elapsed();
+                        late_count += u64::from(Instant::now() > due + period);
+                        judged_count += 1;
+                    }
+                }
+                (late_count, judged_count, busy)
+            };
+            let share = &share;
+            let sums: Vec<_> = std::thread::scope(|scope| {
+                let threads: Vec<_> = (0..cores_count).map(|thread| scope.spawn(move || share(thread))).collect();
+                threads.into_iter().map(|thread| thread.join().expect("it judges")).collect()
+            });
+            let late: u64 = sums.iter().map(|s| s.0).sum();
+            let judged: u64 = sums.iter().map(|s| s.1).sum();
+            let busy: Duration = sums.iter().map(|s| s.2).sum();
+            json!({
+                "monitors_count": monitors_count, "judged_count": judged, "late_count": late,
+                "cores_in_use_fraction": busy.as_secs_f64() / seconds / cores_count as f64,
+            })
+        })
+        .into();
+    json!({ "cores_count": cores_count, "rows": rows })
+}
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    let number = |text: &str| text.parse::<f64>().unwrap_or_else(|_| panic!("{text:?}: expected a number"));
+    let result = match args[..] {
+        ["judge", finger, frames_count] => {
+            let mut recording = Recording::new(finger, SIZE, PITCH_PX);
+            (0..number(frames_count) as usize).for_each(|_| recording.judge(&mut ()));
+            return;
+        }
+        ["measure", finger, frames_count] => measure(finger, number(frames_count) as usize),
+        ["growth", finger] => growth(finger),
+        ["fingers", finger, seconds] => fingers(finger, number(seconds)),
+        // Without arguments, as `cargo bench` calls it: a short look.
+        [] => json!(["smooth", "fabric", "rectified"].map(|finger| json!({ finger: measure(finger, 500) }))),
+        _ => panic!("see the head of benches/speed.rs for its arguments"),
+    };
+    println!("{result}");
+}

@@ -1,0 +1,110 @@
+//! Greyscale morphology of a coarse field: the greatest or the least value within a disc around every cell.
+//!
+//! ```text
+//!       # # #        the disc, row by row: widened[w] holds the extreme of 2 w + 1 neighbours of a row;
+//!     # # # # #      of each row the one as wide as the disc is there is taken
+//!     # # o # #
+//!     # # # # #
+//!       # # #
+//! ```
+
+use super::wide::wide;
+
+/// A disc and its scratch.
+#[derive(Debug, Clone)]
+pub struct Disc {
+    columns: usize,
+    radius_cells: usize,
+    /// Half the width of the disc, by rows from its middle.
+    half_widths: Vec<usize>,
+    widened: Vec<Vec<f32>>,
+    /// A row with what changes nothing on both sides.
+    line: Vec<f32>,
+}
+
+impl Disc {
+    /// For `count` cells in rows of `columns`.
+    pub fn new(columns: usize, count: usize, radius_cells: usize) -> Self {
+        let k = radius_cells;
+        let half_width = |away: usize| ((k * k - away * away) as f64).sqrt().round() as usize;
+        Disc {
+            columns,
+            radius_cells,
+            half_widths: (0..=k).map(half_width).collect(),
+            widened: vec![vec![0.0; count]; k + 1],
+            line: vec![0.0; columns + 2 * k],
+        }
+    }
+
+    /// Closes gaps narrower than the disc: the greatest value around every cell, then the least of those. Values must not be
+    /// negative.
+    pub fn close(&mut self, values: &mut [f32]) {
+        self.extreme::<true>(values);
+        self.extreme::<false>(values);
+    }
+
+    fn extreme<const GREATEST: bool>(&mut self, values: &mut [f32]) {
+        let (n, k) = (self.columns, self.radius_cells);
+        let neutral = if GREATEST { 0.0 } else { f32::MAX };
+        self.line.fill(neutral);
+        self.widened[0].copy_from_slice(values);
+        for (y, row) in values.chunks_exact(n).enumerate() {
+            self.line[k..k + n].copy_from_slice(row);
+            for w in 1..=k {
+                let (narrower, wider) = self.widened.split_at_mut(w);
+                let (narrow, wide) = (&narrower[w - 1][y * n..][..n], &mut wider[0][y * n..][..n]);
+                extreme_of_three::<GREATEST>(narrow, &self.line[k - w..][..n], &self.line[k + w..][..n], wide);
+            }
+        }
+        let rows = values.len() / n.max(1);
+        for (y, out) in values.chunks_exact_mut(n).enumerate() {
+            out.fill(neutral);
+            for near in y.saturating_sub(k)..=(y + k).min(rows - 1) {
+                let line = &self.widened[self.half_widths[near.abs_diff(y)]][near * n..][..n];
+                take_extreme::<GREATEST>(line, out);
+            }
+        }
+    }
+}
+
+/// The greater of two, or the lesser.
+#[inline(always)]
+fn extreme<const GREATEST: bool>(a: f32, b: f32) -> f32 {
+    if (a > b) == GREATEST { a } else { b }
+}
+
+wide! {
+    fn extreme_of_three<const GREATEST: bool>(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
+        for (out, (&a, (&b, &c))) in out.iter_mut().zip(a.iter().zip(b.iter().zip(c))) {
+            *out = extreme::<GREATEST>(extreme::<GREATEST>(a, b), c);
+        }
+    }
+
+    fn take_extreme<const GREATEST: bool>(from: &[f32], out: &mut [f32]) {
+        out.iter_mut().zip(from).for_each(|(out, &v)| *out = extreme::<GREATEST>(*out, v));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn closing_is_the_least_of_the_greatest_within_the_disc() {
+        for (columns, rows, radius) in [(9, 7, 2), (5, 11, 4), (3, 2, 3), (8, 8, 0)] {
+            let values: Vec<f32> = (0..columns * rows).map(|i| ((i * 37 + i * i) % 23) as f32).collect();
+            let inside = |i: usize, j: usize| {
+                let (dx, dy) = ((i % columns).abs_diff(j % columns), (i / columns).abs_diff(j / columns));
+                dy <= radius && dx <= ((radius * radius - dy * dy) as f64).sqrt().round() as usize
+            };
+            let around = |of: &[f32], start: f32, take: fn(f32, f32) -> f32| -> Vec<f32> {
+                let near = |i: usize| (0..of.len()).filter(move |&j| inside(i, j));
+                (0..of.len()).map(|i| near(i).map(|j| of[j]).fold(start, take)).collect()
+            };
+            let expected = around(&around(&values, 0.0, f32::max), f32::MAX, f32::min);
+            let mut closed = values.clone();
+            Disc::new(columns, values.len(), radius).close(&mut closed);
+            assert_eq!(closed, expected, "{columns} x {rows}, radius {radius}");
+        }
+    }
+}
