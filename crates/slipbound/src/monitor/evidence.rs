@@ -206,6 +206,7 @@ impl Evidence {
             return;
         }
         self.gel.take(markers);
+        std::mem::swap(&mut self.before, &mut self.pattern.now);
         self.pattern.take(imprint, &self.gel);
         if !self.begun && self.settles(area_px2) {
             self.restart(frame.seq, markers);
@@ -213,7 +214,6 @@ impl Evidence {
         if self.begun {
             self.weigh(frame, markers);
         }
-        self.before.copy_from(&self.pattern.now);
     }
 
     /// Whether the object slides as a whole.

@@ -62,8 +62,8 @@ impl Cells {
         let per_level = 1.0 / (c * c) as f32;
         for (cell_row, means) in self.means.chunks_exact_mut(self.columns.max(1)).enumerate() {
             let sums = &mut self.sums[..used];
-            sums.fill(0);
-            for y in cell_row * c..(cell_row + 1) * c {
+            set_bytes(row(cell_row * c), sums);
+            for y in cell_row * c + 1..(cell_row + 1) * c {
                 add_bytes(row(y), sums);
             }
             // Of each pixel, those to its right: one, then three, then seven; a sum over 16 x 16 pixels still fits.
@@ -72,6 +72,10 @@ impl Cells {
                 add_right(sums, pixels * CHANNELS, next);
                 std::mem::swap(&mut sums, &mut next);
                 pixels *= 2;
+            }
+            if pixels == c {
+                scale::<CHANNELS>(sums, c * CHANNELS, per_level, means);
+                continue;
             }
             for (mean, block) in means.iter_mut().zip(sums.chunks_exact(c * CHANNELS)) {
                 let mut total = [0u32; CHANNELS];
@@ -87,6 +91,17 @@ impl Cells {
 }
 
 wide! {
+    fn set_bytes(row: &[u8], sums: &mut [u16]) {
+        sums.iter_mut().zip(row).for_each(|(sum, &value)| *sum = u16::from(value));
+    }
+
+    /// The channels at the head of each stretch of sums, times a factor; a single one for all three.
+    fn scale<const CHANNELS: usize>(sums: &[u16], stretch: usize, factor: f32, means: &mut [[f32; 3]]) {
+        for (mean, sums) in means.iter_mut().zip(sums.chunks_exact(stretch)) {
+            *mean = std::array::from_fn(|k| f32::from(sums[k.min(CHANNELS - 1)]) * factor);
+        }
+    }
+
     fn add_bytes(row: &[u8], sums: &mut [u16]) {
         sums.iter_mut().zip(row).for_each(|(sum, &value)| *sum += u16::from(value));
     }

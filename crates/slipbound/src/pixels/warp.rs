@@ -14,8 +14,8 @@ use crate::plane::Vec2;
 const FRACTIONS: u16 = 128;
 /// Stands in `fraction_y` for a pixel whose source lies outside.
 const OUTSIDE: u8 = 255;
-/// Pixels fetched before they are mixed.
-const BATCH: usize = 128;
+/// Pixels that are mixed at once.
+const BATCH: usize = 32;
 
 /// A map from output pixels to source pixels, precomputed: 6 bytes an output pixel.
 #[derive(Debug, Clone)]
@@ -26,6 +26,8 @@ pub struct WarpTable {
     from: Vec<u32>,
     fraction_x: Vec<u8>,
     fraction_y: Vec<u8>,
+    /// Of each whole batch: whether its pixels stand side by side in the source, too.
+    side_by_side: Vec<bool>,
     valid: Mask,
 }
 
@@ -53,7 +55,25 @@ impl WarpTable {
                 valid.set(x, y, true);
             }
         }
-        WarpTable { out_size, src_size, from, fraction_x, fraction_y, valid }
+        // A pixel from outside may be fetched from anywhere inside: beside its neighbours, where they have room.
+        let fits = |first: u32| first as usize + src_size.width + BATCH < src_size.area();
+        let side_by_side = |batch: (&[u32; BATCH], &[u8; BATCH])| {
+            let known = batch.0.iter().zip(batch.1).zip(0..).filter(|((_, fy), _)| **fy != OUTSIDE);
+            let mut firsts = known.map(|((&from, _), i)| from.checked_sub(i));
+            let first = firsts.next().unwrap_or(Some(0));
+            first.filter(|&first| fits(first) && firsts.all(|other| other == Some(first)))
+        };
+        let (from_batches, fraction_batches) = (from.as_chunks_mut::<BATCH>().0, fraction_y.as_chunks::<BATCH>().0);
+        let side_by_side = (from_batches.iter_mut().zip(fraction_batches))
+            .map(|(from, fy)| {
+                let first = side_by_side((from, fy));
+                if let Some(first) = first {
+                    from.iter_mut().zip(first..).for_each(|(from, at)| *from = at);
+                }
+                first.is_some()
+            })
+            .collect();
+        WarpTable { out_size, src_size, from, fraction_x, fraction_y, side_by_side, valid }
     }
 
     /// Size of the output.
@@ -76,11 +96,20 @@ impl WarpTable {
         assert_eq!(src.len(), self.src_size.area(), "source of another size than the table's");
         assert_eq!(out.len(), self.out_size.area(), "output of another size than the table's");
         let (mut upper, mut lower) = ([0; BATCH], [0; BATCH]);
+        let stride = self.src_size.width;
         let batches = out.chunks_mut(BATCH).zip(self.from.chunks(BATCH));
-        for ((out, from), (fx, fy)) in batches.zip(self.fraction_x.chunks(BATCH).zip(self.fraction_y.chunks(BATCH))) {
+        let fractions = self.fraction_x.chunks(BATCH).zip(self.fraction_y.chunks(BATCH));
+        let side_by_side = self.side_by_side.iter().copied().chain([false]);
+        for (((out, from), (fx, fy)), side_by_side) in batches.zip(fractions).zip(side_by_side) {
             let n = out.len();
-            fetch(src, self.src_size.width, from, &mut upper[..n], &mut lower[..n]);
-            mix(&upper[..n], &lower[..n], fx, fy, out);
+            if side_by_side {
+                let first = from[0] as usize;
+                let rows = (&src[first..][..=BATCH], &src[first + stride..][..=BATCH]);
+                mix_side_by_side(rows.0, rows.1, fx, fy, out);
+            } else {
+                fetch(src, stride, from, &mut upper[..n], &mut lower[..n]);
+                mix(&upper[..n], &lower[..n], fx, fy, out);
+            }
         }
     }
 }
@@ -107,24 +136,43 @@ fn fetch(src: &[u8], stride: usize, from: &[u32], upper: &mut [u16], lower: &mut
 }
 
 wide! {
-    /// Bilinear mean in integers, to 2/128 of a level before it is rounded; exact where a fraction is 0 or 128.
+    /// Bilinear mean of pairs of pixels, left in the low byte, right in the high one.
     fn mix(upper: &[u16], lower: &[u16], fraction_x: &[u8], fraction_y: &[u8], out: &mut [u8]) {
-        // The high half of a product of 16-bit numbers, which is one instruction for 8 or more of them.
-        let high = |a: u16, b: u16| ((u32::from(a) * u32::from(b)) >> 16) as u16;
         let fractions = fraction_x.iter().zip(fraction_y);
         for ((out, (&upper, &lower)), (&fx, &fy)) in out.iter_mut().zip(upper.iter().zip(lower)).zip(fractions) {
-            let right = u16::from(fx);
-            let left = FRACTIONS - right;
-            // 256ths of a level, at most 255 * 256; and weights of 2^-15.
-            let above = ((upper & 255) * left + (upper >> 8) * right) << 1;
-            let below = ((lower & 255) * left + (lower >> 8) * right) << 1;
-            let down = u16::from(fy) << 8;
-            let up = (FRACTIONS << 8).wrapping_sub(down);
-            let level_128ths = high(above, up).wrapping_add(high(below, down));
-            let keep = if fy == OUTSIDE { 0 } else { u16::MAX };
-            *out = ((level_128ths.wrapping_add(FRACTIONS / 2) >> 7) & keep) as u8;
+            *out = mixed(upper & 255, upper >> 8, lower & 255, lower >> 8, fx, fy);
         }
     }
+
+    /// The same for pixels that stand side by side; of the rows, one more than of pixels.
+    fn mix_side_by_side(upper: &[u8], lower: &[u8], fraction_x: &[u8], fraction_y: &[u8], out: &mut [u8]) {
+        let n = out.len();
+        let (upper_left, upper_right) = (&upper[..n], &upper[1..][..n]);
+        let (lower_left, lower_right) = (&lower[..n], &lower[1..][..n]);
+        let (fraction_x, fraction_y) = (&fraction_x[..n], &fraction_y[..n]);
+        for i in 0..n {
+            let [a, b] = [upper_left, upper_right].map(|row| u16::from(row[i]));
+            let [c, d] = [lower_left, lower_right].map(|row| u16::from(row[i]));
+            out[i] = mixed(a, b, c, d, fraction_x[i], fraction_y[i]);
+        }
+    }
+}
+
+/// Bilinear mean in integers, to 2/128 of a level before it is rounded; exact where a fraction is 0 or 128.
+#[inline(always)]
+fn mixed(upper_left: u16, upper_right: u16, lower_left: u16, lower_right: u16, fx: u8, fy: u8) -> u8 {
+    // The high half of a product of 16-bit numbers, which is one instruction for 8 or more of them.
+    let high = |a: u16, b: u16| ((u32::from(a) * u32::from(b)) >> 16) as u16;
+    let right = u16::from(fx);
+    let left = FRACTIONS - right;
+    // 256ths of a level, at most 255 * 256; and weights of 2^-15.
+    let above = (upper_left * left + upper_right * right) << 1;
+    let below = (lower_left * left + lower_right * right) << 1;
+    let down = u16::from(fy) << 8;
+    let up = (FRACTIONS << 8).wrapping_sub(down);
+    let level_128ths = high(above, up).wrapping_add(high(below, down));
+    let keep = if fy == OUTSIDE { 0 } else { u16::MAX };
+    ((level_128ths.wrapping_add(FRACTIONS / 2) >> 7) & keep) as u8
 }
 
 #[cfg(test)]
@@ -203,5 +251,25 @@ mod tests {
             judged += 1;
         }
         assert!(judged > 90_000, "only {judged} pixels judged");
+    }
+
+    #[test]
+    fn pixels_side_by_side_are_mixed_like_others() {
+        let size = SizePx::new(640, 37);
+        let src = noise(size);
+        let turned = Homography([[1.0, 0.02, -5.0], [-0.02, 1.0, 6.0], [0.0, 0.0, 1.0]]);
+        let mut table = WarpTable::new(size, size, |p| turned.apply(p));
+        let count = table.side_by_side.iter().filter(|side_by_side| **side_by_side).count();
+        let all = table.side_by_side.len();
+        assert!(count > all / 4 && count < 9 * all / 10, "both ways are judged: {count} of {all} batches");
+        let (mut by_batches, mut one_by_one) = (vec![0; size.area()], vec![0; size.area()]);
+        table.apply(&src, &mut by_batches);
+        table.side_by_side.fill(false);
+        table.apply(&src, &mut one_by_one);
+        assert_eq!(by_batches, one_by_one);
+        // Batches that were put side by side may have pixels from outside, which are black.
+        for (i, level) in by_batches.iter().enumerate() {
+            assert!(table.valid.get((i % 640) as isize, (i / 640) as isize) || *level == 0, "pixel {i}");
+        }
     }
 }

@@ -21,13 +21,15 @@ pub(crate) fn illumination(cells: &mut [[f32; 3]], covered: &[bool], columns: us
         }
         out
     };
+    // Powers take longer than all sums over them; they are the same in every round.
+    let basis: Vec<[f64; TERMS]> = (0..cells.len()).map(basis).collect();
     let mut weight: Vec<f64> = covered.iter().map(|&c| if c { 0.0 } else { 1.0 }).collect();
     let mut fitted = vec![[0.0f64; 3]; cells.len()];
     let mut residuals: Vec<f64> = Vec::with_capacity(cells.len());
     for _ in 0..12 {
         let mut normal = [[0.0f64; TERMS + 3]; TERMS];
         for (i, colour) in cells.iter().enumerate().filter(|(i, _)| weight[*i] > 0.0) {
-            let b = basis(i);
+            let b = &basis[i];
             for r in 0..TERMS {
                 let wb = weight[i] * b[r];
                 for (c, value) in b.iter().enumerate() {
@@ -41,7 +43,7 @@ pub(crate) fn illumination(cells: &mut [[f32; 3]], covered: &[bool], columns: us
         let Some(terms) = solve(&mut normal) else { return };
         residuals.clear();
         for (i, out) in fitted.iter_mut().enumerate() {
-            let b = basis(i);
+            let b = &basis[i];
             *out = std::array::from_fn(|c| (0..TERMS).map(|k| b[k] * terms[k][c]).sum());
             let worst = (0..3).map(|c| (f64::from(cells[i][c]) - out[c]).abs()).fold(0.0, f64::max);
             residuals.push(worst);

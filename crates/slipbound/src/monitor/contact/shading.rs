@@ -105,7 +105,7 @@ impl ShadingContact {
         // Joins the lines that the rim of an object leaves into the region between them.
         self.disc.close(&mut self.score);
         self.drop_small(change_levels, 2.0 * change_fraction * peak);
-        mask_above(&self.score, self.map.columns, self.map.cell_px, change_levels, region);
+        mask_above(&self.score, self.map.columns, self.map.cell_px, change_levels, &mut self.changed, region);
         // The flat middle of an object changes less than its rim.
         self.components.fill_holes(region);
         strength

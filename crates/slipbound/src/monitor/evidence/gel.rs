@@ -7,6 +7,7 @@
 
 use crate::image::SizePx;
 use crate::monitor::report::Marker;
+use crate::pixels::wide::wide;
 use crate::plane::Vec2;
 
 /// Nodes stand this far apart, in pitches.
@@ -32,14 +33,6 @@ pub(super) struct GelMotion {
     weights: Vec<(u32, f32)>,
     of_markers_px: Vec<[f32; 2]>,
     displacement_px: Vec<[f32; 2]>,
-}
-
-/// Where a point of the gel lies between four nodes.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct GelPlace {
-    node: u32,
-    right: f32,
-    down: f32,
 }
 
 impl GelMotion {
@@ -79,28 +72,77 @@ impl GelMotion {
         }
     }
 
-    /// The place of the point of the gel that rests at `at`.
-    pub(super) fn place(&self, at: Vec2) -> GelPlace {
-        let (x, y) = (at.x.max(0.0) / self.step_px, at.y.max(0.0) / self.step_px);
-        let rows = self.displacement_px.len() / self.columns;
-        let (column, row) = ((x as usize).min(self.columns - 2), (y as usize).min(rows - 2));
-        GelPlace {
-            node: (row * self.columns + column) as u32,
-            right: (x - column as f64) as f32,
-            down: (y - row as f64) as f32,
+    /// Between which nodes a coordinate lies, of `count` of them along its axis, and how far from the first to the next.
+    fn between(&self, at_px: f64, count: usize) -> (usize, f32) {
+        let at = at_px.max(0.0) / self.step_px;
+        let first = (at as usize).min(count - 2);
+        (first, (at - first as f64) as f32)
+    }
+}
+
+/// The motion of the gel at the points of a grid, bilinear between four nodes.
+#[derive(Debug, Clone)]
+pub(super) struct GelGrid {
+    /// Of each column and each row of the grid: the node before it, and how far it is to the next.
+    columns: Vec<(usize, f32)>,
+    rows: Vec<(usize, f32)>,
+    nodes_per_row: usize,
+    /// Displacement along x and along y at the columns of the grid, for each row of nodes.
+    along_nodes_px: [Vec<f32>; 2],
+}
+
+impl GelGrid {
+    /// For points of the gel that rest at these coordinates, px.
+    pub(super) fn new(gel: &GelMotion, columns_px: &[f64], rows_px: &[f64]) -> Self {
+        let node_rows = gel.displacement_px.len() / gel.columns;
+        let between = |px: &[f64], count: usize| px.iter().map(|&at| gel.between(at, count)).collect();
+        GelGrid {
+            columns: between(columns_px, gel.columns),
+            rows: between(rows_px, node_rows),
+            nodes_per_row: gel.columns,
+            along_nodes_px: std::array::from_fn(|_| vec![0.0; node_rows * columns_px.len()]),
         }
     }
 
-    /// How far the point at a place has moved along x and y, px.
-    pub(super) fn at(&self, place: GelPlace) -> [f32; 2] {
-        let first = place.node as usize;
-        let (above, below) =
-            (&self.displacement_px[first..first + 2], &self.displacement_px[first + self.columns..][..2]);
-        std::array::from_fn(|k| {
-            let upper = above[0][k] + place.right * (above[1][k] - above[0][k]);
-            let lower = below[0][k] + place.right * (below[1][k] - below[0][k]);
-            upper + place.down * (lower - upper)
-        })
+    /// Takes over how the gel has moved.
+    pub(super) fn take(&mut self, gel: &GelMotion) {
+        let n = self.columns.len();
+        for (row, nodes) in gel.displacement_px.chunks_exact(self.nodes_per_row).enumerate() {
+            let [along_x, along_y] = self.along_nodes_px.each_mut().map(|line| &mut line[row * n..][..n]);
+            for ((x, y), &(first, right)) in along_x.iter_mut().zip(along_y).zip(&self.columns) {
+                let (a, b) = (nodes[first], nodes[first + 1]);
+                (*x, *y) = (a[0] + right * (b[0] - a[0]), a[1] + right * (b[1] - a[1]));
+            }
+        }
+    }
+
+    /// Where the points of a row of the grid that rest at (`columns_px`, `row_px`) are now, px.
+    pub(super) fn places_of_row(
+        &self,
+        row: usize,
+        columns_px: &[f32],
+        row_px: f32,
+        x_px: &mut [f32],
+        y_px: &mut [f32],
+    ) {
+        let (n, (first, down)) = (self.columns.len(), self.rows[row]);
+        let [x, y] = self.along_nodes_px.each_ref().map(|line| line[first * n..][..2 * n].split_at(n));
+        places_x(x.0, x.1, down, columns_px, x_px);
+        places_y(y.0, y.1, down, row_px, y_px);
+    }
+}
+
+wide! {
+    fn places_x(above: &[f32], below: &[f32], down: f32, rest_px: &[f32], out: &mut [f32]) {
+        for ((out, &rest), (&above, &below)) in out.iter_mut().zip(rest_px).zip(above.iter().zip(below)) {
+            *out = rest + (above + down * (below - above));
+        }
+    }
+
+    fn places_y(above: &[f32], below: &[f32], down: f32, rest_px: f32, out: &mut [f32]) {
+        for (out, (&above, &below)) in out.iter_mut().zip(above.iter().zip(below)) {
+            *out = rest_px + (above + down * (below - above));
+        }
     }
 }
 

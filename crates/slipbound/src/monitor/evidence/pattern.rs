@@ -5,12 +5,13 @@
 //!                                                                 correlated with the reference: imprint change
 //! ```
 
-use super::gel::{GelMotion, GelPlace};
-use super::picture::Picture;
+use super::gel::{GelGrid, GelMotion};
+use super::picture::{Picture, Places};
 use super::planes::Planes;
 use crate::image::Mask;
 use crate::monitor::imprint::Imprint;
 use crate::pixels::blur::Blur;
+use crate::pixels::wide::wide;
 use crate::plane::Vec2;
 use crate::sensor::{Sensor, Skin};
 
@@ -38,20 +39,17 @@ struct Weave {
 /// Frames after which more of them no longer make the weave at rest any better known.
 const WEAVE_FRAMES_COUNT: u32 = 30;
 
-/// A gel cell that no marker covers.
-#[derive(Debug, Clone, Copy)]
-struct FreeCell {
-    cell: u32,
-    rest_px: [f32; 2],
-    place: GelPlace,
-}
-
 /// The pattern of the last frame; owns its scratch.
 #[derive(Debug, Clone)]
 pub(super) struct Pattern {
     picture: Picture,
-    /// Gel cells that no marker covers.
-    free: Vec<FreeCell>,
+    /// 1 where no marker covers a cell of the gel, else 0.
+    free: Vec<u8>,
+    /// Where cells rest, px, by column and by row; how the gel there has moved; and where a row of them is in the picture.
+    columns_px: Vec<f32>,
+    rows_px: Vec<f32>,
+    gel: GelGrid,
+    places: Places,
     /// Camera's view: what is outside is not seen.
     view: Option<Mask>,
     blur: Blur,
@@ -68,15 +66,10 @@ impl Pattern {
         let picture = Picture::new(sensor);
         let count = picture.shades.len();
         let mask_px = MASK_DIAMETERS * sensor.marker_diameter_px;
-        let free = (0..count)
-            .map(|cell| (cell, picture.centre_px(cell)))
-            .filter(|&(_, centre)| rest_px.iter().all(|&marker| (marker - centre).length() > mask_px))
-            .map(|(cell, centre)| FreeCell {
-                cell: cell as u32,
-                rest_px: [centre.x as f32, centre.y as f32],
-                place: gel.place(centre),
-            })
-            .collect();
+        let uncovered = |cell| rest_px.iter().all(|&marker| (marker - picture.centre_px(cell)).length() > mask_px);
+        let free = (0..count).map(|cell| u8::from(uncovered(cell))).collect();
+        let columns_px: Vec<f64> = (0..picture.columns).map(|x| picture.centre_px(x).x).collect();
+        let rows_px: Vec<f64> = (0..picture.rows).map(|y| picture.centre_px(y * picture.columns).y).collect();
         let planes = Planes::new(if sensor.skin == Skin::Fabric { 1 } else { 2 }, count);
         let blur_pitch = if sensor.skin == Skin::Fabric { BLUR_PITCH_FABRIC } else { BLUR_PITCH };
         let spread_cells = (blur_pitch * sensor.pitch_px / picture.cell_px as f64).max(1.0);
@@ -85,6 +78,10 @@ impl Pattern {
             (0..=reach).map(|d| libm::exp(-0.5 * (d as f64 / spread_cells).powi(2)) as f32).collect();
         Pattern {
             free,
+            gel: GelGrid::new(gel, &columns_px, &rows_px),
+            columns_px: columns_px.iter().map(|&px| px as f32).collect(),
+            rows_px: rows_px.iter().map(|&px| px as f32).collect(),
+            places: Places::new(picture.columns),
             view: view.cloned(),
             blur: Blur::new(kernel, picture.columns, count),
             weave: (sensor.skin == Skin::Fabric).then(|| Weave { contrast: vec![0.0; count], frames_count: 0 }),
@@ -121,15 +118,8 @@ impl Pattern {
     /// Takes the pattern of the frame taken last.
     pub(super) fn take(&mut self, imprint: &Imprint, gel: &GelMotion) {
         self.picture.take(imprint);
-        self.now.all_mut().for_each(|plane| plane.fill(0.0));
-        for free in &self.free {
-            let moved = gel.at(free.place);
-            let there: [f32; 2] = std::array::from_fn(|k| free.rest_px[k] + moved[k]);
-            let Some(shade) = self.picture.at(there).filter(|_| in_view(self.view.as_ref(), there)) else { continue };
-            let cell = free.cell as usize;
-            self.now.shades.iter_mut().zip(shade).for_each(|(plane, shade)| plane[cell] = shade);
-            self.now.seen[cell] = 1.0;
-        }
+        self.gel.take(gel);
+        self.look_up();
         if let Some(weave) = &self.weave {
             let rest = weave.contrast.iter().zip(&self.now.seen);
             self.now.shades[0].iter_mut().zip(rest).for_each(|(out, (rest, seen))| *out -= rest * seen);
@@ -147,10 +137,34 @@ impl Pattern {
             return;
         }
         for (plane, blurred) in self.now.shades.iter_mut().zip(&self.blurred.shades) {
-            let seen = self.now.seen.iter().zip(weights);
-            for ((out, blurred), (seen, weight)) in plane.iter_mut().zip(blurred).zip(seen) {
-                *out = (*out - blurred / weight.max(1e-6)) * seen;
+            take_off(blurred, weights, &self.now.seen, plane);
+        }
+    }
+
+    /// Shades of the cells of the gel, wherever they are in the picture now.
+    fn look_up(&mut self) {
+        let n = self.picture.columns;
+        for (y, free) in self.free.chunks_exact(n).enumerate() {
+            let places = &mut self.places;
+            self.gel.places_of_row(y, &self.columns_px, self.rows_px[y], &mut places.x_px, &mut places.y_px);
+            self.picture.locate(places);
+            for x in 0..n {
+                let cell = y * n + x;
+                let seen =
+                    free[x] & places.inside[x] != 0 && in_view(self.view.as_ref(), [places.x_px[x], places.y_px[x]]);
+                let shade = if seen { self.picture.at(places, x) } else { [0.0; 2] };
+                self.now.shades.iter_mut().zip(shade).for_each(|(plane, shade)| plane[cell] = shade);
+                self.now.seen[cell] = if seen { 1.0 } else { 0.0 };
             }
+        }
+    }
+}
+
+wide! {
+    /// Takes off the blurred shades, where cells are seen.
+    fn take_off(blurred: &[f32], weights: &[f32], seen: &[f32], plane: &mut [f32]) {
+        for ((out, blurred), (seen, weight)) in plane.iter_mut().zip(blurred).zip(seen.iter().zip(weights)) {
+            *out = (*out - blurred / weight.max(1e-6)) * seen;
         }
     }
 }

@@ -9,6 +9,7 @@ use crate::image::Gray;
 use crate::monitor::cell_map::CellMap;
 use crate::monitor::imprint::Imprint;
 use crate::pixels::contrast::cell_contrast;
+use crate::pixels::wide::wide;
 use crate::plane::Vec2;
 use crate::sensor::{Sensor, Skin};
 
@@ -17,6 +18,9 @@ pub(super) type Shade = [f32; 2];
 
 /// Added to levels before a logarithm is taken, so that the noise of dark cells stays small.
 const DARK_LEVELS: f32 = 4.0;
+
+/// Cells whose places in the table are found at once.
+const STRETCH: usize = 64;
 
 /// Steps of the table of logarithms to a level.
 const STEPS_PER_LEVEL: f32 = 8.0;
@@ -83,15 +87,22 @@ impl Picture {
             Carrier::Weave { sums, contrast, ln } => {
                 let Ok(grey) = Gray::new(&imprint.grey, imprint.size()) else { return };
                 cell_contrast(grey, self.cell_px, sums, contrast);
-                for (shade, &levels) in self.shades.iter_mut().zip(contrast.iter()) {
-                    shade[0] = logarithm(ln, levels);
+                for (shades, levels) in self.shades.chunks_mut(STRETCH).zip(contrast.chunks(STRETCH)) {
+                    let mut places = [0; STRETCH];
+                    table_places(levels, ln.len(), &mut places);
+                    shades.iter_mut().zip(places).for_each(|(shade, at)| shade[0] = ln[at as usize]);
                 }
             }
             Carrier::Colour { taps, camera, camera_columns, ln } => {
                 let to = if taps.is_empty() { &mut self.shades } else { &mut *camera };
-                for (shade, colour) in to.iter_mut().zip(imprint.cells.means_levels()) {
-                    let [red, green, blue] = colour.map(|levels| logarithm(ln, levels));
-                    *shade = [red - green, blue - green];
+                let stretches = to.chunks_mut(STRETCH).zip(imprint.cells.means_levels().chunks(STRETCH));
+                for (shades, colours) in stretches {
+                    let mut places = [0; 3 * STRETCH];
+                    table_places(colours.as_flattened(), ln.len(), &mut places);
+                    for (shade, place) in shades.iter_mut().zip(places.as_chunks::<3>().0) {
+                        let [red, green, blue] = place.map(|at| ln[at as usize]);
+                        *shade = [red - green, blue - green];
+                    }
                 }
                 for (shade, tap) in self.shades.iter_mut().zip(taps.iter()) {
                     *shade = mix(camera, *camera_columns, tap.cell as usize, tap.right, tap.down);
@@ -100,16 +111,17 @@ impl Picture {
         }
     }
 
-    /// The shade at a place of the rectified image, between four cells; None beyond the outermost.
-    pub(super) fn at(&self, [x_px, y_px]: [f32; 2]) -> Option<Shade> {
-        let cell = |px: f32| (px + 0.5) * self.cells_per_px - 0.5;
-        let (x, y) = (cell(x_px), cell(y_px));
-        if !(x >= 0.0 && y >= 0.0 && x < (self.columns - 1) as f32 && y < (self.rows - 1) as f32) {
-            return None;
-        }
-        let (column, row) = (x as usize, y as usize);
-        let at = row * self.columns + column;
-        Some(mix(&self.shades, self.columns, at, x - column as f32, y - row as f32))
+    /// Finds between which cells the places of a row lie.
+    pub(super) fn locate(&self, places: &mut Places) {
+        let Places { x_px, y_px, inside, corner, right, down } = places;
+        let per_px = self.cells_per_px;
+        locate(x_px, y_px, per_px, [self.columns, self.rows], inside, corner, right, down);
+    }
+
+    /// The shade at the place `i` of a row that has been located and lies inside, between four cells.
+    #[inline]
+    pub(super) fn at(&self, places: &Places, i: usize) -> Shade {
+        mix(&self.shades, self.columns, places.corner[i] as usize, places.right[i], places.down[i])
     }
 
     /// Centre of a cell in px.
@@ -120,9 +132,14 @@ impl Picture {
     }
 }
 
-fn logarithm(ln: &[f32], levels: f32) -> f32 {
-    let at = (levels * STEPS_PER_LEVEL + 0.5) as usize;
-    ln[at.min(ln.len() - 1)]
+wide! {
+    /// Where the logarithms of levels stand in a table of `table_length`.
+    fn table_places(levels: &[f32], table_length: usize, places: &mut [u32]) {
+        let last = (table_length - 1) as f32;
+        for (place, &levels) in places.iter_mut().zip(levels) {
+            *place = (levels * STEPS_PER_LEVEL + 0.5).clamp(0.0, last) as i32 as u32;
+        }
+    }
 }
 
 fn mix(shades: &[Shade], columns: usize, at: usize, right: f32, down: f32) -> Shade {
@@ -132,6 +149,61 @@ fn mix(shades: &[Shade], columns: usize, at: usize, right: f32, down: f32) -> Sh
         let lower = below[0][k] + right * (below[1][k] - below[0][k]);
         upper + down * (lower - upper)
     })
+}
+
+/// Places of the rectified image, px, and between which cells they lie; scratch of one row.
+#[derive(Debug, Clone)]
+pub(super) struct Places {
+    pub(super) x_px: Vec<f32>,
+    pub(super) y_px: Vec<f32>,
+    /// 1 where a place lies between four cells, 0 beyond the outermost.
+    pub(super) inside: Vec<u8>,
+    /// The upper left of the four, and how far it is to the next.
+    corner: Vec<u32>,
+    right: Vec<f32>,
+    down: Vec<f32>,
+}
+
+impl Places {
+    pub(super) fn new(count: usize) -> Self {
+        let zeros = vec![0.0; count];
+        Places {
+            x_px: zeros.clone(),
+            y_px: zeros.clone(),
+            inside: vec![0; count],
+            corner: vec![0; count],
+            right: zeros.clone(),
+            down: zeros,
+        }
+    }
+}
+
+wide! {
+    fn locate(
+        x_px: &[f32],
+        y_px: &[f32],
+        cells_per_px: f32,
+        cells: [usize; 2],
+        inside: &mut [u8],
+        corner: &mut [u32],
+        right: &mut [f32],
+        down: &mut [f32],
+    ) {
+        let n = x_px.len();
+        let (y_px, inside, corner) = (&y_px[..n], &mut inside[..n], &mut corner[..n]);
+        let (right, down) = (&mut right[..n], &mut down[..n]);
+        let (columns, last_column, last_row) = (cells[0] as i32, (cells[0] - 1) as f32, (cells[1] - 1) as f32);
+        for i in 0..n {
+            let (x, y) = ((x_px[i] + 0.5) * cells_per_px - 0.5, (y_px[i] + 0.5) * cells_per_px - 0.5);
+            let within = (x >= 0.0) & (y >= 0.0) & (x < last_column) & (y < last_row);
+            let (x, y) = (if within { x } else { 0.0 }, if within { y } else { 0.0 });
+            let (column, row) = (x as i32, y as i32);
+            inside[i] = u8::from(within);
+            corner[i] = (row * columns + column) as u32;
+            right[i] = x - column as f32;
+            down[i] = y - row as f32;
+        }
+    }
 }
 
 /// Where each rectified cell lies in the camera's picture; empty where that is the rectified one.

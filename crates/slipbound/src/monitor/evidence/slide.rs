@@ -6,6 +6,7 @@
 
 use super::pattern::Pattern;
 use super::planes::{Planes, sum_of};
+use crate::pixels::wide::wide;
 use crate::plane::Vec2;
 
 /// The key frame is taken anew when the imprint has moved this far against it, in pitches: beyond, the pattern is no
@@ -155,10 +156,7 @@ impl RowSums {
             let starts = [0, -1, 1, -(columns as isize), columns as isize]
                 .map(|away| (row * columns + 1).wrapping_add_signed(away));
             let lines = |plane| neighbours(plane, starts, inner);
-            self.whole.fill(1.0);
-            for seen in [&now.seen, &key.seen].into_iter().flat_map(|plane| lines(plane)) {
-                self.whole.iter_mut().zip(seen).for_each(|(whole, seen)| *whole *= seen);
-            }
+            seen_by_both(lines(&now.seen), lines(&key.seen), &mut self.whole);
             let from_middle = row as f64 - middle_row;
             for (now, key) in now.shades.iter().zip(&key.shades) {
                 self.slopes(lines(now), lines(key));
@@ -169,20 +167,61 @@ impl RowSums {
     }
 
     fn slopes(&mut self, now: [&[f32]; 5], key: [&[f32]; 5]) {
-        let inner = self.whole.len();
-        let [now, key] = [now, key].map(|lines| lines.map(|line| &line[..inner]));
-        let (x, y, step) = (&mut self.x[..inner], &mut self.y[..inner], &mut self.step[..inner]);
-        for i in 0..inner {
-            let whole = self.whole[i];
+        slopes(now, key, &self.whole, &mut self.x, &mut self.y, &mut self.step);
+        let weighed = (&mut self.y_column[..], &mut self.weight_column[..]);
+        moments(&self.x, &self.y, &self.column, weighed.0, weighed.1);
+    }
+}
+
+wide! {
+    /// 1 where both see a cell and its four neighbours.
+    fn seen_by_both(now: [&[f32]; 5], key: [&[f32]; 5], whole: &mut [f32]) {
+        let n = whole.len();
+        let (now, key) = (now.map(|line| &line[..n]), key.map(|line| &line[..n]));
+        for i in 0..n {
+            let mut all = 1.0;
+            for line in now {
+                all *= line[i];
+            }
+            for line in key {
+                all *= line[i];
+            }
+            whole[i] = all;
+        }
+    }
+
+    /// Slopes of the mean of both, and the step from one to the other. Lines: the cells, left, right, above, below.
+    fn slopes(now: [&[f32]; 5], key: [&[f32]; 5], whole: &[f32], x: &mut [f32], y: &mut [f32], step: &mut [f32]) {
+        let n = whole.len();
+        let (now, key) = (now.map(|line| &line[..n]), key.map(|line| &line[..n]));
+        let (x, y, step) = (&mut x[..n], &mut y[..n], &mut step[..n]);
+        for i in 0..n {
             let sum = |side: usize| now[side][i] + key[side][i];
-            x[i] = 0.25 * whole * (sum(2) - sum(1));
-            y[i] = 0.25 * whole * (sum(4) - sum(3));
-            step[i] = whole * (now[0][i] - key[0][i]);
+            x[i] = 0.25 * whole[i] * (sum(2) - sum(1));
+            y[i] = 0.25 * whole[i] * (sum(4) - sum(3));
+            step[i] = whole[i] * (now[0][i] - key[0][i]);
         }
-        for (i, column) in self.column.iter().enumerate() {
-            self.y_column[i] = self.y[i] * column;
-            self.weight_column[i] = (self.x[i] * self.x[i] + self.y[i] * self.y[i]) * column;
+    }
+
+    fn moments(x: &[f32], y: &[f32], column: &[f32], y_column: &mut [f32], weight_column: &mut [f32]) {
+        let n = column.len();
+        let (x, y, y_column, weight_column) = (&x[..n], &y[..n], &mut y_column[..n], &mut weight_column[..n]);
+        for i in 0..n {
+            y_column[i] = y[i] * column[i];
+            weight_column[i] = (x[i] * x[i] + y[i] * y[i]) * column[i];
         }
+    }
+
+    /// The sums of a row: x x, x y, y y; x and y with y times column; that squared; x, y and y times column with the step; of the
+    /// weight times column alone and with the column.
+    fn sums_of_row(of: &RowSums) -> [f64; 11] {
+        let dot = |a: &[f32], b: &[f32]| sum_of(a, b, |a, b| a * b);
+        [
+            dot(&of.x, &of.x), dot(&of.x, &of.y), dot(&of.y, &of.y),
+            dot(&of.x, &of.y_column), dot(&of.y, &of.y_column), dot(&of.y_column, &of.y_column),
+            dot(&of.x, &of.step), dot(&of.y, &of.step), dot(&of.y_column, &of.step),
+            sum_of(&of.weight_column, &of.weight_column, |weight, _| weight), dot(&of.weight_column, &of.column),
+        ]
     }
 }
 
@@ -194,12 +233,8 @@ fn neighbours(plane: &[f32], starts: [usize; 5], length: usize) -> [&[f32]; 5] {
 impl Sums {
     /// Adds a row, `row` cells below the middle.
     fn add(&mut self, of: &RowSums, row: f64) {
-        let dot = |a: &[f32], b: &[f32]| sum_of(a, b, |a, b| a * b);
-        let (xx, xy, yy) = (dot(&of.x, &of.x), dot(&of.x, &of.y), dot(&of.y, &of.y));
         // t = y column - x row.
-        let (xc, yc) = (dot(&of.x, &of.y_column), dot(&of.y, &of.y_column));
-        let cc = dot(&of.y_column, &of.y_column);
-        let (xs, ys, cs) = (dot(&of.x, &of.step), dot(&of.y, &of.step), dot(&of.y_column, &of.step));
+        let [xx, xy, yy, xc, yc, cc, xs, ys, cs, weight_column, weight_column_squared] = sums_of_row(of);
         self.xx += xx;
         self.xy += xy;
         self.yy += yy;
@@ -210,9 +245,8 @@ impl Sums {
         self.ys += ys;
         self.ts += cs - row * xs;
         let weight = xx + yy;
-        let weight_column = sum_of(&of.weight_column, &of.weight_column, |weight, _| weight);
         self.at += Vec2::new(weight_column, weight * row);
-        self.at_squared += dot(&of.weight_column, &of.column) + weight * row * row;
+        self.at_squared += weight_column_squared + weight * row * row;
     }
 }
 

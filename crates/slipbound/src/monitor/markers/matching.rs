@@ -327,27 +327,26 @@ impl Matching {
     /// with fewer than three of them.
     fn predicted_by_neighbours(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
         let here = markers[i].rest;
-        let found = || {
-            self.neighbours[i][..self.neighbours_count[i]].iter().filter_map(|&n| {
-                let rest = markers[n as usize].rest;
-                Some((rest - here, self.known(n as usize)? - rest))
-            })
-        };
-        let (mut count, mut arm, mut shift) = (0.0, Vec2::ZERO, Vec2::ZERO);
-        for (a, d) in found() {
-            count += 1.0;
-            arm += a;
-            shift += d;
+        // Arm and displacement of each that is known.
+        let mut found = [(Vec2::ZERO, Vec2::ZERO); NEIGHBOURS];
+        let (mut count, mut arm, mut shift) = (0, Vec2::ZERO, Vec2::ZERO);
+        for &n in &self.neighbours[i][..self.neighbours_count[i]] {
+            let Some(place) = self.known(n as usize) else { continue };
+            let rest = markers[n as usize].rest;
+            found[count] = (rest - here, place - rest);
+            arm += found[count].0;
+            shift += found[count].1;
+            count += 1;
         }
-        if count < 3.0 {
+        if count < 3 {
             return None;
         }
-        let (arm, shift) = (arm / count, shift / count);
+        let (arm, shift) = (arm / count as f64, shift / count as f64);
         // Least squares for the slope of the displacement, held down where the neighbours do not determine it.
         let ridge = 0.5 * self.pitch_px * self.pitch_px;
         let (mut xx, mut xy, mut yy) = (ridge, 0.0, ridge);
         let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
-        for (a, d) in found() {
+        for &(a, d) in &found[..count] {
             let (a, d) = (a - arm, d - shift);
             xx += a.x * a.x;
             xy += a.x * a.y;
