@@ -5,6 +5,7 @@
 //!   speed judge   FINGER FRAMES     judges so many frames
 //!   speed measure FINGER FRAMES     whole step and each step, us: median, 99.9th percentile
 //!   speed growth  FINGER            medians for 320x240 to 1920x1440 px, and for 50 to 5,000 markers
+//!   speed memory  FINGER            resident memory of a monitor, MiB
 //!   speed fingers FINGER SECONDS    1 to 16 monitors at 90 Hz on all cores: late frames, share of the cores in use
 //! ```
 //! FINGER: smooth, fabric, rectified (fabric, every pixel resampled). 640x480 colour, 391 markers of 8.4 px, in contact, grip known.
@@ -168,6 +169,24 @@ fn growth(finger: &str) -> Value {
     json!({ "pixels": pixels, "markers": markers })
 }
 
+/// What 16 more monitors take, on Linux, a sixteenth of it; each has judged a frame.
+fn memory(finger: &str) -> Value {
+    let resident_mib = || {
+        let pages = std::fs::read_to_string("/proc/self/statm").ok()?;
+        pages.split(' ').nth(1)?.parse::<f64>().ok().map(|pages| pages * 4096.0 / 1048576.0)
+    };
+    let mut recording = Recording::new(finger, SIZE, PITCH_PX);
+    recording.judge(&mut ());
+    let before = resident_mib();
+    let mut others = Vec::new();
+    for _ in 0..16 {
+        others.push(recording.monitor.clone());
+        std::mem::swap(&mut recording.monitor, others.last_mut().expect("just pushed"));
+        recording.judge(&mut ());
+    }
+    json!({ "monitor_mib": resident_mib().zip(before).map(|(after, before)| (after - before) / 16.0) })
+}
+
 /// So many monitors, each with a frame every 1/90 s, shared among as many threads as there are cores; a frame judged after the
 /// next is due is late.
 fn fingers(finger: &str, seconds: f64) -> Value {
@@ -222,6 +241,7 @@ fn main() {
         }
         ["measure", finger, frames_count] => measure(finger, number(frames_count) as usize),
         ["growth", finger] => growth(finger),
+        ["memory", finger] => memory(finger),
         ["fingers", finger, seconds] => fingers(finger, number(seconds)),
         // Without arguments, as `cargo bench` calls it: a short look.
         [] => json!(["smooth", "fabric", "rectified"].map(|finger| json!({ finger: measure(finger, 500) }))),

@@ -1,10 +1,6 @@
 //! Mask -> its connected pieces: area, box, centroid; and the mask without the small ones, or without its holes.
-//!
-//! ```text
-//!   ..###..##     runs of row y        two runs of neighbouring rows that touch, also corner to corner,
-//!   .##..#...     runs of row y + 1    belong together: union-find over runs, the earliest is the root
-//! ```
 
+use super::runs::{Corners, Runs};
 use crate::image::{Mask, SizePx};
 use crate::plane::Vec2;
 
@@ -25,14 +21,6 @@ pub struct Component {
     pub centroid_px: Vec2,
 }
 
-/// Pixels from `from` to `to - 1` of a row.
-#[derive(Debug, Clone, Copy)]
-struct Run {
-    from: u32,
-    to: u32,
-    row: u32,
-}
-
 /// A run and the number, among all runs, of the first one of its piece.
 #[derive(Debug, Clone)]
 pub(crate) struct RunOfPiece {
@@ -45,9 +33,7 @@ pub(crate) struct RunOfPiece {
 #[derive(Debug, Clone)]
 pub struct Components {
     size: SizePx,
-    runs: Vec<Run>,
-    /// Per run a run of the same piece, not later; the earliest points to itself.
-    earlier: Vec<u32>,
+    runs: Runs,
     /// Per run the number of its piece.
     piece: Vec<u32>,
     components: Vec<Component>,
@@ -57,38 +43,30 @@ pub struct Components {
     reaches_border: Vec<bool>,
 }
 
-/// Whether runs belong together that meet only at a corner.
-#[derive(Clone, Copy, PartialEq)]
-enum Corners {
-    Join,
-    Part,
-}
-
 impl Components {
     /// Scratch for masks of `size`, enough for the most runs and pieces such a mask can have.
     pub fn new(size: SizePx) -> Self {
-        let runs = size.width.div_ceil(2) * size.height;
+        let runs = Runs::new(size);
+        let most_runs = runs.all.capacity();
         let pieces = size.width.div_ceil(2) * size.height.div_ceil(2);
-        assert!(runs < u32::MAX as usize, "mask of {size}: too many pixels");
         Components {
             size,
-            runs: Vec::with_capacity(runs),
-            earlier: Vec::with_capacity(runs),
-            piece: Vec::with_capacity(runs),
+            runs,
+            piece: Vec::with_capacity(most_runs),
             components: Vec::with_capacity(pieces),
             sums: Vec::with_capacity(pieces),
-            reaches_border: Vec::with_capacity(runs),
+            reaches_border: Vec::with_capacity(most_runs),
         }
     }
 
     /// Finds the pieces of `mask`, in the order of their first pixel, row by row.
     pub fn label(&mut self, mask: &Mask) -> &[Component] {
-        self.join_runs(mask, 0, Corners::Join);
+        self.runs.find(mask, 0, Corners::Join);
         self.components.clear();
         self.sums.clear();
         self.piece.clear();
-        for (i, run) in self.runs.iter().enumerate() {
-            let root = self.earlier[i] as usize;
+        for (i, (run, root)) in self.runs.with_roots().enumerate() {
+            let root = root as usize;
             let piece = if root == i { self.components.len() } else { self.piece[root] as usize };
             self.piece.push(piece as u32);
             let (from, to, y) = (run.from as usize, run.to as usize, run.row as usize);
@@ -126,9 +104,9 @@ impl Components {
     /// Clears every piece of `mask` that `keep` does not want.
     pub fn retain(&mut self, mask: &mut Mask, keep: impl Fn(&Component) -> bool) {
         self.label(mask);
-        for (run, &piece) in self.runs.iter().zip(&self.piece) {
+        for (run, &piece) in self.runs.all.iter().zip(&self.piece) {
             if !keep(&self.components[piece as usize]) {
-                write_run(mask, run, false);
+                run.write(mask, false);
             }
         }
     }
@@ -143,9 +121,9 @@ impl Components {
                 (largest, number) = (*c, i as u32);
             }
         }
-        for (run, &piece) in self.runs.iter().zip(&self.piece) {
+        for (run, &piece) in self.runs.all.iter().zip(&self.piece) {
             if piece != number {
-                write_run(mask, run, false);
+                run.write(mask, false);
             }
         }
         Some(largest)
@@ -158,18 +136,18 @@ impl Components {
 
     /// Sets the clear pixels from which no way along sides of clear pixels leads to the border.
     pub fn fill_holes(&mut self, mask: &mut Mask) {
-        self.join_runs(mask, u64::MAX, Corners::Part);
+        self.runs.find(mask, u64::MAX, Corners::Part);
         self.reaches_border.clear();
-        self.reaches_border.resize(self.runs.len(), false);
+        self.reaches_border.resize(self.runs.all.len(), false);
         let (right, bottom) = (self.size.width as u32, self.size.height as u32 - 1);
-        for (run, &root) in self.runs.iter().zip(&self.earlier) {
+        for (run, root) in self.runs.with_roots() {
             if run.from == 0 || run.to == right || run.row == 0 || run.row == bottom {
                 self.reaches_border[root as usize] = true;
             }
         }
-        for (run, &root) in self.runs.iter().zip(&self.earlier) {
+        for (run, root) in self.runs.with_roots() {
             if !self.reaches_border[root as usize] {
-                write_run(mask, run, true);
+                run.write(mask, true);
             }
         }
         // These runs were the clear ones: nothing is labelled now.
@@ -178,101 +156,13 @@ impl Components {
 
     /// The runs of a mask, row by row, and which of them belong together because they touch along sides.
     pub(crate) fn runs_by_sides(&mut self, mask: &Mask) -> impl Iterator<Item = RunOfPiece> + Clone {
-        self.join_runs(mask, 0, Corners::Part);
+        self.runs.find(mask, 0, Corners::Part);
         self.components.clear();
-        self.runs.iter().zip(&self.earlier).map(|(run, &root)| RunOfPiece {
+        self.runs.with_roots().map(|(run, root)| RunOfPiece {
             row: run.row as usize,
             columns: run.from as usize..run.to as usize,
             piece: root as usize,
         })
-    }
-
-    /// Finds the runs of `mask` (of its clear pixels where `turn` is all ones) and points each to its root.
-    fn join_runs(&mut self, mask: &Mask, turn: u64, corners: Corners) {
-        assert_eq!(mask.size(), self.size, "mask of another size");
-        self.runs.clear();
-        self.earlier.clear();
-        // Of the row above, the first run not yet passed and the end.
-        let (mut above, mut above_end) = (0, 0);
-        let reach = if corners == Corners::Join { 1 } else { 0 };
-        for y in 0..self.size.height {
-            let start = self.runs.len();
-            runs_of_row(mask, y, turn, &mut self.runs);
-            for i in start..self.runs.len() {
-                self.earlier.push(i as u32);
-                let run = self.runs[i];
-                while above < above_end && self.runs[above].to + reach <= run.from {
-                    above += 1;
-                }
-                let mut touching = above;
-                while touching < above_end && self.runs[touching].from < run.to + reach {
-                    join(&mut self.earlier, touching as u32, i as u32);
-                    touching += 1;
-                }
-            }
-            (above, above_end) = (start, self.runs.len());
-        }
-        for i in 0..self.earlier.len() {
-            // What is earlier points to its root already.
-            self.earlier[i] = self.earlier[self.earlier[i] as usize];
-        }
-    }
-}
-
-fn runs_of_row(mask: &Mask, y: usize, turn: u64, runs: &mut Vec<Run>) {
-    let (words, width) = (mask.row(y), mask.size().width as u32);
-    let row = y as u32;
-    let (mut start, mut before) = (None, 0);
-    for (i, &word) in words.iter().enumerate() {
-        let mut word = word ^ turn;
-        if i + 1 == words.len() {
-            word &= mask.last_word();
-        }
-        let mut changes = word ^ (word << 1 | before);
-        before = word >> 63;
-        while changes != 0 {
-            let x = i as u32 * 64 + changes.trailing_zeros();
-            changes &= changes - 1;
-            start = match start {
-                None => Some(x),
-                Some(from) => {
-                    runs.push(Run { from, to: x, row });
-                    None
-                }
-            };
-        }
-    }
-    if let Some(from) = start {
-        runs.push(Run { from, to: width, row });
-    }
-}
-
-fn root(earlier: &mut [u32], mut i: u32) -> u32 {
-    while earlier[i as usize] != i {
-        let next = earlier[i as usize];
-        earlier[i as usize] = earlier[next as usize];
-        i = next;
-    }
-    i
-}
-
-fn join(earlier: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (root(earlier, a), root(earlier, b));
-    earlier[a.max(b) as usize] = a.min(b);
-}
-
-fn write_run(mask: &mut Mask, run: &Run, on: bool) {
-    let row = mask.row_mut(run.row as usize);
-    let (first, last) = (run.from / 64, (run.to - 1) / 64);
-    for word in first..=last {
-        let from = run.from.saturating_sub(word * 64);
-        let to = (run.to - word * 64).min(64);
-        let bits = (u64::MAX >> (64 - (to - from))) << from;
-        if on {
-            row[word as usize] |= bits;
-        } else {
-            row[word as usize] &= !bits;
-        }
     }
 }
 
@@ -372,7 +262,7 @@ mod tests {
             (0..129).step_by(2).for_each(|x| mask.set(x, y, true));
         }
         let mut components = Components::new(size);
-        let reserved = (components.runs.capacity(), components.components.capacity());
+        let reserved = (components.runs.all.capacity(), components.components.capacity());
         assert_eq!(components.label(&mask).len(), 65 * 34);
         components.fill_holes(&mut mask);
         for y in 0..67 {
@@ -381,7 +271,7 @@ mod tests {
         assert_eq!(components.label(&mask).len(), 1);
         components.fill_holes(&mut mask);
         assert_eq!(mask.area_px2(), size.area() - 2 * (64 + 33), "all but the clear pixels at the border");
-        assert_eq!((components.runs.capacity(), components.components.capacity()), reserved);
+        assert_eq!((components.runs.all.capacity(), components.components.capacity()), reserved);
     }
 
     /// Numbers the pieces by spreading from every pixel; 0 where the mask is not `of`.

@@ -16,115 +16,10 @@ use crate::image::{Mask, SizePx};
 
 /// Words beside a row for what a chord reaches outside the image.
 const MAX_PAD_WORDS: usize = 8;
-/// The largest element, in px: it must not reach further than the padding.
-const MAX_ELEMENT_PX: usize = 1023;
 /// Up to so many neighbouring rows of one chord are laid by doubling.
 const MOST_DOUBLED_ROWS: usize = 64;
 
-/// A structuring element, ready to be laid onto rows of bits.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Element {
-    size: SizePx,
-    steps: Vec<Step>,
-    /// Offsets, source row minus output row, of the chords of all steps in turn; ascending within a step.
-    rows: Vec<isize>,
-    /// How far each chord reaches to the left and to the right of the anchor, px, and its row as above; the widest first.
-    chords: Vec<(usize, usize, isize)>,
-    pad_words: usize,
-}
-
-/// Widens the chord by `left` and `right` px, then lays it onto the next `rows` output rows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Step {
-    left: u32,
-    right: u32,
-    rows: usize,
-}
-
-impl Element {
-    /// A full rectangle. Sides of 1 to 1023 px, else a panic.
-    pub fn rect(width_px: usize, height_px: usize) -> Self {
-        Self::from_chords(width_px, height_px, |_| Some((0, width_px)))
-    }
-
-    /// The ellipse that fills a rectangle, drawn as OpenCV draws it. Sides of 1 to 1023 px, else a panic.
-    pub fn ellipse(width_px: usize, height_px: usize) -> Self {
-        let (a, b) = (width_px / 2, height_px / 2);
-        let inverse = if b > 0 { 1.0 / (b * b) as f64 } else { 0.0 };
-        Self::from_chords(width_px, height_px, |y| {
-            let dy = y.abs_diff(b);
-            if dy > b {
-                return None;
-            }
-            let half = (a as f64 * (((b * b - dy * dy) as f64) * inverse).sqrt()).round_ties_even() as usize;
-            Some((a.saturating_sub(half), (a + half + 1).min(width_px)))
-        })
-    }
-
-    /// Width and height.
-    pub fn size(&self) -> SizePx {
-        self.size
-    }
-
-    /// `chord` gives first and last + 1 column of a row; chords must be nested in one another and hold the anchor.
-    fn from_chords(width_px: usize, height_px: usize, chord: impl Fn(usize) -> Option<(usize, usize)>) -> Self {
-        let sides = 1..=MAX_ELEMENT_PX;
-        assert!(
-            sides.contains(&width_px) && sides.contains(&height_px),
-            "element of {width_px} x {height_px} px: expected 1 to {MAX_ELEMENT_PX} each way"
-        );
-        let mut chords: Vec<(usize, usize, isize)> = (0..height_px)
-            .filter_map(|y| chord(y).map(|(from, to)| (width_px / 2 - from, to - 1 - width_px / 2, y)))
-            .map(|(left, right, y)| (left, right, y as isize - (height_px / 2) as isize))
-            .collect();
-        chords.sort_by_key(|&(left, right, _)| left + right);
-        let mut steps: Vec<Step> = vec![Step { left: 0, right: 0, rows: 0 }];
-        let mut now = (0, 0);
-        for &(left, right, _) in &chords {
-            while now != (left, right) {
-                // A run of n px and its copy moved by n or less leave no gap.
-                let longest = (now.0 + now.1 + 1).min(63);
-                let step = ((left - now.0).min(longest), (right - now.1).min(longest));
-                now = (now.0 + step.0, now.1 + step.1);
-                steps.push(Step { left: step.0 as u32, right: step.1 as u32, rows: 0 });
-            }
-            steps.last_mut().expect("never empty").rows += 1;
-        }
-        let reach = now.0.max(now.1);
-        Element {
-            size: SizePx::new(width_px, height_px),
-            steps,
-            rows: chords.iter().map(|&(_, _, dy)| dy).collect(),
-            chords: chords.into_iter().rev().collect(),
-            pad_words: reach.div_ceil(64),
-        }
-    }
-
-    /// Whether [`Morphology::erode`] by this element would set the pixel (x, y) of `mask`: whether the element, laid there, holds
-    /// only set pixels as far as it lies inside the image. False outside the image.
-    pub fn fits(&self, mask: &Mask, x: isize, y: isize) -> bool {
-        if !mask.get(x, y) {
-            return false;
-        }
-        let SizePx { width, height } = mask.size();
-        let (x, y) = (x as usize, y as usize);
-        self.chords.iter().all(|&(left, right, dy)| match y.checked_add_signed(dy).filter(|&y| y < height) {
-            Some(row) => all_set(mask.row(row), x.saturating_sub(left), (x + right).min(width - 1)),
-            None => true,
-        })
-    }
-}
-
-/// Whether the bits from `first` to `last` are set.
-fn all_set(row: &[u64], first: usize, last: usize) -> bool {
-    let (from, to) = (u64::MAX << (first % 64), u64::MAX >> (63 - last % 64));
-    let missing = |word: usize, wanted: u64| !row[word] & wanted != 0;
-    let (first, last) = (first / 64, last / 64);
-    if first == last {
-        return !missing(first, from & to);
-    }
-    !missing(first, from) && !missing(last, to) && row[first + 1..last].iter().all(|&word| word == u64::MAX)
-}
+pub use super::element::Element;
 
 /// The scratch of the four operations.
 #[derive(Debug, Clone)]
@@ -320,9 +215,9 @@ mod tests {
     /// The element as a picture.
     fn picture(element: &Element) -> Mask {
         // Dilating one pixel draws the element mirrored in its anchor.
-        let SizePx { width, height } = element.size;
+        let SizePx { width, height } = element.size();
         let size = SizePx::new(2 * width + 1, 2 * height + 1);
-        let (mut one, mut grown, mut shape) = (Mask::new(size), Mask::new(size), Mask::new(element.size));
+        let (mut one, mut grown, mut shape) = (Mask::new(size), Mask::new(size), Mask::new(element.size()));
         one.set(width, height, true);
         Morphology::new(size).dilate(&one, element, &mut grown);
         for y in 0..height {

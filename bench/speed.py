@@ -1,0 +1,178 @@
+"""Runs the speed bench and its rivals once, and writes bench/speed.json and bench/speed.md. See bench/speed.sh."""
+
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+FINGERS = ["smooth", "fabric", "rectified"]
+MOST_RISE = 1.03
+# Frames between which instructions are counted; the first ones of a contact cost less.
+FEW, MANY = 20, 80
+
+
+def bench(program, *arguments):
+    return json.loads(subprocess.run([program, *map(str, arguments)], check=True, stdout=subprocess.PIPE).stdout)
+
+
+def instructions(program, finger, frames_count):
+    """Instructions inside the monitor's step over so many frames."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = ["valgrind", "--tool=callgrind", "--toggle-collect=*SlipMonitor*step_probed*"]
+        command += [f"--callgrind-out-file={folder}/out", program, "judge", finger, str(frames_count)]
+        said = subprocess.run(command, check=True, capture_output=True, text=True).stderr
+    return int(re.search(r"Collected\s*:\s*(\d+)", said)[1])
+
+
+def instructions_per_frame(program, finger):
+    return (instructions(program, finger, MANY) - instructions(program, finger, FEW)) / (MANY - FEW)
+
+
+def check(program):
+    known = json.loads((ROOT / "bench/speed.json").read_text())
+    print(f"{'finger':10} {'recorded':>12} {'now':>12} {'ratio':>6}  (instructions a frame)")
+    risen = False
+    for finger in FINGERS:
+        before, now = known[finger]["instructions_per_frame"], instructions_per_frame(program, finger)
+        risen |= now > MOST_RISE * before
+        print(f"{finger:10} {before:12.0f} {now:12.0f} {now / before:6.3f}")
+    if risen:
+        sys.exit("instructions a frame rose by more than 3 %: make it faster, or run bench/speed.sh and say why")
+
+
+def peers():
+    """What others do a frame, ms: a tracker as vendors' kits have it, and dense flow. Our own restatement in calls of OpenCV."""
+    import cv2
+    import numpy as np
+    from opencv_baseline import painted_frame, timed
+
+    cv2.setNumThreads(1)
+    frame = painted_frame()
+    grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+    moved = np.roll(grey, 2, axis=1)
+
+    def tracker():
+        light = cv2.GaussianBlur(frame, (63, 63), 0)
+        darker = cv2.subtract(light, frame)
+        mask = cv2.inRange(darker, (15, 15, 15), (255, 255, 255))
+        mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+        contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        return [cv2.moments(contour) for contour in contours]
+
+    dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+    return {
+        "marker tracker: blur, threshold, contours, moments": timed(tracker)[0],
+        "dense flow, DIS, fast": timed(lambda: dis.calc(grey, moved, None))[0],
+        "dense flow, Farneback": timed(lambda: cv2.calcOpticalFlowFarneback(grey, moved, None, 0.5, 3, 15, 3, 5, 1.2, 0))[0],
+    }
+
+
+def straightness(rows, of):
+    """Slope and intercept of a line through the medians, and the largest residual over the largest median."""
+    xs, ys = [row[of] for row in rows], [row["step_us_median"] for row in rows]
+    x0, y0 = sum(xs) / len(xs), sum(ys) / len(ys)
+    slope = sum((x - x0) * (y - y0) for x, y in zip(xs, ys)) / sum((x - x0) ** 2 for x in xs)
+    worst = max(abs(y - y0 - slope * (x - x0)) for x, y in zip(xs, ys))
+    return slope, y0 - slope * x0, worst / max(ys)
+
+
+def plot(growth, of, path):
+    """The medians against pixels or markers as an SVG with a line through each finger's."""
+    width, height, left, bottom = 640, 360, 64, 44
+    rows = [row for finger in growth.values() for row in finger[of]]
+    unit, scale = {"pixels": ("Mpx", 1e-6), "markers": ("markers", 1)}[of]
+    most_x = max(row[f"{of}_count"] for row in rows) * scale
+    most_y = max(row["step_us_median"] for row in rows) / 1000
+    x = lambda v: left + (width - left - 16) * v / most_x
+    y = lambda v: height - bottom - (height - bottom - 16) * v / most_y
+    colours = {"smooth": "#1f77b4", "fabric": "#d62728", "rectified": "#2ca02c"}
+    parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="13">']
+    parts.append(f'<rect width="{width}" height="{height}" fill="white"/>')
+    for i in range(5):
+        v, t = most_y * i / 4, most_x * i / 4
+        parts.append(f'<path d="M{left} {y(v):.1f}H{width - 16}" stroke="#ddd"/><text x="{left - 6}" y="{y(v) + 4:.1f}" text-anchor="end">{v:.1f}</text>')
+        parts.append(f'<text x="{x(t):.1f}" y="{height - bottom + 18}" text-anchor="middle">{t:.3g}</text>')
+    for i, (finger, both) in enumerate(growth.items()):
+        points = [(row[f"{of}_count"] * scale, row["step_us_median"] / 1000) for row in both[of]]
+        line = " ".join(f"{x(a):.1f},{y(b):.1f}" for a, b in points)
+        parts.append(f'<polyline points="{line}" fill="none" stroke="{colours[finger]}" stroke-width="2"/>')
+        parts += [f'<circle cx="{x(a):.1f}" cy="{y(b):.1f}" r="3" fill="{colours[finger]}"/>' for a, b in points]
+        parts.append(f'<text x="{left + 14}" y="{28 + 18 * i}" fill="{colours[finger]}">{finger}</text>')
+    parts.append(f'<text x="{(left + width) / 2}" y="{height - 6}" text-anchor="middle">{unit}</text>')
+    parts.append(f'<text x="14" y="{height / 2}" transform="rotate(-90 14 {height / 2})" text-anchor="middle">ms a frame</text></svg>')
+    path.write_text("\n".join(parts) + "\n")
+
+
+def page(result, others, opencv_ms, growth, fingers, memory, frames_count):
+    model = next((l.split(":")[1].strip() for l in Path("/proc/cpuinfo").read_text().splitlines() if l.startswith("model name")), "?")
+    load = os.getloadavg()[0]
+    lines = [
+        "# Speed of a frame",
+        "",
+        f"`bench/speed.sh --frames {frames_count}`, one run. {os.cpu_count()} cores of {model}, {platform.system()}; load before: "
+        f"{LOAD_BEFORE:.1f}, after: {load:.1f}. 640x480 colour in memory, 391 markers, in contact, grip known, one core; {frames_count} frames",
+        "a finger. A copy is one memcpy of the frame, of the same twelve frames in turn that the monitor sees.",
+        "",
+        "| finger | median us | 99.9th us | over median | a copy us | copies | OpenCV / ours | instructions a frame | MiB |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for finger in FINGERS:
+        r = result[finger]
+        lines.append(
+            f"| {finger} | {r['step_us_median']:.0f} | {r['step_us_p999']:.0f} | {r['step_us_p999'] / r['step_us_median']:.1f} "
+            f"| {r['memcpy_us_median']:.1f} | {r['memcpy_ratio']:.1f} | {r['opencv_ratio']:.1f} | {r['instructions_per_frame'] / 1e6:.2f} M "
+            f"| {memory[finger]:.1f} |"
+        )
+    lines += ["", "| finger | imprint | contact | markers | motion | slip, evidence | estimates | (us, medians)", "|---|---|---|---|---|---|---|---|"]
+    for finger in FINGERS:
+        steps = result[finger]["steps_us_median"]
+        names = ["imprint", "contact", "markers", "motion", "slip", "estimates"]
+        lines.append(f"| {finger} | " + " | ".join(f"{steps[name]:.0f}" for name in names) + " | |")
+    lines += ["", f"OpenCV's fixed list of calls (`bench/opencv_baseline.py`), which leaves matching, evidence and estimates out: {opencv_ms:.2f} ms. Peers:", ""]
+    lines += ["| peer | ms | over ours (smooth) |", "|---|---|---|"]
+    lines += [f"| {name} | {ms:.2f} | {1000 * ms / result['smooth']['step_us_median']:.1f} |" for name, ms in others.items()]
+    lines += ["", "## Growth", "", "![against pixels](speed-pixels.svg) ![against markers](speed-markers.svg)", ""]
+    lines += ["| finger | ms a Mpx | us a marker | furthest off the lines, of the largest |", "|---|---|---|---|"]
+    for finger, both in growth.items():
+        (pixel, _, off), (marker, _, off_markers) = straightness(both["pixels"], "pixels_count"), straightness(both["markers"], "markers_count")
+        lines.append(f"| {finger} | {1e3 * pixel:.2f} | {marker:.2f} | {100 * off:.0f} %, {100 * off_markers:.0f} % |")
+    lines += ["", "Pixels: 320x240 to 1920x1440 with the same 391 markers; markers: 48 to 4,900 on 1280x960.", "", "## Many fingers", ""]
+    lines += [f"Monitors at 90 Hz on {fingers['cores_count']} cores, smooth gel; late: judged after the next frame was due.", ""]
+    lines += ["| monitors | late | of | cores in use |", "|---|---|---|---|"]
+    lines += [f"| {r['monitors_count']} | {r['late_count']} | {r['judged_count']} | {100 * r['cores_in_use_fraction']:.0f} % |" for r in fingers["rows"]]
+    return "\n".join(lines) + "\n"
+
+
+def main():
+    program, arguments = sys.argv[1], sys.argv[2:]
+    if "--check" in arguments:
+        return check(program)
+    frames_count = int(arguments[arguments.index("--frames") + 1]) if "--frames" in arguments else 20000
+    sys.path.insert(0, str(ROOT / "bench"))
+    from opencv_baseline import opencv_steps, painted_frame
+
+    result = {finger: bench(program, "measure", finger, frames_count) for finger in FINGERS}
+    opencv_ms = sum(ms for _, _, ms in opencv_steps(painted_frame()))
+    others = peers()
+    growth = {finger: bench(program, "growth", finger) for finger in FINGERS}
+    fingers = bench(program, "fingers", "smooth", 10)
+    memory = {finger: bench(program, "memory", finger)["monitor_mib"] for finger in FINGERS}
+    for finger in FINGERS:
+        result[finger]["opencv_ratio"] = 1000 * opencv_ms / result[finger]["step_us_median"]
+        result[finger]["instructions_per_frame"] = instructions_per_frame(program, finger)
+    (ROOT / "bench/speed.json").write_text(json.dumps(result, indent=1) + "\n")
+    for of in ["pixels", "markers"]:
+        plot(growth, of, ROOT / f"bench/speed-{of}.svg")
+    text = page(result, others, opencv_ms, growth, fingers, memory, frames_count)
+    (ROOT / "bench/speed.md").write_text(text)
+    print(text)
+
+
+LOAD_BEFORE = os.getloadavg()[0]
+if __name__ == "__main__":
+    main()
