@@ -282,12 +282,18 @@ fn pixel(settings: &CameraSettings, view: &View, backdrop: &Backdrop, i: usize) 
     ];
     let light = &settings.light;
     let gel = backdrop.gel(plane);
+    if gel <= 0.0 {
+        return (backdrop.beyond(plane).map(|level| level as f32), 0.0);
+    }
     let glare = (-0.5 * ((settings.gel_half_mm.y - 0.9 - plane.y) / 0.7).powi(2)).exp();
     let glint = if settings.glints { glint(plane) } else { 0.0 };
     let lit = std::array::from_fn(|c| {
         let level: f64 = powers.iter().zip(&light.background_levels[c]).map(|(p, b)| p * b).sum();
         level.max(1.0) + light.glare_levels[c] * glare + 120.0 * glint
     });
+    if gel >= 1.0 {
+        return (backdrop.on_gel(plane, lit).map(|level| level as f32), 1.0);
+    }
     let (lit, beyond) = (backdrop.on_gel(plane, lit), backdrop.beyond(plane));
     (std::array::from_fn(|c| (beyond[c] + (lit[c] - beyond[c]) * gel) as f32), gel as f32)
 }
@@ -299,7 +305,9 @@ fn glint(plane_mm: Vec2) -> f64 {
         .map(|&middle| {
             let d = plane_mm - middle;
             let (along, across) = (d.x * 0.5 + d.y * 0.87, d.x * 0.87 - d.y * 0.5);
-            (-0.5 * ((along / 0.7).powi(2) + (across / 0.07).powi(2))).exp()
+            let squared = (along / 0.7).powi(2) + (across / 0.07).powi(2);
+            // Where it is below the least number there is.
+            if squared > 1500.0 { 0.0 } else { (-0.5 * squared).exp() }
         })
         .sum()
 }
