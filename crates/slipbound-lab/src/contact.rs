@@ -24,6 +24,7 @@ mod pair;
 mod path;
 mod reading;
 mod response;
+mod responses;
 mod settings;
 pub mod shape;
 mod strain;

@@ -34,6 +34,9 @@ use view::View;
 
 /// Numbers kept before they repeat at another offset; a power of two.
 const NOISE_COUNT: usize = 1 << 15;
+/// What the noise of a frame is drawn for, beside its seed.
+const NOISE: u64 = 0x5EED;
+
 /// One camera with its skin; owns all memory a frame needs.
 #[derive(Debug, Clone)]
 pub struct Renderer {
@@ -58,6 +61,8 @@ pub struct Renderer {
     blur: [f32; 3],
     noise: Vec<f32>,
     stuck: Vec<(usize, u8)>,
+    /// The levels of the last frame without noise, once a second frame in a row shows the gel unmoved; else empty.
+    still_levels: Vec<f32>,
 }
 
 impl Renderer {
@@ -111,6 +116,7 @@ impl Renderer {
             softened: std::array::from_fn(|_| vec![0.0; 3 * size.width]),
             blur,
             stuck,
+            still_levels: Vec::new(),
             atlas,
             view,
             seed,
@@ -167,8 +173,15 @@ impl Renderer {
     /// Draws the gel; `frame_seed` decides the noise. `rgb`: rows of red, green, blue without gaps.
     pub fn render(&mut self, surface: &Surface, frame_seed: u64, rgb: &mut [u8]) {
         assert_eq!(rgb.len(), 3 * self.size().area(), "picture of another size");
-        self.nodes.look(surface, &self.settings.texture);
-        self.expose(frame_seed, rgb);
+        if self.nodes.look(surface, &self.settings.texture) {
+            self.still_levels.clear();
+            self.expose(frame_seed, rgb, false);
+        } else if self.still_levels.is_empty() {
+            self.still_levels.resize(rgb.len(), 0.0);
+            self.expose(frame_seed, rgb, true);
+        } else {
+            self.expose_again(frame_seed, rgb);
+        }
     }
 
     /// Light of a row, without blur and noise, into `ideal`.
@@ -202,9 +215,10 @@ impl Renderer {
         }
     }
 
-    /// The blur of the lens, five taps each way, and the noise of the sensor with its stuck pixels.
-    fn expose(&mut self, frame_seed: u64, rgb: &mut [u8]) {
-        let mut random = Random::of(frame_seed, 0x5EED);
+    /// The blur of the lens, five taps each way, and the noise of the sensor with its stuck pixels. `keep`: the levels
+    /// without noise are kept for the next frame.
+    fn expose(&mut self, frame_seed: u64, rgb: &mut [u8], keep: bool) {
+        let mut random = Random::of(frame_seed, NOISE);
         let SizePx { width, height } = self.size();
         let line = 3 * width;
         let noise_levels = self.settings.noise_levels as f32;
@@ -217,14 +231,41 @@ impl Renderer {
             // Beyond the border, the outermost rows once more.
             let row = |y: usize| &self.softened[y.min(height - 1) % 5][..line];
             let rows = [row(y.saturating_sub(2)), row(y.saturating_sub(1)), row(y), row(y + 1), row(y + 2)];
-            let start = random.next_u64() as usize % (NOISE_COUNT - line);
-            let out = &mut rgb[y * line..][..line];
-            expose_row(rows, self.blur, &self.noise[start..start + line], noise_levels, out);
+            let start = noise_start(&mut random, line);
+            let (noise, out) = (&self.noise[start..start + line], &mut rgb[y * line..][..line]);
+            if keep {
+                let levels = &mut self.still_levels[y * line..][..line];
+                blur_across(rows, self.blur, levels);
+                add_noise(levels, noise, noise_levels, out);
+            } else {
+                expose_row(rows, self.blur, noise, noise_levels, out);
+            }
         }
+        self.stick(rgb);
+    }
+
+    /// Another frame of the gel unmoved: the noise alone is new.
+    fn expose_again(&mut self, frame_seed: u64, rgb: &mut [u8]) {
+        let mut random = Random::of(frame_seed, NOISE);
+        let line = 3 * self.size().width;
+        let noise_levels = self.settings.noise_levels as f32;
+        for (levels, out) in self.still_levels.chunks_exact(line).zip(rgb.chunks_exact_mut(line)) {
+            let start = noise_start(&mut random, line);
+            add_noise(levels, &self.noise[start..start + line], noise_levels, out);
+        }
+        self.stick(rgb);
+    }
+
+    fn stick(&self, rgb: &mut [u8]) {
         for &(pixel, level) in &self.stuck {
             rgb[3 * pixel..3 * pixel + 3].fill(level);
         }
     }
+}
+
+/// Where the noise of the next row begins.
+fn noise_start(random: &mut Random, line: usize) -> usize {
+    random.next_u64() as usize % (NOISE_COUNT - line)
 }
 
 /// Blurs a row of interleaved colours along itself; its outermost two pixels are left as they are.
@@ -239,18 +280,43 @@ fn soften(from: &[f32], [middle, near, far]: [f32; 3], to: &mut [f32]) {
 }
 
 /// Blurs five rows across, adds noise that grows as the root of the level, and rounds.
-fn expose_row(rows: [&[f32]; 5], [middle, near, far]: [f32; 3], noise: &[f32], noise_levels: f32, out: &mut [u8]) {
+fn expose_row(rows: [&[f32]; 5], blur: [f32; 3], noise: &[f32], noise_levels: f32, out: &mut [u8]) {
     let [a, b, c, d, e] = rows;
     let taps = a.iter().zip(b).zip(c).zip(d).zip(e).zip(noise);
     for (out, (((((a, b), c), d), e), n)) in out.iter_mut().zip(taps) {
-        let level = far * (a + e) + near * (b + d) + middle * c;
-        let lit = if level > 4.0 { level } else { 4.0 };
-        let noisy = level + noise_levels * (lit * (1.0 / 128.0)).sqrt() * n;
-        let held = if noisy > 0.0 { noisy } else { 0.0 };
-        let held = if held < 255.0 { held } else { 255.0 };
-        // The sum has the nearest whole number in its lowest bits.
-        *out = (held + (1 << 23) as f32).to_bits() as u8;
+        *out = noisy(across([a, b, c, d, e], blur), *n, noise_levels);
     }
+}
+
+/// The first half of [`expose_row`].
+fn blur_across(rows: [&[f32]; 5], blur: [f32; 3], levels: &mut [f32]) {
+    let [a, b, c, d, e] = rows;
+    let taps = a.iter().zip(b).zip(c).zip(d).zip(e);
+    for (level, ((((a, b), c), d), e)) in levels.iter_mut().zip(taps) {
+        *level = across([a, b, c, d, e], blur);
+    }
+}
+
+/// The second half of [`expose_row`].
+fn add_noise(levels: &[f32], noise: &[f32], noise_levels: f32, out: &mut [u8]) {
+    for (out, (level, n)) in out.iter_mut().zip(levels.iter().zip(noise)) {
+        *out = noisy(*level, *n, noise_levels);
+    }
+}
+
+#[inline(always)]
+fn across([a, b, c, d, e]: [&f32; 5], [middle, near, far]: [f32; 3]) -> f32 {
+    far * (a + e) + near * (b + d) + middle * c
+}
+
+#[inline(always)]
+fn noisy(level: f32, noise: f32, noise_levels: f32) -> u8 {
+    let lit = if level > 4.0 { level } else { 4.0 };
+    let noisy = level + noise_levels * (lit * (1.0 / 128.0)).sqrt() * noise;
+    let held = if noisy > 0.0 { noisy } else { 0.0 };
+    let held = if held < 255.0 { held } else { 255.0 };
+    // The sum has the nearest whole number in its lowest bits.
+    (held + (1 << 23) as f32).to_bits() as u8
 }
 
 /// Light of red, green and blue at pixel `i`, in levels, and how much of it is gel.
@@ -282,12 +348,18 @@ fn pixel(settings: &CameraSettings, view: &View, backdrop: &Backdrop, i: usize) 
     ];
     let light = &settings.light;
     let gel = backdrop.gel(plane);
+    if gel <= 0.0 {
+        return (backdrop.beyond(plane).map(|level| level as f32), 0.0);
+    }
     let glare = (-0.5 * ((settings.gel_half_mm.y - 0.9 - plane.y) / 0.7).powi(2)).exp();
     let glint = if settings.glints { glint(plane) } else { 0.0 };
     let lit = std::array::from_fn(|c| {
         let level: f64 = powers.iter().zip(&light.background_levels[c]).map(|(p, b)| p * b).sum();
         level.max(1.0) + light.glare_levels[c] * glare + 120.0 * glint
     });
+    if gel >= 1.0 {
+        return (backdrop.on_gel(plane, lit).map(|level| level as f32), 1.0);
+    }
     let (lit, beyond) = (backdrop.on_gel(plane, lit), backdrop.beyond(plane));
     (std::array::from_fn(|c| (beyond[c] + (lit[c] - beyond[c]) * gel) as f32), gel as f32)
 }
@@ -299,7 +371,9 @@ fn glint(plane_mm: Vec2) -> f64 {
         .map(|&middle| {
             let d = plane_mm - middle;
             let (along, across) = (d.x * 0.5 + d.y * 0.87, d.x * 0.87 - d.y * 0.5);
-            (-0.5 * ((along / 0.7).powi(2) + (across / 0.07).powi(2))).exp()
+            let squared = (along / 0.7).powi(2) + (across / 0.07).powi(2);
+            // Where it is below the least number there is.
+            if squared > 1500.0 { 0.0 } else { (-0.5 * squared).exp() }
         })
         .sum()
 }

@@ -399,3 +399,34 @@ fn a_step_takes_no_memory() {
         assert_eq!(info.count_total, 0, "{info:?}");
     }
 }
+
+/// What is made once for a gel is used by fingers of that gel alone.
+#[test]
+fn fingers_of_many_gels_do_not_get_into_each_other() {
+    let plain = FingerSettings::fast();
+    let of_gel = |gel: Gel| FingerSettings { gel, ..plain };
+    let soft = SoftObject { modulus_mpa: 0.5, poisson_ratio: 0.485, thickness_mm: 3.0 };
+    let depth_mm = |settings: FingerSettings| {
+        let mut finger = Finger::new(settings, SPHERE).expect("sound settings");
+        let grip = Grip::ForceN(10.0);
+        let (pose, roll_mm, wrench) = (Pose::default(), Vec2::ZERO, Wrench::default());
+        finger.step(&Command { grip, pose, roll_mm, wrench }).expect("a sound command").depth_mm
+    };
+    let first_mm = depth_mm(plain);
+    let creeping = Gel { creep: Some(Creep { share_fraction: 0.5, time_s: 0.01 }), ..Gel::default() };
+    let others = [
+        FingerSettings { soft_object: Some(soft), ..plain },
+        of_gel(creeping),
+        of_gel(Gel { modulus_mpa: 0.3, ..Gel::default() }),
+        FingerSettings { grid: Grid::padded(64, 48, 0.4, 12.0), ..plain },
+    ];
+    for other in others {
+        assert_ne!(depth_mm(other), first_mm, "{other:?}");
+    }
+    // More than are kept.
+    for n in 0..12 {
+        let thicker_mm = depth_mm(of_gel(Gel { thickness_mm: 3.0 + 0.1 * f64::from(n), ..Gel::default() }));
+        assert!(n == 0 || thicker_mm > first_mm, "{n}");
+    }
+    assert_eq!(depth_mm(plain), first_mm);
+}

@@ -61,6 +61,24 @@ fn photograph(camera: &mut Renderer, surface: &Surface, seed: u64) -> Vec<u8> {
     frame.pixels
 }
 
+/// A camera that has seen the gel stand still draws what one draws that sees it for the first time.
+#[test]
+fn a_still_gel_is_drawn_as_if_it_were_seen_anew() {
+    let (untouched, pressed) = (Pressed::untouched(), Pressed::by(Sphere { radius_mm: 15.0 }, 20.0, Vec2::ZERO));
+    let (displacement, pressure_mpa) = (pressed.displacement.clone(), pressed.pressure_mpa.clone());
+    let on_smaller_cells = Pressed { grid: Grid { cell_mm: 0.3, ..pressed.grid }, displacement, pressure_mpa };
+    let mut camera = Renderer::gelslim(3);
+    let pixels = 3 * camera.size().area();
+    let (u, p, s) = (&untouched, &pressed, &on_smaller_cells);
+    let gels = [u, u, u, p, p, p, s, s, p, u];
+    for (seed, gel) in (50u64..).zip(gels) {
+        let (mut seen, mut anew) = (vec![0; pixels], vec![0; pixels]);
+        camera.render(&gel.surface(), seed, &mut seen);
+        Renderer::gelslim(3).render(&gel.surface(), seed, &mut anew);
+        assert!(seen == anew, "frame of seed {seed}");
+    }
+}
+
 fn monitor(camera: &mut Renderer) -> SlipMonitor {
     let (sensor, settings, untouched) = (camera.sensor(), Settings::default(), Pressed::untouched());
     let mut builder = RestBuilder::new(&sensor, &settings, camera.size()).expect("valid");

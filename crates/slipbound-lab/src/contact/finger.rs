@@ -3,12 +3,12 @@
 use super::body::{Drive, Motion, complex};
 use super::grid::Region;
 use super::normal::Normal;
-use super::response::{Response, Responses};
+use super::response::Response;
+use super::responses::{Material, Responses};
 use super::settings::{Command, FingerSettings};
 use super::shape::Shape;
 use super::tangential::Tangential;
 use super::truth::{Events, Truth};
-use crate::layer::Compliance;
 use rustfft::num_complex::Complex64;
 use slipbound::setting::SettingError;
 use std::sync::Arc;
@@ -118,19 +118,11 @@ impl Finger {
             let rate = settings.substep_s / creep.time_s;
             CreepStep { keep: 1.0 / (1.0 + rate), gain: creep.share_fraction * rate / (1.0 + rate) }
         });
-        let now = 1.0 + creep.map_or(0.0, |creep| creep.gain);
-        let interface = Response::of_layer(&grid, planner, |k| {
-            let (gel, object) = (gel.compliance(k), soft_object.map_or(Compliance::default(), |o| o.compliance(k)));
-            Compliance {
-                along_mm_per_mpa: now * gel.along_mm_per_mpa + object.along_mm_per_mpa,
-                across_mm_per_mpa: now * gel.across_mm_per_mpa + object.across_mm_per_mpa,
-                normal_mm_per_mpa: now * gel.normal_mm_per_mpa + object.normal_mm_per_mpa,
-                coupling_mm_per_mpa: now * gel.coupling_mm_per_mpa + object.coupling_mm_per_mpa,
-            }
-        });
+        let yields = 1.0 + creep.map_or(0.0, |creep| creep.gain);
+        let interface = Material { grid, gel, yields, soft_object, planner };
         let cells = grid.cells_count();
         let apart = (creep.is_some() || soft_object.is_some()).then(|| GelApart {
-            response: Response::of_layer(&grid, planner, |k| gel.compliance(k)),
+            response: Responses::of(&Material { yields: 1.0, soft_object: None, ..interface }).whole().clone(),
             creep,
             crept: Field::new(cells),
         });
@@ -138,7 +130,7 @@ impl Finger {
             settings,
             shape: Arc::new(shape),
             at_rest: (0..cells).map(|cell| complex(grid.centre_mm(cell))).collect(),
-            interface: Responses::new(interface, planner),
+            interface: Responses::of(&interface),
             apart,
             normal: Normal::new(cells),
             tangential: Tangential::new(cells),

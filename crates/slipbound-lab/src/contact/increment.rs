@@ -17,6 +17,9 @@ const ZERO: Complex64 = Complex64::new(0.0, 0.0);
 /// Cells around the last contact on which the next one is first looked for.
 const GROWTH_CELLS: usize = 3;
 
+/// Cells whose gap is asked for at a time.
+const CHUNK_CELLS: usize = 64;
+
 /// Where an object is on the gel.
 #[derive(Debug, Clone, Copy)]
 struct Place {
@@ -64,9 +67,15 @@ impl Finger {
     /// piece is now, plus what the last tractions and creep add to the depth.
     fn find_gap(&mut self, command: &Command) {
         let place = self.place(command);
-        for (i, gap) in self.gap.iter_mut().enumerate() {
-            let (centre, skin) = place.of(self.at_rest[i] + self.relative[i]);
-            *gap = self.shape.gap_mm(centre, skin) + self.of_traction.depth[i];
+        let mut points = [(Vec2::ZERO, Vec2::ZERO); CHUNK_CELLS];
+        let cells = self.at_rest.chunks(CHUNK_CELLS).zip(self.relative.chunks(CHUNK_CELLS));
+        let gaps = self.gap.chunks_mut(CHUNK_CELLS).zip(self.of_traction.depth.chunks(CHUNK_CELLS));
+        for ((at_rest, relative), (gap, depth)) in cells.zip(gaps) {
+            for (point, (at_rest, relative)) in points.iter_mut().zip(at_rest.iter().zip(relative)) {
+                *point = place.of(at_rest + relative);
+            }
+            self.shape.gaps_mm(&points[..gap.len()], gap);
+            gap.iter_mut().zip(depth).for_each(|(gap, depth)| *gap += depth);
         }
         if let Some(GelApart { creep: Some(creep), crept, .. }) = &self.apart {
             for (gap, depth) in self.gap.iter_mut().zip(&crept.depth) {

@@ -4,6 +4,7 @@ use super::grid::{Grid, Region, smooth_even_at_least};
 use super::transform::{Area, Planner, Transform};
 use crate::layer::Compliance;
 use rustfft::num_complex::Complex64;
+use std::sync::Arc;
 
 /// Waves on either side, in either direction, that are added to the one a grid can resolve.
 const ALIASES: i32 = 3;
@@ -38,8 +39,9 @@ struct Wave {
 /// The response of a body's surface on windows up to `most_width` x `most_height` cells, with its buffers.
 #[derive(Debug, Clone)]
 pub(crate) struct Response {
-    transform: Transform,
-    waves: Vec<Wave>,
+    pub(super) transform: Transform,
+    /// Fingers of one gel share them.
+    waves: Arc<[Wave]>,
     full: Vec<Complex64>,
     half: Vec<Complex64>,
     pub most_width: usize,
@@ -53,17 +55,17 @@ impl Response {
         (out.most_width, out.most_height) = (grid.width_cells, grid.height_cells);
         let (half, ny) = (out.transform.half(), out.transform.ny);
         let scale = 1.0 / (out.transform.nx * ny) as f64;
-        for kx in 0..half {
-            for ky in 0..ny {
-                let wave = sampled(grid, kx, ky, &compliance);
-                out.waves[kx * ny + ky] = Wave {
+        out.waves = (0..half * ny)
+            .map(|i| {
+                let wave = sampled(grid, i / ny, i % ny, &compliance);
+                Wave {
                     mean: wave.mean * scale,
                     spread: wave.spread * scale,
                     zz: wave.zz * scale,
                     odd: wave.odd * scale,
-                };
-            }
-        }
+                }
+            })
+            .collect();
         out
     }
 
@@ -96,21 +98,27 @@ impl Response {
             out.transform.forward(field, nx, everything, spectrum);
         }
         let scale = 1.0 / (nx * ny) as f64;
-        for (i, wave) in out.waves.iter_mut().enumerate() {
+        let wave = |i: usize| {
             let [even, rest, odd] = [0, 1, 2].map(|s| spectra[s][i] * scale);
-            *wave = Wave {
+            Wave {
                 mean: 0.5 * (even.re + even.im),
                 spread: Complex64::new(0.5 * (even.re - even.im), rest.re),
                 zz: rest.im,
                 odd: Complex64::new(odd.im, -odd.re), // i xz + i (i yz) = -yz + i xz
-            };
-        }
+            }
+        };
+        out.waves = (0..out.transform.half() * ny).map(wave).collect();
         out
     }
 
     /// The same response for windows of at most `most_width` x `most_height` cells on smaller transforms: the
     /// kernel is cut out in space, so the results differ by rounding alone.
-    pub fn cut_to(&self, [most_width, most_height]: [usize; 2], planner: Planner) -> Self {
+    pub fn cut_to(&self, most_cells: [usize; 2], planner: Planner) -> Self {
+        self.in_space().cut_to(most_cells, planner)
+    }
+
+    /// Its kernel, back in space.
+    pub(super) fn in_space(&self) -> InSpace {
         let (nx, ny) = (self.transform.nx, self.transform.ny);
         let mut transform = self.transform.clone();
         let whole = Region { column: 0, row: 0, width_cells: nx, height_cells: ny };
@@ -136,25 +144,14 @@ impl Response {
             }
             transform.inverse(&mut spectrum, whole, nx, field);
         }
-        let size = [smooth_even_at_least(2 * most_width - 1), smooth_even_at_least(2 * most_height - 1)];
-        Self::of_kernel(size, [most_width, most_height], planner, |dx, dy| {
-            let at = dy.rem_euclid(ny as isize) as usize * nx + dx.rem_euclid(nx as isize) as usize;
-            Kernel {
-                xx: fields[0][at].re,
-                yy: fields[0][at].im,
-                xy: fields[1][at].re,
-                zz: fields[1][at].im,
-                xz: fields[2][at].re,
-                yz: fields[2][at].im,
-            }
-        })
+        InSpace { nx, ny, fields }
     }
 
     fn empty(nx: usize, ny: usize, planner: Planner) -> Self {
         let transform = Transform::new(nx, ny, planner);
         let half = transform.half() * ny;
         Response {
-            waves: vec![Wave::default(); half],
+            waves: Arc::new([]),
             full: vec![ZERO; nx * ny],
             half: vec![ZERO; half],
             transform,
@@ -176,7 +173,7 @@ impl Response {
     /// u_z on the window from the pressure on it.
     pub fn depth_of_pressure(&mut self, window: Region, stride: usize, pressure: &[f64], depth: &mut [f64]) {
         self.transform.forward_real(pressure, stride, Area::all_of(window), &mut self.half);
-        for (z, w) in self.half.iter_mut().zip(&self.waves) {
+        for (z, w) in self.half.iter_mut().zip(self.waves.iter()) {
             *z *= w.zz;
         }
         self.transform.inverse_real(&mut self.half, window, stride, depth);
@@ -206,18 +203,20 @@ impl Response {
     ) {
         let (nx, ny, half) = (self.transform.nx, self.transform.ny, self.transform.half());
         self.transform.forward_real(pressure, stride, area, &mut self.half);
+        let waves = &self.waves[..];
         for kx in 0..half {
             let own = kx == 0 || 2 * kx == nx;
             for ky in 0..ny {
                 let i = kx * ny + ky;
-                let turn = Complex64::new(-self.waves[i].odd.im, self.waves[i].odd.re); // i (xz + i yz)
+                let odd = waves[i].odd;
+                let turn = Complex64::new(-odd.im, odd.re); // i (xz + i yz)
                 self.full[i] = turn * self.half[i];
                 if !own {
                     self.full[(nx - kx) * ny + (ny - ky) % ny] = -turn * self.half[i].conj();
                 }
             }
         }
-        for (z, w) in self.half.iter_mut().zip(&self.waves) {
+        for (z, w) in self.half.iter_mut().zip(self.waves.iter()) {
             *z *= w.zz;
         }
         self.transform.inverse(&mut self.full, area.window, stride, shift);
@@ -235,6 +234,7 @@ impl Response {
     ) {
         let (nx, ny, half) = (self.transform.nx, self.transform.ny, self.transform.half());
         self.transform.forward(traction, stride, area, &mut self.full);
+        let waves = &self.waves[..];
         for kx in 0..half {
             for ky in 0..ny {
                 let i = kx * ny + ky;
@@ -242,7 +242,7 @@ impl Response {
                 let m = self.full[(nx - kx) % nx * ny + (ny - ky) % ny].conj();
                 let (qx, d) = ((z + m) * 0.5, (z - m) * 0.5);
                 let qy = Complex64::new(d.im, -d.re);
-                let sum = qx * self.waves[i].odd.re + qy * self.waves[i].odd.im;
+                let sum = qx * waves[i].odd.re + qy * waves[i].odd.im;
                 self.half[i] = Complex64::new(sum.im, -sum.re); // -i (xz qx + yz qy)
             }
         }
@@ -273,6 +273,32 @@ impl Response {
                 pair(z, m, w);
             }
         }
+    }
+}
+
+/// The kernel of a response at every offset of its padded domain: xx + i yy, xy + i zz, xz + i yz.
+pub(super) struct InSpace {
+    nx: usize,
+    ny: usize,
+    fields: [Vec<Complex64>; 3],
+}
+
+impl InSpace {
+    /// See [`Response::cut_to`].
+    pub fn cut_to(&self, [most_width, most_height]: [usize; 2], planner: Planner) -> Response {
+        let InSpace { nx, ny, fields } = self;
+        let size = [smooth_even_at_least(2 * most_width - 1), smooth_even_at_least(2 * most_height - 1)];
+        Response::of_kernel(size, [most_width, most_height], planner, |dx, dy| {
+            let at = dy.rem_euclid(*ny as isize) as usize * nx + dx.rem_euclid(*nx as isize) as usize;
+            Kernel {
+                xx: fields[0][at].re,
+                yy: fields[0][at].im,
+                xy: fields[1][at].re,
+                zz: fields[1][at].im,
+                xz: fields[2][at].re,
+                yz: fields[2][at].im,
+            }
+        })
     }
 }
 
@@ -311,45 +337,6 @@ fn pair(z: &mut Complex64, m: &mut Complex64, w: &Wave) {
     let (a, b) = (*z, *m);
     *z = a * w.mean + w.spread * b.conj();
     *m = b * w.mean + w.spread * a.conj();
-}
-
-/// One response at several sizes: a small contact is solved on small transforms.
-#[derive(Debug, Clone)]
-pub(crate) struct Responses {
-    /// From the cheapest to the dearest; the last one fits the whole grid.
-    sizes: Vec<Response>,
-}
-
-impl Responses {
-    /// The response and its cuts to 1/8, 1/4, ... of the padded size.
-    pub fn new(whole: Response, planner: Planner) -> Self {
-        let steps = |n: usize| [n / 8, n * 3 / 16, n / 4, n * 3 / 8, n / 2];
-        let mut sizes = Vec::new();
-        for w in steps(whole.transform.nx) {
-            for h in steps(whole.transform.ny) {
-                let (w, h) = (w.min(whole.most_width), h.min(whole.most_height));
-                let points = smooth_even_at_least(2 * w) * smooth_even_at_least(2 * h);
-                if w >= 4 && h >= 4 && points * 10 <= whole.points_count() * 9 {
-                    sizes.push(whole.cut_to([w, h], planner));
-                }
-            }
-        }
-        sizes.push(whole);
-        sizes.sort_by_key(Response::points_count);
-        Responses { sizes }
-    }
-
-    /// The cheapest response on which the window fits.
-    pub fn for_window(&mut self, window: Region) -> &mut Response {
-        let last = self.sizes.len() - 1;
-        let fit = self.sizes.iter().position(|r| r.fits(window)).unwrap_or(last);
-        &mut self.sizes[fit]
-    }
-
-    /// The response of the whole grid.
-    pub fn whole(&mut self) -> &mut Response {
-        self.sizes.last_mut().expect("the whole grid is always there")
-    }
 }
 
 #[cfg(test)]

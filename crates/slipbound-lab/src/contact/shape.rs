@@ -17,6 +17,13 @@ pub trait Shape: std::fmt::Debug + Send + Sync {
     /// which piece of skin is there, for relief that turns with the object.
     fn gap_mm(&self, from_centre: Vec2, on_skin: Vec2) -> f64;
 
+    /// [`Shape::gap_mm`] of many points, each with the piece of skin that is there.
+    fn gaps_mm(&self, points: &[(Vec2, Vec2)], gaps_mm: &mut [f64]) {
+        for (gap_mm, &(from_centre, on_skin)) in gaps_mm.iter_mut().zip(points) {
+            *gap_mm = self.gap_mm(from_centre, on_skin);
+        }
+    }
+
     /// How fast the gap grows where it is finite, along x and y of the object's frame. Half the difference over
     /// [`SLOPE_STEP_MM`] to either side unless a shape knows better; at a side, the difference to the face.
     fn slope(&self, from_centre: Vec2, on_skin: Vec2) -> Slope {

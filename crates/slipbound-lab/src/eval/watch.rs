@@ -11,7 +11,7 @@ use crate::random::Random;
 use crate::rivals::{Detector, Entry, Inputs, Said, said};
 use crate::scenes::{LoadProfile, Trial};
 use crate::world::{FRAME_RATE_HZ, Gross, Physics, World};
-use slipbound::monitor::{RestBuilder, RestKind, SlipMonitor, SlipReport, SlipState};
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
 use slipbound::sensor::{Sensor, Shear};
 
@@ -232,29 +232,41 @@ fn desks(
     inputs.sort();
     inputs.dedup();
     let mut frame = FrameBuffer::default();
-    let mut rests: Vec<(Inputs, RestBuilder)> = Vec::new();
+    // Inputs that differ in the force alone have one rest.
+    let mut rests: Vec<(Settings, RestBuilder)> = Vec::new();
     for _ in 0..rest_frames {
         world.next(&mut frame)?;
         if rests.is_empty() {
-            for &inputs in &inputs {
-                rests.push((inputs, RestBuilder::new(sensor, &inputs.settings(), frame.size)?));
+            for settings in inputs.iter().map(|inputs| inputs.settings()) {
+                if rests.iter().all(|(known, _)| *known != settings) {
+                    let rest = RestBuilder::new(sensor, &settings, frame.size)?;
+                    rests.push((settings, rest));
+                }
             }
         }
-        for (inputs, rest) in &mut rests {
-            if rest.frames_count() < inputs.settings().rest.average_count {
+        for (settings, rest) in &mut rests {
+            if rest.frames_count() < settings.rest.average_count {
                 rest.add(&frame.frame()?)?;
             }
         }
     }
-    let desk = |(inputs, rest): (Inputs, RestBuilder)| {
+    let mut monitors = Vec::new();
+    for (settings, rest) in rests {
+        let monitor = SlipMonitor::new(sensor, &settings, rest.build(RestKind::Unloaded)?)?;
+        monitors.push((settings, monitor));
+    }
+    // Without a frame at rest there is no monitor, and nobody to see what follows.
+    let desk = |inputs: Inputs| {
+        let settings = inputs.settings();
+        let (_, monitor) = monitors.iter().find(|(known, _)| *known == settings)?;
         let detectors = entries.iter().filter(|entry| entry.inputs == inputs);
-        Ok(Desk {
+        Some(Desk {
             inputs,
-            monitor: SlipMonitor::new(sensor, &inputs.settings(), rest.build(RestKind::Unloaded)?)?,
+            monitor: monitor.clone(),
             detectors: detectors.map(|entry| (*entry, entry.make(), Vec::new())).collect(),
         })
     };
-    rests.into_iter().map(desk).collect()
+    Ok(inputs.into_iter().filter_map(desk).collect())
 }
 
 #[cfg(test)]

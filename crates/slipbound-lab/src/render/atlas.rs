@@ -97,22 +97,27 @@ impl Atlas {
         let threads = (2.0 * f64::from(self.half_mm[0].max(self.half_mm[1])) / thread_mm) as usize + 2;
         let mut tones = || -> Vec<f64> { (0..threads).map(|_| random.between(-0.2, 0.2)).collect() };
         let (tones_x, tones_y) = (tones(), tones());
-        self.texels = (0..self.columns * self.rows)
-            .flat_map(|i| {
-                let p = self.place_mm(i) + Vec2::new(f64::from(self.half_mm[0]), f64::from(self.half_mm[1]));
-                let (x, y) = (p.x / thread_mm, p.y / thread_mm);
-                let (column, row) = (x as usize, y as usize);
-                let bow = |t: f64| (std::f64::consts::PI * t.fract()).sin();
+        // Number of the thread and height of its bow, for every column and every row of texels.
+        let along = |half_mm: f32, count: usize| -> Vec<(usize, f64)> {
+            let from_mm = |texel: usize| texel as f64 * f64::from(TEXEL_MM) - f64::from(half_mm);
+            let in_threads = |texel: usize| (from_mm(texel) + f64::from(half_mm)) / thread_mm;
+            let bow = |t: f64| (std::f64::consts::PI * t.fract()).sin();
+            (0..count).map(in_threads).map(|t| (t as usize, bow(t))).collect()
+        };
+        let (columns, rows) = (along(self.half_mm[0], self.columns), along(self.half_mm[1], self.rows));
+        self.texels = Vec::with_capacity(2 * columns.len() * rows.len());
+        for &(row, bow_y) in &rows {
+            for &(column, bow_x) in &columns {
                 // The upper thread is round across and dips at its ends.
                 let (upper, tone) = if (column + row) % 2 == 0 {
-                    (bow(y) * (0.55 + 0.45 * bow(x)), tones_x[row])
+                    (bow_y * (0.55 + 0.45 * bow_x), tones_x[row])
                 } else {
-                    (bow(x) * (0.55 + 0.45 * bow(y)), tones_y[column])
+                    (bow_x * (0.55 + 0.45 * bow_y), tones_y[column])
                 };
                 let bright = (2.4 * upper - 1.2 + tone).clamp(-1.0, 1.0);
-                [0, (128.0 + (bright * 127.0).round()) as u8]
-            })
-            .collect();
+                self.texels.extend([0, (128 + nearest(bright * 127.0)) as u8]);
+            }
+        }
     }
 
     fn print(&mut self, settings: &CameraSettings, random: &mut Random) {
@@ -147,6 +152,14 @@ impl Atlas {
             }
         }
     }
+}
+
+/// The nearest whole number, a half away from 0, as `f64::round` says, which without the instruction for it is a call.
+#[inline(always)]
+fn nearest(x: f64) -> i32 {
+    let towards_0 = x as i32;
+    let rest = x - f64::from(towards_0);
+    towards_0 + i32::from(rest >= 0.5) - i32::from(rest <= -0.5)
 }
 
 /// Not below 0 and not above `most`.

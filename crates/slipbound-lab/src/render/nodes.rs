@@ -7,6 +7,7 @@
 use super::surface::Surface;
 use super::view::View;
 use super::{CameraSettings, Texture};
+use crate::contact::Grid;
 use slipbound::image::SizePx;
 use slipbound::plane::Vec2;
 
@@ -48,6 +49,9 @@ pub(super) struct Nodes {
     lanes: [Vec<f32>; LANES],
     line: [Vec<f32>; LANES],
     cells: Vec<Cell>,
+    /// The cells of the frame before, and its grid.
+    before: Vec<Cell>,
+    grid: Option<Grid>,
 }
 
 impl Nodes {
@@ -99,12 +103,18 @@ impl Nodes {
             lanes: std::array::from_fn(|_| vec![0.0; columns * rows]),
             line: std::array::from_fn(|_| vec![0.0; columns]),
             cells: Vec::new(),
+            before: Vec::new(),
+            grid: None,
         }
     }
 
-    /// Looks at every node of the gel.
-    pub fn look(&mut self, surface: &Surface, texture: &Texture) {
+    /// Looks at every node of the gel. Returns whether the gel has moved since the last look; if not, nodes stay as they are.
+    pub fn look(&mut self, surface: &Surface, texture: &Texture) -> bool {
+        std::mem::swap(&mut self.cells, &mut self.before);
         self.take(surface);
+        if self.grid.replace(*surface.grid) == Some(*surface.grid) && self.cells == self.before {
+            return false;
+        }
         let field = Field::new(surface, &self.cells);
         let per_mpa = -1.0 / texture.p_ref_mpa as f32;
         let (rest, gain) = (texture.rest_fraction as f32, texture.gain_fraction as f32);
@@ -121,6 +131,7 @@ impl Nodes {
                 self.lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[i] = value);
             }
         }
+        true
     }
 
     /// The cells in one place each, with the slope of the depth.

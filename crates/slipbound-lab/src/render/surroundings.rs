@@ -175,8 +175,13 @@ impl<'a> Backdrop<'a> {
     /// Chains of highlights.
     fn highlit(&self, plane_mm: Vec2, levels: [f64; 3]) -> [f64; 3] {
         self.highlights.iter().fold(levels, |levels, spot| {
-            let off_mm = (plane_mm - spot.at_mm).length();
-            if off_mm > 5.0 * spot.radius_mm {
+            let off = plane_mm - spot.at_mm;
+            let reach_mm = 5.0 * spot.radius_mm;
+            if off.x.abs() > reach_mm || off.y.abs() > reach_mm {
+                return levels;
+            }
+            let off_mm = off.length();
+            if off_mm > reach_mm {
                 return levels;
             }
             let ring = (-0.5 * ((off_mm - 2.0 * spot.radius_mm) / (0.55 * spot.radius_mm)).powi(2)).exp();
@@ -188,11 +193,19 @@ impl<'a> Backdrop<'a> {
     /// A patch of dirt with a ragged border, and a scratch with a bright flank.
     fn dirty(&self, plane_mm: Vec2, levels: [f64; 3]) -> [f64; 3] {
         let off = plane_mm - self.patch.at_mm;
-        let edge_mm = self.patch.radius_mm * (1.0 + 0.5 * self.grain(off + Vec2::new(3.0, 5.0), 0.5));
-        let dirt = 0.5 * smooth((edge_mm - off.length()) / 0.2 + 0.5) * (1.0 + 0.3 * self.grain(plane_mm, 0.25));
+        let dirt = if off.length() < 1.5 * self.patch.radius_mm + 0.2 {
+            let edge_mm = self.patch.radius_mm * (1.0 + 0.5 * self.grain(off + Vec2::new(3.0, 5.0), 0.5));
+            0.5 * smooth((edge_mm - off.length()) / 0.2 + 0.5) * (1.0 + 0.3 * self.grain(plane_mm, 0.25))
+        } else {
+            0.0
+        };
         let (middle, along) = self.scratch;
         let d = plane_mm - middle;
         let (far, near) = (d.x * along.x + d.y * along.y, d.x * along.y - d.y * along.x);
+        // Beyond its ends, and where the exponential below has long been 0.
+        if far.abs() > 3.7 || near.abs() > 3.0 {
+            return levels.map(|level| level * (1.0 - dirt));
+        }
         let near = near + 0.06 * self.grain(Vec2::new(far, 0.0), 0.8);
         let line = |at: f64| (-0.5 * ((near - at) / 0.06).powi(2)).exp() * smooth((3.2 - far.abs()) / 0.8 + 0.5);
         levels.map(|level| level * (1.0 - dirt) * (1.0 - 0.45 * line(0.0)) + 35.0 * line(0.15))

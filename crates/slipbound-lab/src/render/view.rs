@@ -15,7 +15,7 @@ use crate::render::CameraSettings;
 use slipbound::plane::{Homography, Vec2};
 use slipbound::sensor::{Flip, Sensor};
 
-/// Rounds after which a point is taken to be found; each brings it nearer by the gradient of the displacement.
+/// Most rounds after which a point is taken to be found; each brings it nearer by the gradient of the displacement.
 const ROUNDS_COUNT: usize = 40;
 
 /// Geometry of the camera; px are of the camera image as delivered unless they are called rectified.
@@ -93,6 +93,15 @@ impl View {
     pub fn seen_at(&self, rest_mm: Vec2, surface: &Surface) -> Vec2 {
         let moved = surface.displacement_at(rest_mm);
         let there = rest_mm + moved.shift_mm;
-        (0..ROUNDS_COUNT).fold(there, |seen, _| there + self.parallax(seen) * moved.depth_mm)
+        let mut seen = there;
+        for _ in 0..ROUNDS_COUNT {
+            let next = there + self.parallax(seen) * moved.depth_mm;
+            // What does not change to the last bit stays so.
+            if next == seen {
+                break;
+            }
+            seen = next;
+        }
+        seen
     }
 }

@@ -1,0 +1,95 @@
+//! One response at several sizes: a small contact is solved on small transforms. Made once for a gel and kept, as every
+//! trial asks for the same few again and they take longer than a second of contact.
+
+use super::grid::{Grid, Region, smooth_even_at_least};
+use super::response::Response;
+use super::transform::Planner;
+use crate::layer::{Compliance, Gel, SoftObject};
+use std::sync::{Mutex, PoisonError};
+
+/// Gels kept ready. Trials of an evaluation have at most a handful: the gel alone, and with each soft object.
+const KEPT_COUNT: usize = 8;
+
+/// What the surfaces in contact are made of, and how they are computed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Material {
+    pub grid: Grid,
+    pub gel: Gel,
+    /// By how much a gel that creeps yields more within a step; 1 for one that does not.
+    pub yields: f64,
+    pub soft_object: Option<SoftObject>,
+    pub planner: Planner,
+}
+
+impl Material {
+    /// Of gel and object together.
+    fn compliance(&self, k_rad_per_mm: f64) -> Compliance {
+        let gel = self.gel.compliance(k_rad_per_mm);
+        let object = self.soft_object.map_or(Compliance::default(), |object| object.compliance(k_rad_per_mm));
+        Compliance {
+            along_mm_per_mpa: self.yields * gel.along_mm_per_mpa + object.along_mm_per_mpa,
+            across_mm_per_mpa: self.yields * gel.across_mm_per_mpa + object.across_mm_per_mpa,
+            normal_mm_per_mpa: self.yields * gel.normal_mm_per_mpa + object.normal_mm_per_mpa,
+            coupling_mm_per_mpa: self.yields * gel.coupling_mm_per_mpa + object.coupling_mm_per_mpa,
+        }
+    }
+}
+
+/// The response of a material on windows of every size.
+#[derive(Debug, Clone)]
+pub(super) struct Responses {
+    /// From the cheapest to the dearest; the last one fits the whole grid.
+    sizes: Vec<Response>,
+}
+
+/// Those made last, the latest at the end.
+static KEPT: Mutex<Vec<(Material, Responses)>> = Mutex::new(Vec::new());
+
+impl Responses {
+    /// The response of a material: a copy of what is kept, or made now, outside the lock.
+    pub fn of(material: &Material) -> Self {
+        let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, found)) = kept().iter().find(|(known, _)| known == material) {
+            return found.clone();
+        }
+        let whole = Response::of_layer(&material.grid, material.planner, |k| material.compliance(k));
+        let made = Self::new(whole, material.planner);
+        let mut kept = kept();
+        if kept.len() == KEPT_COUNT {
+            kept.remove(0);
+        }
+        kept.push((*material, made.clone()));
+        made
+    }
+
+    /// The response and its cuts to 1/8, 1/4, ... of the padded size.
+    fn new(whole: Response, planner: Planner) -> Self {
+        let steps = |n: usize| [n / 8, n * 3 / 16, n / 4, n * 3 / 8, n / 2];
+        let in_space = whole.in_space();
+        let mut sizes = Vec::new();
+        for w in steps(whole.transform.nx) {
+            for h in steps(whole.transform.ny) {
+                let (w, h) = (w.min(whole.most_width), h.min(whole.most_height));
+                let points = smooth_even_at_least(2 * w) * smooth_even_at_least(2 * h);
+                if w >= 4 && h >= 4 && points * 10 <= whole.points_count() * 9 {
+                    sizes.push(in_space.cut_to([w, h], planner));
+                }
+            }
+        }
+        sizes.push(whole);
+        sizes.sort_by_key(Response::points_count);
+        Responses { sizes }
+    }
+
+    /// The cheapest response on which the window fits.
+    pub fn for_window(&mut self, window: Region) -> &mut Response {
+        let last = self.sizes.len() - 1;
+        let fit = self.sizes.iter().position(|r| r.fits(window)).unwrap_or(last);
+        &mut self.sizes[fit]
+    }
+
+    /// The response of the whole grid.
+    pub fn whole(&mut self) -> &mut Response {
+        self.sizes.last_mut().expect("the whole grid is always there")
+    }
+}
