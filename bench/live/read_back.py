@@ -1,8 +1,10 @@
 """Recordings read by others, and others' by us.
 
 1. slipbound records a simulated scene with --record; PyPI's mcap and mcap-protobuf-support read every picture, every frame
-   record and every report, and count and compare them with the JSON lines.
-2. PyPI's rosbags writes ROS 2 CompressedImage and Image messages into an MCAP bag; slipbound watches them to the same reports
+   record and every report, and count and compare them with the JSON lines; so with the lines drawn over the pictures, of
+   which there are three for every marker found, and the layout names topics that are there.
+2. The same recording, written again by PyPI's mcap with its chunks compressed by zstd and by lz4, is judged to the same lines.
+3. PyPI's rosbags writes ROS 2 CompressedImage and Image messages into an MCAP bag and one in SQLite; slipbound watches them to the same reports
    as the folder with the same pictures.
 
     python3 bench/live/read_back.py [path of the program slipbound]
@@ -15,6 +17,7 @@ import tempfile
 from pathlib import Path
 
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer as McapWriter
 from mcap_protobuf.decoder import DecoderFactory
 
 PROGRAM = str(Path(sys.argv[1] if len(sys.argv) > 1 else "target/release/slipbound").resolve())
@@ -43,6 +46,8 @@ def ours(folder):
             pictures.append(bytes(message.data))
         for _, channel, message in reader.iter_messages(topics=["/finger/frame", "/finger/report"]):
             (frames if channel.topic == "/finger/frame" else reports).append(json.loads(message.data))
+        annotated = [message for *_, message in reader.iter_decoded_messages(topics=["/finger/annotations"])]
+        topics = {channel.topic for channel in reader.get_summary().channels.values()}
         attachments = sorted(a.name for a in reader.iter_attachments())
         schemas = {s.name: s.encoding for s in reader.get_summary().schemas.values()}
     files = sorted(p for p in (folder / "scene").glob("*") if p.suffix in (".jpg", ".png"))
@@ -53,13 +58,62 @@ def ours(folder):
     assert schemas["foxglove.CompressedImage"] == "protobuf" and schemas["slipbound.Report"] == "jsonschema", schemas
     slipbound(folder, "watch", "run.mcap", "--sensor", "scene/sensor.toml", "--json", "again.jsonl")
     assert lines(folder / "again.jsonl")[1:] == report[1:], "judged again to the same"
+    annotations(annotated, report[1:])
+    layout = (Path(__file__).parent / "../../docs/foxglove-layout.json").read_text()
+    assert all(topic.replace("/finger/", "/left/") in layout for topic in topics - {"/finger/frame"}), topics
+    packed(folder, report)
     print(f"read by mcap: {len(pictures)} pictures, {len(frames)} frame records, {len(reports)} report lines, all equal")
     return files, report
 
 
+def annotations(annotated, report):
+    assert len(annotated) == len(report), f"{len(annotated)} annotations of {len(report)} frames"
+    arrows = slips = 0
+    for message, line in zip(annotated, report, strict=True):
+        moved, slipping = message.points
+        assert moved.type == slipping.type == 4 and not message.circles, "lists of lines"
+        assert moved.timestamp.seconds * 10**9 + moved.timestamp.nanos == line["time_ns"], "the picture's own time"
+        assert len(moved.points) == 6 * line["markers"]["matched"], "three lines a marker"
+        # A report counts the markers that were found and those that are coasted; lines are of those found.
+        assert len(slipping.points) <= 6 * line["slip"]["markers_over"] and len(slipping.points) % 6 == 0
+        assert [text.text for text in message.texts] == [WORDS.get(line["state"], message.texts[0].text)]
+        arrows, slips = arrows + len(moved.points) // 6, slips + len(slipping.points) // 6
+    assert slips > 0, "a ramp slips"
+    print(f"annotations: {len(annotated)} messages, {arrows} arrows of motion, {slips} of slip")
+
+
+WORDS = {"no_contact": "no contact", "unsure": "unsure", "stick": "stick", "incipient": "incipient slip", "gross": "gross slip"}
+
+
+def packed(folder, report):
+    """Written again by PyPI's mcap with compressed chunks."""
+    for compression in (CompressionType.ZSTD, CompressionType.LZ4):
+        name = f"{compression.name.lower()}.mcap"
+        with open(folder / "run.mcap", "rb") as file, open(folder / name, "wb") as to:
+            reader, writer = make_reader(file), McapWriter(to, compression=compression, chunk_size=200_000)
+            writer.start()
+            schemas, channels = {}, {}
+            for schema, channel, message in reader.iter_messages(log_time_order=False):
+                if schema.id not in schemas:
+                    schemas[schema.id] = writer.register_schema(schema.name, schema.encoding, schema.data)
+                if channel.id not in channels:
+                    channels[channel.id] = writer.register_channel(
+                        channel.topic, channel.message_encoding, schemas[schema.id]
+                    )
+                writer.add_message(
+                    channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence
+                )
+            writer.finish()
+        with open(folder / name, "rb") as file:
+            chunks = make_reader(file).get_summary().chunk_indexes
+        assert len(chunks) > 2 and all(chunk.compression == compression.name.lower() for chunk in chunks), chunks
+        slipbound(folder, "watch", name, "--sensor", "scene/sensor.toml", "--json", "packed.jsonl")
+        assert lines(folder / "packed.jsonl")[1:] == report[1:], f"{name}: judged to the same"
+        print(f"{name}, written by mcap: {len(chunks)} chunks, {len(report) - 1} report lines equal")
+
+
 def ros(folder, files, report):
-    import numpy
-    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.rosbag2 import StoragePlugin
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
@@ -67,7 +121,18 @@ def ros(folder, files, report):
     header = lambda at: types["std_msgs/msg/Header"](
         stamp=types["builtin_interfaces/msg/Time"](sec=100 + at // 25, nanosec=at % 25 * 40_000_000), frame_id="finger"
     )
-    with Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    for plugin in (StoragePlugin.MCAP, StoragePlugin.SQLITE3):
+        bag(folder / plugin.name, plugin, store, header, files)
+    for file in [next((folder / "MCAP").glob("*.mcap")), next((folder / "SQLITE3").glob("*.db3"))]:
+        watched(folder, file, files, report)
+
+
+def bag(folder, plugin, store, header, files):
+    import numpy
+    from rosbags.rosbag2 import Writer
+
+    types = store.types
+    with Writer(folder, version=9, storage_plugin=plugin) as writer:
         kind = "sensor_msgs/msg/CompressedImage"
         topic = writer.add_connection("/finger/image/compressed", kind, typestore=store)
         grey_kind = "sensor_msgs/msg/Image"
@@ -81,7 +146,9 @@ def ros(folder, files, report):
                 header=header(at), height=48, width=64, encoding="mono8", is_bigendian=0, step=64, data=pixels
             )
             writer.write(grey_topic, 1_000_000_000 + at * 40_000_000, store.serialize_cdr(message, grey_kind))
-    bag = next((folder / "bag").glob("*.mcap"))
+
+
+def watched(folder, bag, files, report):
     watch = ["watch", f"{bag}#/finger/image/compressed", "--sensor", "scene/sensor.toml", "--json", "ros.jsonl"]
     slipbound(folder, *watch)
     watched = lines(folder / "ros.jsonl")
@@ -96,7 +163,7 @@ def ros(folder, files, report):
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         grey = [message for *_, message in reader.iter_decoded_messages(topics=["/finger/camera"])]
     assert len(grey) == len(files) and all(m.encoding == "mono8" and m.data[5] == i % 256 for i, m in enumerate(grey))
-    print(f"written by rosbags: {len(watched) - 1} compressed and {len(grey)} grey pictures read, {sum(same)} reports alike")
+    print(f"{bag.name}, written by rosbags: {len(watched) - 1} compressed and {len(grey)} grey pictures read, {sum(same)} reports alike")
 
 
 with tempfile.TemporaryDirectory() as scratch:

@@ -1,6 +1,7 @@
 //! The arguments of the command.
 
 use crate::commands::calibrate::Calibrate;
+use crate::commands::convert::Convert;
 use crate::commands::demo::Demo;
 use crate::commands::devices::Devices;
 use crate::commands::doctor::Doctor;
@@ -51,6 +52,9 @@ pub enum Command {
     /// Record what cameras give, as it comes
     #[command(after_help = EXIT_CODES)]
     Record(Record),
+    /// Turn the folder of a run into one MCAP file, or such a file into a folder
+    #[command(after_help = EXIT_CODES)]
+    Convert(Convert),
     /// Run a recorded demo again from its frames and compare every command
     Replay(Replay),
     /// Run tasks in simulation over friction, seeds and controllers, and print the table

@@ -1,6 +1,7 @@
 //! One file a command.
 
 pub mod calibrate;
+pub mod convert;
 pub mod demo;
 pub mod devices;
 pub mod doctor;
@@ -31,6 +32,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Devices(devices) => devices.run(),
         Command::Doctor(doctor) => doctor.run(),
         Command::Record(record) => record.run(),
+        Command::Convert(convert) => convert.run(),
         Command::Replay(replay) => replay.run(),
         Command::Trials(trials) => trials.run(),
         Command::Eval(eval) => eval.run(),

@@ -32,9 +32,11 @@ use std::time::Duration;
 const PAUSE: Duration = Duration::from_millis(1);
 
 /// A frame of every camera, and the truth at its time.
-struct WorldFrame {
-    frames: Vec<FrameBuffer>,
-    truth: HandTruth,
+pub struct WorldFrame {
+    /// Of every finger.
+    pub frames: Vec<FrameBuffer>,
+    /// What is true.
+    pub truth: HandTruth,
 }
 
 /// The newest frame of a finger, until it is taken.
@@ -162,7 +164,7 @@ impl CycleObserver for WithTruth<'_> {
 const AFTERWARDS_NS: u64 = 1_000_000_000;
 
 /// The world and the emulators that press and move it, until stopped or the scene is over.
-fn world(
+pub fn world(
     scene: &HandScene,
     (mut gripper_port, mut wrist_port): (Server, Server),
     (mut gripper, mut wrist): (Emulator, Emulator),

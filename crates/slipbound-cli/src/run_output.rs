@@ -6,8 +6,9 @@ use slipbound::control::{Cycle, CycleObserver, CycleView};
 use slipbound::task::{Ending, Phase};
 use slipbound_lab::hand::HandTruth;
 use slipbound_lab::score::RunScore;
+use slipbound_rig::container::{McapAnnotations, McapObserver};
 use slipbound_rig::realtime::{Finished, QueuedObserver};
-use slipbound_rig::run::{Row, RunInfo, RunNotes, RunRecorder};
+use slipbound_rig::run::{CameraLimits, Row, RunInfo, RunNotes, RunRecorder};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -22,9 +23,11 @@ const LONGEST_TERMINAL: Duration = Duration::from_secs(1);
 /// Least change of the commanded force that is worth a line, N.
 const SHOWN_STEP_N: f64 = 4.5;
 
-/// The folder of a run and the terminal.
+/// The folder of a run, its recording, and the terminal.
 pub struct RunOutput {
     recorder: Option<RunRecorder>,
+    container: Option<McapObserver>,
+    annotations: Option<McapAnnotations>,
     console: Console,
     /// Cycles lost on the way to the folder.
     lost_count: u64,
@@ -38,10 +41,27 @@ impl RunOutput {
         let recorder = RunRecorder::create(folder, info, keeps_frames).map_err(Failure::arguments)?;
         Ok(RunOutput {
             recorder: Some(recorder),
+            container: None,
+            annotations: None,
             console: Console::new(Terminal::with_status()),
             lost_count: 0,
             lost: Vec::new(),
         })
+    }
+
+    /// The same, into a recording too.
+    #[must_use]
+    pub fn recording(self, container: Option<McapObserver>) -> Self {
+        RunOutput { annotations: container.as_ref().map(McapObserver::annotations), container, ..self }
+    }
+
+    /// The same with other limits for what cameras are told of.
+    #[must_use]
+    pub fn limited(mut self, limits: CameraLimits) -> Self {
+        self.recorder = self.recorder.map(|recorder| recorder.limited(limits));
+        self.container = self.container.map(|container| container.limited(limits));
+        self.console.notes = RunNotes::new(limits);
+        self
     }
 
     /// Something that no cycle shows.
@@ -66,6 +86,11 @@ impl RunOutput {
     pub fn queued(self, keeps_frames: bool) -> QueuedOutput {
         QueuedOutput {
             recorder: self.recorder.map(|recorder| QueuedObserver::new(recorder, QUEUE_DEPTH_COUNT, keeps_frames)),
+            container: self.container.map(|container| {
+                let takes_frames = container.takes_frames();
+                QueuedObserver::new(container, QUEUE_DEPTH_COUNT, takes_frames)
+            }),
+            annotations: self.annotations,
             console: QueuedObserver::new(self.console, QUEUE_DEPTH_COUNT, false),
         }
     }
@@ -77,7 +102,7 @@ impl RunOutput {
         ending: Option<Ending>,
         last_line: impl FnOnce(&str) -> String,
     ) -> Result<Outcome, Failure> {
-        let RunOutput { recorder, console: Console { mut terminal, .. }, lost_count, mut lost } = self;
+        let RunOutput { recorder, console: Console { mut terminal, .. }, lost_count, mut lost, .. } = self;
         terminal.clear_bar();
         for row in rows {
             terminal.say(&format!("  {:<28}{:<22}{}", row.name, row.value, row.target))?;
@@ -107,6 +132,8 @@ impl CycleObserver for RunOutput {
         if let Some(recorder) = &mut self.recorder {
             recorder.after_cycle(view);
         }
+        self.container.iter_mut().for_each(|container| container.after_cycle(view));
+        self.annotations.iter_mut().for_each(|annotations| annotations.after_cycle(view));
         self.console.after_cycle(view);
     }
 }
@@ -114,6 +141,9 @@ impl CycleObserver for RunOutput {
 /// A [`RunOutput`] whose parts are shown cycles on threads of their own.
 pub struct QueuedOutput {
     recorder: Option<QueuedObserver<RunRecorder>>,
+    container: Option<QueuedObserver<McapObserver>>,
+    /// Not queued: it needs the monitors, and hands in without waiting.
+    annotations: Option<McapAnnotations>,
     console: QueuedObserver<Console>,
 }
 
@@ -123,9 +153,11 @@ impl QueuedOutput {
         let recorder = self.recorder.map(|queue| queue.finish(LONGEST_DISK));
         let (recorder, lost_count) =
             recorder.map_or((None, 0), |Finished { observer, lost_count }| (observer, lost_count));
+        let in_container = self.container.map_or(0, |queue| queue.finish(LONGEST_DISK).lost_count);
         // A blocked terminal loses nothing that is not in the folder.
         let console = self.console.finish(LONGEST_TERMINAL).observer.unwrap_or_else(|| Console::new(Terminal::plain()));
-        RunOutput { recorder, console, lost_count, lost: Vec::new() }
+        let lost_count = lost_count + in_container;
+        RunOutput { recorder, container: None, annotations: None, console, lost_count, lost: Vec::new() }
     }
 }
 
@@ -134,6 +166,8 @@ impl CycleObserver for QueuedOutput {
         if let Some(recorder) = &mut self.recorder {
             recorder.after_cycle(view);
         }
+        self.container.iter_mut().for_each(|container| container.after_cycle(view));
+        self.annotations.iter_mut().for_each(|annotations| annotations.after_cycle(view));
         self.console.after_cycle(view);
     }
 }

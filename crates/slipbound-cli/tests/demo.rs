@@ -120,3 +120,76 @@ fn what_cannot_be_is_refused_before_anything_moves() {
     assert_eq!(output.status.code(), Some(2), "{}", told(&output));
     assert!(told(&output).contains("run"), "{}", told(&output));
 }
+
+/// Every file of a folder and its bytes, by its name.
+fn files(folder: &Path) -> std::collections::BTreeMap<String, Vec<u8>> {
+    let mut found = std::collections::BTreeMap::new();
+    for entry in fs::read_dir(folder).expect("a folder").flatten() {
+        let name = entry.file_name().into_string().expect("UTF-8");
+        if entry.path().is_dir() {
+            found.extend(files(&entry.path()).into_iter().map(|(file, bytes)| (format!("{name}/{file}"), bytes)));
+        } else {
+            found.insert(name, fs::read(entry.path()).expect("reads"));
+        }
+    }
+    found
+}
+
+/// A torn frame is among them.
+#[test]
+fn a_run_folder_and_a_recording_hold_the_same_and_each_becomes_the_other() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| scratch.path().join(name).to_str().expect("UTF-8").to_owned();
+    let task = ["--task", "lift", "--set", "longest_s=1.2", "--set", "fault=torn=0.1"];
+    let kept = demo(Path::new(&path("run")), &[&task[..], &["--record"]].concat());
+    let record = format!("--record={}", path("direct.mcap"));
+    let direct = demo(Path::new(&path("beside")), &[&task[..], &[&record]].concat());
+    assert_eq!((kept.status.code(), direct.status.code()), (Some(0), Some(0)), "{}{}", told(&kept), told(&direct));
+    let convert = |from: &str, to: &str| {
+        let ended = slipbound(&["convert", &path(from), "-o", &path(to)]);
+        assert_eq!(ended.status.code(), Some(0), "{}", told(&ended));
+    };
+    convert("run", "run.mcap");
+    convert("run.mcap", "back");
+    convert("direct.mcap", "unpacked");
+    convert("unpacked", "again.mcap");
+    convert("again.mcap", "unpacked again");
+    let [run, back, unpacked, unpacked_again] =
+        ["run", "back", "unpacked", "unpacked again"].map(|name| files(Path::new(&path(name))));
+    for (name, bytes) in &run {
+        assert!(back.get(name) == Some(bytes), "{name} did not come back");
+    }
+    let more: Vec<&String> = back.keys().filter(|name| !run.contains_key(*name)).collect();
+    assert_eq!(more, ["left.frames.jsonl"]);
+    // What the loop recorded in one file is what it left in its folder, but for what comes at the end.
+    let frames_count = run.keys().filter(|name| name.starts_with("left/")).count();
+    assert!(frames_count > 25, "{frames_count}");
+    for (name, bytes) in run.iter().filter(|(name, _)| !name.ends_with(".html") && !name.ends_with(".png")) {
+        let theirs = unpacked.get(name).unwrap_or_else(|| panic!("no {name}"));
+        assert!(if name == "events.jsonl" { bytes.starts_with(theirs) } else { theirs == bytes }, "{name} differs");
+    }
+    assert!(unpacked.contains_key("left.report.jsonl") && unpacked.contains_key("left.frames.jsonl"));
+    assert!(unpacked == unpacked_again, "there and back from a recording");
+    let torn = String::from_utf8_lossy(&unpacked["left.frames.jsonl"]).matches("\"is_kept\":false").count();
+    assert!(torn > 0 || String::from_utf8_lossy(&unpacked["left.frames.jsonl"]).contains("\"torn\":\""));
+    for folder in ["back", "unpacked"] {
+        let again = slipbound(&["replay", &path(folder)]);
+        assert!(again.status.success(), "{folder}: {}", told(&again));
+    }
+    // Neither is written over, nor does a name lead out of the folder.
+    let refused = slipbound(&["convert", &path("run.mcap"), "-o", &path("run")]);
+    assert_eq!(refused.status.code(), Some(2), "{}", told(&refused));
+    let bytes = fs::read(path("direct.mcap")).expect("reads");
+    let at = bytes.windows(13).position(|name| name == b"settings.toml").expect("an attachment");
+    let mut outside = bytes;
+    outside[at..at + 13].copy_from_slice(b"../outside.js");
+    fs::write(path("outside.mcap"), &outside).expect("writes");
+    let refused = slipbound(&["convert", &path("outside.mcap"), "-o", &path("inside")]);
+    assert_eq!(refused.status.code(), Some(1), "{}", told(&refused));
+    assert!(
+        told(&refused).contains("expected names of files in one folder, got `../outside.js`"),
+        "{}",
+        told(&refused)
+    );
+    assert!(!Path::new(&path("outside.js")).exists());
+}

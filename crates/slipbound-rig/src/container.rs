@@ -4,7 +4,10 @@
 //!   camera --tap--> every frame that arrives      /left/camera  foxglove.CompressedImage or RawImage, protobuf
 //!     | Newest                                    /left/frame   slipbound.Frame, JSON: number, time, judged or skipped
 //!   monitor ------> report of every judged frame  /left/report  slipbound.Report, JSON (docs/report.schema.json)
-//!   loop ---------> commands, gripper, wrist      /cycle        slipbound.Cycle, JSON
+//!                   lines over the picture        /left/annotations  foxglove.ImageAnnotations, protobuf
+//!   loop ---------> commands, gripper, wrist      /cycle        slipbound.Cycle, JSON: a line of reports.jsonl
+//!                   phases, slips, steps          /event        slipbound.Event, JSON: a line of events.jsonl
+//!                   the frames of every cycle     /cycle/frames slipbound.CycleFrames, JSON: a line of frames.jsonl
 //!   settings, sensor files, camera facts          attachments and metadata
 //! ```
 //!
@@ -12,18 +15,28 @@
 //! delays a frame or a cycle. A chunk is closed every half second, so that a program that is killed loses no more.
 //! [`McapSource`] gives the frames that were judged, and those alone, so that a recording is judged again to the same bits.
 
+mod annotations;
+mod book;
 mod cdr;
+mod convert;
+mod db3;
 mod foxglove;
 mod frame_record;
 mod observer;
 mod pictures;
 mod reader;
 mod recorder;
+mod records;
+mod sqlite;
 mod tap;
+mod unpack;
 mod wire;
 
+pub use annotations::ARROW_POINTS_COUNT;
+pub use convert::{ConvertError, Converted, to_folder, to_mcap};
+pub use db3::Db3Source;
 pub use frame_record::{Fate, FrameRecord};
-pub use observer::McapObserver;
+pub use observer::{McapAnnotations, McapObserver};
 pub use reader::McapSource;
 pub use recorder::{Error, Inlet, Recorder, Written};
 pub use tap::{MarkedSource, ReportLines, TappedSource};

@@ -17,6 +17,7 @@
 
 mod block;
 mod block_log;
+mod camera_server;
 mod emulated;
 mod fault;
 pub mod faults;
@@ -35,6 +36,7 @@ pub mod wsg50;
 
 pub use block::Block;
 pub use block_log::LoggedBlock;
+pub use camera_server::CameraServer;
 pub use emulated::Emulator;
 pub use fault::Fault;
 pub use faults::Faults;

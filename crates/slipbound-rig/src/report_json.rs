@@ -15,7 +15,7 @@
 //! A line is flushed as soon as it is written, so what was judged is kept when a later frame fails. Numbers of a
 //! frame have at most 4 decimals; what is not a number is null. Readers must ignore keys they do not know.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::ser::Formatter;
 use slipbound::monitor::{Marker, RestKind, Settings, SlipReport};
 use slipbound::port::Clock;
@@ -117,6 +117,19 @@ pub fn frame_line(finger: &str, frame: u64, report: &SlipReport, markers: Option
     Ok(line)
 }
 
+/// The report of a line that [`frame_line`] has made, its numbers as exact as they were written; None for the header. Fails where
+/// a number was not finite, for then null stands in its place.
+pub fn read_frame(line: &str) -> serde_json::Result<Option<SlipReport>> {
+    let is_header = serde_json::from_str::<Format>(line)?.format.is_some();
+    if is_header { Ok(None) } else { serde_json::from_str(line).map(Some) }
+}
+
+/// What only a header has.
+#[derive(Deserialize)]
+struct Format {
+    format: Option<String>,
+}
+
 fn put_frame(
     line: &mut Vec<u8>,
     finger: &str,
@@ -184,6 +197,7 @@ impl Formatter for FourDecimals {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
     use serde_json::Value;
     use slipbound::monitor::{
         ContactReport, Estimate, Estimates, EvidenceReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind,
@@ -294,6 +308,55 @@ mod tests {
     fn a_line_by_itself_is_the_same() {
         let line = frame_line("left", 1, &report(), Some(&[marker()])).expect("writes");
         assert_eq!(String::from_utf8(line).expect("UTF-8"), lines()[2]);
+    }
+
+    fn any_reason() -> impl Strategy<Value = Option<Reason>> {
+        let px = |number: u32| f64::from(number) / 10.0;
+        prop_oneof![
+            Just(None),
+            Just(Some(Reason::Torn)),
+            any::<u16>().prop_map(move |n| Some(Reason::Dark { mean_levels: px(n.into()) })),
+            any::<u32>().prop_map(|n| Some(Reason::Gap { since_ns: Some(u64::from(n) * 10_000_000) })),
+            any::<u16>().prop_map(move |n| {
+                Some(Reason::MarkerSpacing { expected_px: px(n.into()), got_px: px(7), fitting: None })
+            }),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn a_report_comes_back_from_its_line(
+            numbers in proptest::collection::vec(-1e9f64..1e9, 12),
+            parts in proptest::collection::vec(any::<bool>(), 6),
+            counts in proptest::collection::vec(any::<u32>(), 4),
+            reason in any_reason(),
+        ) {
+            let mut report = SlipReport { reason, time_ns: parts[0].then_some(u64::from(counts[0])), ..report() };
+            report.markers.detected = counts[1];
+            report.contact = ContactReport { area_mm2: parts[1].then_some(numbers[0]), quality: numbers[1], ..report.contact };
+            report.motion = parts[2].then(|| MotionReport {
+                reference_px: Vec2::new(numbers[2], numbers[3]),
+                translation_px: Vec2::default(),
+                translation_mm: parts[3].then(|| Vec2::new(numbers[4], 0.0)),
+                rotation_rad: numbers[5],
+                icr_px: None,
+            });
+            report.slip.kind = parts[4].then_some(SlipKind::Rotation);
+            let estimate = Estimate { value: numbers[6], sd: numbers[7], age_frames: counts[2] };
+            report.estimates = Estimates { friction: parts[5].then_some(estimate), ..report.estimates };
+            let exact = serde_json::to_string(&report).expect("JSON");
+            prop_assert_eq!(read_frame(&exact).expect("a report"), Some(report), "to the last bit");
+            let line = frame_line("left", 3, &report, None).expect("writes");
+            let read = read_frame(std::str::from_utf8(&line).expect("UTF-8")).expect("a report").expect("no header");
+            prop_assert_eq!(frame_line("left", 3, &read, None).expect("writes"), line, "as exact as it was written");
+        }
+    }
+
+    #[test]
+    fn a_header_is_no_report_and_a_null_number_is_told() {
+        assert_eq!(read_frame(&lines()[0]).expect("a header"), None);
+        let refused = read_frame(&lines()[1]).expect_err("the rotation is not a number").to_string();
+        assert!(refused.contains("null"), "{refused}");
     }
 
     #[test]

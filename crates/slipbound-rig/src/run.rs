@@ -22,11 +22,11 @@
 //! Every line is flushed as soon as it is written, so a loop that breaks off leaves all but its page.
 
 mod error;
-mod event;
+pub(crate) mod event;
 mod folder;
-mod frames;
+pub(crate) mod frames;
 mod info;
-mod line;
+pub(crate) mod line;
 mod notes;
 mod page;
 mod recorder;
@@ -34,9 +34,10 @@ mod replay;
 
 pub use error::Error;
 pub use event::{Event, TimedEvent};
+pub(crate) use folder::prepare_folder;
 pub use folder::{RunFolder, free_folder, read};
 pub use frames::{FrameRecorder, RecordedSource};
 pub use info::{FORMAT_VERSION, FingerInfo, Row, RunInfo};
-pub use notes::RunNotes;
+pub use notes::{CameraLimits, RunNotes};
 pub use recorder::RunRecorder;
 pub use replay::{Replay, ReplayError, Replayed};

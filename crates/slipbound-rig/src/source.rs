@@ -11,6 +11,7 @@
 //! | video | place in the file, dropped frames counted | number times the header's frame rate | assumed |
 //! | video whose stamps are uneven, through `ffmpeg` | place in the file | the container's stamps | container |
 //! | `run.mcap` | as it was recorded | as it was recorded, else the message's | as it was recorded, else container |
+//! | `bag.db3` (ROS 2 in SQLite) | place | that of the message | container |
 //! | `-` (standard input), named pipe, through `ffmpeg` | place | none | unknown |
 //! | `http://` Motion JPEG | place | the server's stamp, else arrival | device, host |
 //! | `v4l2:` camera | the driver's, gaps counted | the driver's stamp | device |
@@ -119,9 +120,9 @@ pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
     }
 }
 
-/// `FILE.mcap` or `FILE.mcap#TOPIC`, as file and topic; None for anything else, and where no such file is.
+/// `FILE.mcap` or `FILE.mcap#TOPIC`, or the same of a `.db3`, as file and topic; None for anything else, and where no such file is.
 pub fn mcap_file(uri: &str) -> Option<(&str, Option<&str>)> {
-    let is_it = |path: &str| path.ends_with(".mcap") && Path::new(path).is_file();
+    let is_it = |path: &str| [".mcap", ".db3"].iter().any(|end| path.ends_with(end)) && Path::new(path).is_file();
     if is_it(uri) {
         return Some((uri, None));
     }
@@ -130,6 +131,9 @@ pub fn mcap_file(uri: &str) -> Option<(&str, Option<&str>)> {
 
 #[cfg(feature = "mcap")]
 fn open_mcap(path: &Path, topic: Option<&str>) -> Result<Box<dyn FrameSource + Send>, Error> {
+    if path.extension().is_some_and(|extension| extension == "db3") {
+        return Ok(Box::new(crate::container::Db3Source::open(path, topic)?));
+    }
     Ok(Box::new(crate::container::McapSource::open(path, topic)?))
 }
 

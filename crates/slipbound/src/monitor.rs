@@ -8,6 +8,7 @@ mod gap;
 mod imprint;
 mod markers;
 mod motion;
+mod reason_text;
 mod report;
 mod rest;
 mod rest_builder;

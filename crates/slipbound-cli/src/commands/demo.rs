@@ -2,7 +2,7 @@
 
 mod results;
 
-use super::run::never_began;
+use super::run::{describe, finish_recording, never_began};
 use crate::emulated::{EmulatedActuators, EmulatedGripper, LinkFaults};
 use crate::interruption;
 use crate::loopback::Loopback;
@@ -17,6 +17,7 @@ use slipbound_lab::hand::HandScene;
 use slipbound_lab::lockstep::LockStep;
 use slipbound_lab::score::RunScore;
 use slipbound_rig::config;
+use slipbound_rig::container::{McapObserver, Recorder};
 use slipbound_rig::emulator::Faults;
 use slipbound_rig::gripper::clamp_to_gripper;
 use slipbound_rig::link::now_ns;
@@ -79,9 +80,10 @@ pub struct Demo {
     /// What goes wrong with the wrist's emulator
     #[arg(long, value_name = "FAULTS", default_value = "", requires = "emulated", hide_default_value = true)]
     wrist_fault: Faults,
-    /// Keep every frame, so that `slipbound replay` can run the loop again
-    #[arg(long)]
-    record: bool,
+    /// Keep every frame, so that `slipbound replay` can run the loop again; with =FILE.mcap in a file with reports and cycles
+    /// instead
+    #[arg(long, value_name = "FILE.mcap", num_args = 0..=1, require_equals = true)]
+    record: Option<Option<PathBuf>>,
     /// The folder of the run: new or empty [default: slipbound-demo, or with the next free number]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
@@ -105,8 +107,14 @@ impl Demo {
         let folder = self.output.clone().unwrap_or_else(|| run::free_folder(FOLDER));
         let faults = LinkFaults { gripper: self.gripper_fault.clone(), wrist: self.wrist_fault.clone() };
         let lockstep = LockStep::new(&scene, &settings, &monitor, self.fault).map_err(Failure::arguments)?;
-        let mut output =
-            RunOutput::create(&folder, &self.info(&scene, &settings, &monitor, task, &lockstep), self.record)?;
+        let info = self.info(&scene, &settings, &monitor, task, &lockstep);
+        let keeps_frames = self.record == Some(None);
+        let recorder = self.recorder(&info)?;
+        let container = recorder.as_ref().map(|recorder| {
+            let sources = vec![info.source.clone(); info.fingers.len()];
+            McapObserver::new(recorder.inlet(), info.clone(), sources).keeping_frames()
+        });
+        let mut output = RunOutput::create(&folder, &info, keeps_frames)?.recording(container);
         let stop = interruption::listen()?;
         let began = Instant::now();
         output.say(&format!("{scene}"))?;
@@ -116,7 +124,7 @@ impl Demo {
         let (ran, score, now_ns, phase, missing) = match self.emulated.as_ref().filter(|_| self.sockets) {
             Some(emulated) => {
                 let loopback = Loopback::start(&scene, &settings, &monitor, self.fault, emulated, &faults)?;
-                let (mut queued, mut tally) = (output.queued(self.record), Tally::default());
+                let (mut queued, mut tally) = (output.queued(keeps_frames), Tally::default());
                 let (ran, missing) = loopback.run(&stop, &mut queued, &mut tally);
                 output = queued.finish();
                 (ran, tally.score, now_ns(), tally.phase, missing)
@@ -128,6 +136,7 @@ impl Demo {
             output.note(now_ns, &format!("{e:#}"));
         }
         let (seconds, took_s) = (now_ns as f64 * 1e-9, began.elapsed().as_secs_f64());
+        finish_recording(recorder, &mut output);
         let rows = results::rows(&scene, &settings, &score);
         let outcome = output.finish(&rows, score.ending, |page| {
             let times = seconds / took_s;
@@ -161,6 +170,14 @@ impl Demo {
         score.add_truth(&lockstep.hand().truth());
         let missing = lockstep.control().task().missing();
         Ok((ran.map_err(Into::into), score, lockstep.hand().now_ns(), last.0, missing))
+    }
+
+    /// The recording in one file that was asked for.
+    fn recorder(&self, info: &RunInfo) -> Result<Option<Recorder>, Failure> {
+        let Some(Some(path)) = &self.record else { return Ok(None) };
+        let recorder = Recorder::create(path, &info.finger_names(), true).map_err(Failure::arguments)?;
+        describe(&recorder, info)?;
+        Ok(Some(recorder))
     }
 
     fn scene_text(&self) -> String {

@@ -1,5 +1,8 @@
-//! `slipbound emulate`: an emulated gripper at a port of this computer.
+//! `slipbound emulate`: an emulated gripper at a port of this computer, or a whole hand.
 
+mod hand;
+
+use self::hand::Hand;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -11,11 +14,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The arguments of `slipbound emulate`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = fault_help())]
+#[command(after_help = fault_help(), args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Emulate {
-    /// Which
-    #[arg(value_parser = NAMES)]
-    name: String,
+    #[command(subcommand)]
+    whole: Option<Whole>,
+    /// Which gripper
+    #[arg(value_parser = NAMES, required = true)]
+    name: Option<String>,
     /// TCP port; 0 takes any that is free. Not for robotiq-rtu: that makes a serial device of its own
     #[arg(long, default_value_t = 0)]
     port: u16,
@@ -39,6 +44,13 @@ pub struct Emulate {
     fail: Faults,
 }
 
+/// More than a gripper.
+#[derive(Debug, clap::Subcommand)]
+enum Whole {
+    /// Be a hand with cameras, gripper and wrist around a simulated object, in real time
+    Hand(Hand),
+}
+
 /// The faults that can be asked for, as a table.
 fn fault_help() -> String {
     let rows = faults::WORDS.iter().map(|(word, what)| format!("  {word:<18} {what}"));
@@ -49,6 +61,10 @@ fn fault_help() -> String {
 impl Emulate {
     /// Serves until Ctrl-C.
     pub fn run(&self) -> Result<Outcome, Failure> {
+        if let Some(Whole::Hand(hand)) = &self.whole {
+            return hand.run();
+        }
+        let name = self.name.as_deref().unwrap_or_default();
         if !(0.0..=1000.0).contains(&self.width) {
             return Err(Failure::Arguments(anyhow::anyhow!("--width: expected 0 to 1000 mm, got {}", self.width)));
         }
@@ -59,7 +75,7 @@ impl Emulate {
             )));
         }
         let interrupted = interruption::listen()?;
-        let emulator = by_name(&self.name).ok_or_else(|| anyhow::anyhow!("no emulator is called {}", self.name))?;
+        let emulator = by_name(name).ok_or_else(|| anyhow::anyhow!("no emulator is called {name}"))?;
         let mut emulator = emulator.with_faults(self.fail.clone());
         let width_mm = (self.width > 0.0).then_some(self.width);
         let block = Block { width_mm, least_n: self.weight / (2.0 * self.mu), ..Block::default() };
@@ -67,9 +83,9 @@ impl Emulate {
             File::create(path).map_err(|e| Failure::work(format!("{}: cannot write", path.display()), e))
         };
         let mut block = LoggedBlock::new(block, self.log.as_ref().map(create).transpose()?);
-        match self.name.as_str() {
+        match name {
             "robotiq-rtu" => self.serve_serial(&mut emulator, &mut block, &interrupted)?,
-            _ => self.serve_tcp(&mut emulator, &mut block, &interrupted)?,
+            _ => self.serve_tcp(name, &mut emulator, &mut block, &interrupted)?,
         }
         let (force_n, opening_mm) = (emulator.force_n(), emulator.opening_mm());
         let block = match (block.block.is_carried, block.block.width_mm) {
@@ -85,6 +101,7 @@ impl Emulate {
 
     fn serve_tcp(
         &self,
+        name: &str,
         emulator: &mut Emulator,
         block: &mut LoggedBlock<File>,
         interrupted: &AtomicBool,
@@ -93,7 +110,7 @@ impl Emulate {
         let listener =
             bound.map_err(|e| Failure::work(format!("cannot listen at {}:{}", self.listen, self.port), e))?;
         let address = listener.local_addr().map_err(|e| Failure::work("cannot listen", e))?;
-        Terminal::plain().say(&format!("{}://{address}", self.name))?;
+        Terminal::plain().say(&format!("{name}://{address}"))?;
         serve_tcp(listener, emulator, block, || !interrupted.load(Ordering::Relaxed))
             .map_err(|e| Failure::work("cannot serve", e))
     }

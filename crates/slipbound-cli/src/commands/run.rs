@@ -6,31 +6,23 @@ use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::run_output::{RunOutput, Tally};
 use anyhow::anyhow;
-use slipbound::control::{ControlLoop, CycleObserver, CycleView};
+use slipbound::control::ControlLoop;
 use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::Settings;
 use slipbound::port::Gripper as _;
 use slipbound::task::{ControllerKind, Ending, Missing, Phase, TaskKind, TaskSettings};
-use slipbound_rig::container::{Inlet, McapObserver, Recorder, TappedSource};
+use slipbound_rig::container::{Inlet, McapObserver, Recorder, TappedSource, Written};
 use slipbound_rig::gripper::clamp_to_gripper;
 use slipbound_rig::link::now_ns;
-use slipbound_rig::realtime::{self, FramesDue, MonitorWorkers, QueuedObserver};
-use slipbound_rig::run::{self, FingerInfo, Row, RunInfo};
+use slipbound_rig::realtime::{self, FramesDue, MonitorWorkers};
+use slipbound_rig::run::{self, CameraLimits, FingerInfo, Row, RunInfo};
 use slipbound_rig::source::Newest;
 use slipbound_rig::{config, gripper, sensors, source, wrist};
 use std::path::PathBuf;
-use std::time::Duration;
 
 /// Frames of a recording that are read ahead, so that a slow disk does not delay a cycle.
 const READ_AHEAD_COUNT: usize = 8;
-
-/// Longest wait of a camera's frame for that of the other finger, ns.
-const LONGEST_PAIRING_NS: u64 = 20_000_000;
-
-/// Cycles that may wait for a recording, and the longest wait for them at the end.
-const CYCLES_QUEUE_COUNT: usize = 128;
-const LONGEST_DISK: Duration = Duration::from_secs(10);
 
 /// What a hold without an end is given for its time, ns: eleven days.
 const WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
@@ -106,6 +98,12 @@ struct Hardware {
     /// came, judged or not, reports and cycles instead
     #[arg(long, value_name = "FILE.mcap", num_args = 0..=1, require_equals = true)]
     record: Option<Option<PathBuf>>,
+    /// A camera without a frame for longer is told of
+    #[arg(long, value_name = "MS", default_value_t = 300)]
+    max_silence_ms: u64,
+    /// A camera's frame waits for that of the other finger for so long; frames further apart by their stamps are told of
+    #[arg(long, value_name = "MS", default_value_t = 20, value_parser = clap::value_parser!(u64).range(0..=1000))]
+    max_skew_ms: u64,
     /// The folder of the run: new or empty [default: slipbound-run, or with the next free number]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
@@ -147,12 +145,14 @@ impl Hardware {
         if !(0.1..=1000.0).contains(&self.rate_hz) {
             return Err(Failure::Arguments(anyhow!("--rate-hz: expected 0.1 to 1000 Hz, got {}", self.rate_hz)));
         }
+        let ms = |ms: u64| ms.saturating_mul(1_000_000);
+        let limits = CameraLimits { max_silence_ns: ms(self.max_silence_ms), max_skew_ns: ms(self.max_skew_ms) };
         let mut monitor = Settings::default();
         monitor.rest.window_count = self.rest.unwrap_or(monitor.rest.window_count);
         let fingers = self.fingers()?;
         let driver = gripper::driver(&self.gripper, self.gripper_config.as_deref())?;
         let (settings, clamped) = clamp_to_gripper(settings, task, driver.config()).map_err(Failure::arguments)?;
-        let recorder = self.recorder(&fingers, &monitor)?;
+        let recorder = self.recorder(&fingers)?;
         let inlet = recorder.as_ref().map(Recorder::inlet);
         let (mut control, cameras) = self.control(&fingers, task, &settings, &monitor, inlet.as_ref())?;
         let folder = self.output.clone().unwrap_or_else(|| run::free_folder("slipbound-run"));
@@ -167,8 +167,12 @@ impl Hardware {
             fingers,
         };
         let keeps_frames = self.record == Some(None);
-        let cycles = inlet.map(|inlet| McapObserver::new(inlet, info.fingers.clone(), self.sources.clone(), monitor));
-        let mut output = RunOutput::create(&folder, &info, keeps_frames)?;
+        if let Some(recorder) = &recorder {
+            describe(recorder, &info)?;
+        }
+        let mut output = RunOutput::create(&folder, &info, keeps_frames)?
+            .recording(inlet.map(|inlet| McapObserver::new(inlet, info.clone(), self.sources.clone())))
+            .limited(limits);
         if let Some(clamped) = clamped {
             output.note(now_ns(), &clamped);
         }
@@ -182,7 +186,7 @@ impl Hardware {
         // What is played slowly is silent between two frames as it should be.
         let longest_cycle_ns = LONGEST_CYCLE_NS.max(period_ns + period_ns / 2);
         let mut due_ns = now_ns();
-        let mut frames_due = FramesDue::new(cameras.iter().map(|(_, live)| live.arrivals.clone()), LONGEST_PAIRING_NS);
+        let mut frames_due = FramesDue::new(cameras.iter().map(|(_, live)| live.arrivals.clone()), limits.max_skew_ns);
         let mut is_due = || {
             let now_ns = now_ns();
             if !cameras.is_empty() {
@@ -194,8 +198,7 @@ impl Hardware {
             }
             is_due
         };
-        let cycles = Cycles(cycles.map(|cycles| QueuedObserver::new(cycles, CYCLES_QUEUE_COUNT, false)));
-        let mut observer = ((output.queued(keeps_frames), cycles), Tally::default());
+        let mut observer = (output.queued(keeps_frames), Tally::default());
         let ran = realtime::run_at_least_every(
             longest_cycle_ns,
             &mut control,
@@ -208,19 +211,10 @@ impl Hardware {
         let missing = control.task().missing();
         let held_n = gripper.poll().ok().and_then(|state| state.pressed_n());
         drop(gripper);
-        let ((queued, cycles), tally) = observer;
+        let (queued, tally) = observer;
         let mut output = queued.finish();
         drop(control); // its sources hand in no more frames
-        let lost_cycles_count = cycles.0.map_or(0, |queue| queue.finish(LONGEST_DISK).lost_count);
-        if let Some(written) = recorder.map(Recorder::finish) {
-            match written.map(|written| written.lost_count + lost_cycles_count) {
-                Ok(0) => {}
-                Ok(count) => {
-                    output.lost(format!("{count} frames or lines were not recorded: the disk did not keep up"))
-                }
-                Err(e) => output.lost(e.to_string()),
-            }
-        }
+        finish_recording(recorder, &mut output);
         for (name, live) in &cameras {
             output.note(now_ns(), &format!("{name}: camera: {}", live.line()));
         }
@@ -332,18 +326,11 @@ impl Hardware {
         Ok((control.with_runner(Box::new(MonitorWorkers::new())), cameras))
     }
 
-    /// The recording in one file that was asked for, with the sensor of every finger and the settings of the monitors.
-    fn recorder(&self, fingers: &[FingerInfo], monitor: &Settings) -> Result<Option<Recorder>, Failure> {
+    /// The recording in one file that was asked for.
+    fn recorder(&self, fingers: &[FingerInfo]) -> Result<Option<Recorder>, Failure> {
         let Some(Some(path)) = &self.record else { return Ok(None) };
         let names: Vec<String> = fingers.iter().map(|finger| finger.name.clone()).collect();
-        let recorder = Recorder::create(path, &names, true).map_err(Failure::arguments)?;
-        for finger in fingers {
-            let sensor = toml::to_string(&finger.sensor).map_err(|e| Failure::work("sensor", e))?;
-            recorder.attach(&finger.sensor_file(), "text/toml", sensor.into_bytes());
-        }
-        let settings = toml::to_string(monitor).map_err(|e| Failure::work("settings", e))?;
-        recorder.attach("settings.toml", "text/toml", settings.into_bytes());
-        Ok(Some(recorder))
+        Recorder::create(path, &names, true).map(Some).map_err(Failure::arguments)
     }
 
     /// What else decides how it goes: the gripper, and what every camera was set to.
@@ -361,12 +348,28 @@ impl Hardware {
     }
 }
 
-/// The cycles of a recording, if there is one.
-struct Cycles(Option<QueuedObserver<McapObserver>>);
+/// What a run is, with the sensor of every finger and the settings of the monitors, into its recording.
+pub(super) fn describe(recorder: &Recorder, info: &RunInfo) -> Result<(), Failure> {
+    for finger in &info.fingers {
+        let sensor = toml::to_string(&finger.sensor).map_err(|e| Failure::work("sensor", e))?;
+        recorder.attach(&finger.sensor_file(), "text/toml", sensor.into_bytes());
+    }
+    let settings = toml::to_string(&info.monitor_settings).map_err(|e| Failure::work("settings", e))?;
+    recorder.attach("settings.toml", "text/toml", settings.into_bytes());
+    let run = info.to_toml().map_err(|e| Failure::work("run.toml", e))?;
+    recorder.attach("run.toml", "text/toml", run.into_bytes());
+    Ok(())
+}
 
-impl CycleObserver for Cycles {
-    fn after_cycle(&mut self, view: &CycleView<'_>) {
-        self.0.iter_mut().for_each(|queue| queue.after_cycle(view));
+/// Closes a recording, and tells what is not in it.
+pub(super) fn finish_recording(recorder: Option<Recorder>, output: &mut RunOutput) {
+    match recorder.map(Recorder::finish) {
+        None => {}
+        Some(Ok(written)) if written.lost_count == 0 => {}
+        Some(Ok(Written { lost_count, .. })) => {
+            output.lost(format!("{lost_count} frames or lines were not recorded: the disk did not keep up"));
+        }
+        Some(Err(e)) => output.lost(e.to_string()),
     }
 }
 

@@ -8,18 +8,32 @@ pub const COMPRESSED: &str = "foxglove.CompressedImage";
 /// The schema of a picture as pixels.
 pub const RAW: &str = "foxglove.RawImage";
 
-const TIMESTAMP: &str = ".google.protobuf.Timestamp";
+pub(super) const TIMESTAMP: &str = ".google.protobuf.Timestamp";
+/// The field of a `FileDescriptorSet` that is a file.
+pub(super) const FIELD_OF_MESSAGES: u64 = 1;
 
 /// Kinds of fields, as a description numbers them.
+pub(super) const DOUBLE: u64 = 1;
 const INT64: u64 = 3;
 const INT32: u64 = 5;
 const FIXED32: u64 = 7;
-const STRING: u64 = 9;
-const MESSAGE: u64 = 11;
+pub(super) const STRING: u64 = 9;
+pub(super) const MESSAGE: u64 = 11;
 const BYTES: u64 = 12;
 
 /// Name, number and kind of a field.
 type FieldFact = (&'static str, u64, u64);
+
+/// The same of any field.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TypedField {
+    pub name: &'static str,
+    pub number: u64,
+    pub kind: u64,
+    /// The full name of its message or enumeration; empty for others.
+    pub of: &'static str,
+    pub is_repeated: bool,
+}
 
 const COMPRESSED_FIELDS: [FieldFact; 4] =
     [("timestamp", 1, MESSAGE), ("frame_id", 4, STRING), ("data", 2, BYTES), ("format", 3, STRING)];
@@ -40,14 +54,23 @@ pub fn description(schema: &str) -> Vec<u8> {
         _ => ("RawImage", &RAW_FIELDS[..]),
     };
     let time = "google/protobuf/timestamp.proto";
-    let stamp = [("seconds", 1, INT64), ("nanos", 2, INT32)];
     let mut set = Vec::new();
-    put_bytes(&mut set, 1, &file(time, "google.protobuf", &[], &message("Timestamp", &stamp)));
-    put_bytes(&mut set, 1, &file(&format!("foxglove/{name}.proto"), "foxglove", &[time], &message(name, fields)));
+    put_bytes(&mut set, FIELD_OF_MESSAGES, &file(time, "google.protobuf", &[], &timestamp()));
+    put_bytes(
+        &mut set,
+        FIELD_OF_MESSAGES,
+        &file(&format!("foxglove/{name}.proto"), "foxglove", &[time], &message(name, fields)),
+    );
     set
 }
 
-fn file(name: &str, package: &str, needs: &[&str], message: &[u8]) -> Vec<u8> {
+/// The description of a time.
+pub(super) fn timestamp() -> Vec<u8> {
+    message("Timestamp", &[("seconds", 1, INT64), ("nanos", 2, INT32)])
+}
+
+/// The description of a file with one message.
+pub(super) fn file(name: &str, package: &str, needs: &[&str], message: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
     put_bytes(&mut out, 1, name.as_bytes());
     put_bytes(&mut out, 2, package.as_bytes());
@@ -58,29 +81,43 @@ fn file(name: &str, package: &str, needs: &[&str], message: &[u8]) -> Vec<u8> {
 }
 
 fn message(name: &str, fields: &[FieldFact]) -> Vec<u8> {
+    let typed = |&(name, number, kind): &FieldFact| {
+        let of = if kind == MESSAGE { TIMESTAMP } else { "" };
+        TypedField { name, number, kind, of, is_repeated: false }
+    };
+    typed_message(name, &fields.iter().map(typed).collect::<Vec<_>>())
+}
+
+/// The description of a message.
+pub(super) fn typed_message(name: &str, fields: &[TypedField]) -> Vec<u8> {
     let mut out = Vec::new();
     put_bytes(&mut out, 1, name.as_bytes());
-    for &(name, number, kind) in fields {
+    for &TypedField { name, number, kind, of, is_repeated } in fields {
         let mut field = Vec::new();
         put_bytes(&mut field, 1, name.as_bytes());
         put_number(&mut field, 3, number);
-        put_number(&mut field, 4, 1); // optional
+        put_number(&mut field, 4, if is_repeated { 3 } else { 1 }); // repeated or optional
         put_number(&mut field, 5, kind);
-        if kind == MESSAGE {
-            put_bytes(&mut field, 6, TIMESTAMP.as_bytes());
+        if !of.is_empty() {
+            put_bytes(&mut field, 6, of.as_bytes());
         }
         put_bytes(&mut out, 2, &field);
     }
     out
 }
 
+/// A time as a message.
+pub(super) fn put_stamp(stamp_ns: u64) -> Vec<u8> {
+    let mut stamp = Vec::with_capacity(12);
+    put_number(&mut stamp, 1, stamp_ns / 1_000_000_000);
+    put_number(&mut stamp, 2, stamp_ns % 1_000_000_000);
+    stamp
+}
+
 /// The message of a frame, and its schema: its encoded form where it has one, its pixels otherwise.
 pub fn write(frame: &FrameBuffer, finger: &str, stamp_ns: u64) -> (&'static str, Vec<u8>) {
     let mut out = Vec::with_capacity(frame.encoded.len().max(frame.pixels.len()) + 64);
-    let mut stamp = Vec::new();
-    put_number(&mut stamp, 1, stamp_ns / 1_000_000_000);
-    put_number(&mut stamp, 2, stamp_ns % 1_000_000_000);
-    put_bytes(&mut out, 1, &stamp);
+    put_bytes(&mut out, 1, &put_stamp(stamp_ns));
     if !frame.encoded.is_empty() {
         put_bytes(&mut out, 2, &frame.encoded);
         let format = if frame.encoded.starts_with(b"\x89PNG") { "png" } else { "jpeg" };

@@ -37,6 +37,11 @@ pub(super) fn camera_topic(finger: &str) -> String {
     format!("/{finger}/camera")
 }
 
+/// The topic of what was found on a finger's pictures.
+pub(super) fn annotations_topic(finger: &str) -> String {
+    format!("/{finger}/annotations")
+}
+
 /// The topic of a finger's [`FrameRecord`]s, from that of its pictures.
 pub(super) fn frame_topic(camera_topic: &str) -> Option<String> {
     camera_topic.strip_suffix("/camera").map(|finger| format!("{finger}/frame"))

@@ -1,27 +1,65 @@
-//! A control loop's reports and cycles, into its recording.
+//! A control loop's reports, cycles, events and frames, into its recording.
 
-use super::recorder::Inlet;
+use super::annotations;
+use super::book::Times;
+use super::frame_record::{Fate, FrameRecord};
+use super::recorder::{Inlet, Item, log_ns};
 use super::tap::ReportLines;
 use crate::report_json::{Header, ReportJson, RestOrigin};
-use crate::run::FingerInfo;
+use crate::run::event::EventLog;
+use crate::run::{CameraLimits, Event, RunInfo, RunNotes, TimedEvent, frames, line};
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::finger_pipeline::FingerView;
-use slipbound::monitor::Settings;
+use slipbound::monitor::{SlipMonitor, SlipReport};
+use slipbound::port::{FrameBuffer, Next};
 
-/// Hands in every report and every cycle. It does not wait for the disk.
+/// Hands in every report and every cycle.
 pub struct McapObserver {
     inlet: Inlet,
-    fingers: Vec<FingerInfo>,
+    info: RunInfo,
     sources: Vec<String>,
-    settings: Settings,
     reports: Vec<Option<ReportJson<ReportLines>>>,
+    log: EventLog,
+    notes: RunNotes,
+    /// Frames too, for which it waits.
+    keeps_frames: bool,
 }
 
 impl McapObserver {
-    /// For a loop over these fingers, the frames of which are from `sources`.
-    pub fn new(inlet: Inlet, fingers: Vec<FingerInfo>, sources: Vec<String>, settings: Settings) -> Self {
-        let reports = fingers.iter().map(|_| None).collect();
-        McapObserver { inlet, fingers, sources, settings, reports }
+    /// For a loop, the frames of which are from `sources`. It does not wait for the disk.
+    pub fn new(inlet: Inlet, info: RunInfo, sources: Vec<String>) -> Self {
+        let reports = info.fingers.iter().map(|_| None).collect();
+        let log = EventLog::new(info.finger_names());
+        McapObserver { inlet, info, sources, reports, log, notes: RunNotes::default(), keeps_frames: false }
+    }
+
+    /// The same, for fingers whose sources are not tapped: keeps every frame that the loop took, and waits for the disk.
+    #[must_use]
+    pub fn keeping_frames(self) -> Self {
+        McapObserver { keeps_frames: true, ..self }
+    }
+
+    /// Whether it must be shown the bytes of every frame.
+    pub fn takes_frames(&self) -> bool {
+        self.keeps_frames
+    }
+
+    /// The same with other limits for what cameras are told of.
+    #[must_use]
+    pub fn limited(self, limits: CameraLimits) -> Self {
+        McapObserver { notes: RunNotes::new(limits), ..self }
+    }
+
+    /// What hands in the lines over the pictures. It needs the monitors, so it stands before any queue.
+    pub fn annotations(&self) -> McapAnnotations {
+        McapAnnotations { inlet: self.inlet.clone(), waits: self.keeps_frames }
+    }
+
+    fn line(&self, topic: &str, json: String) {
+        match self.keeps_frames {
+            true => self.inlet.line_patiently(topic, json.into_bytes()),
+            false => self.inlet.line(topic, json.into_bytes()),
+        }
     }
 
     /// The report of a finger, after a header that says what its rest frame was.
@@ -31,27 +69,98 @@ impl McapObserver {
         if lines.is_none() {
             let header = Header {
                 finger: finger.name,
-                sensor: &self.fingers.get(number)?.sensor,
-                settings: &self.settings,
+                sensor: &self.info.fingers.get(number)?.sensor,
+                settings: &self.info.monitor_settings,
                 source: self.sources.get(number).map_or("", String::as_str),
                 clock: finger.frame.clock,
                 rest: RestOrigin { kind: kind.into(), frames: None },
                 note: None,
             };
+            let to = ReportLines::new(self.inlet.clone(), finger.name, self.keeps_frames);
             // Handing in cannot fail: what is lost is counted.
-            *lines = ReportJson::new(ReportLines::new(self.inlet.clone(), finger.name, false), &header).ok();
+            *lines = ReportJson::new(to, &header).ok();
         }
         lines.as_mut()?.frame(report, None).ok()
+    }
+
+    fn frame(&self, number: usize, finger: &FingerView<'_>) {
+        let torn = match finger.next {
+            Next::Frame => None,
+            Next::Torn { reason } => Some(reason.clone()),
+            Next::Silent | Next::End => return,
+        };
+        let FrameBuffer { seq, time_ns, clock, .. } = *finger.frame;
+        let pixels = if finger.frame.encoded.is_empty() { finger.frame.pixels.clone() } else { Vec::new() };
+        let encoded = finger.frame.encoded.clone();
+        let frame = Box::new(FrameBuffer { encoded, pixels, label: String::new(), ..*finger.frame });
+        let record = FrameRecord { seq, time_ns, clock, fate: Fate::Judged, torn: torn.clone(), is_kept: true };
+        self.inlet.send(Item::Frame { finger: number, frame, torn, log_ns: log_ns() });
+        self.inlet.send(Item::Taken { finger: number, record });
+    }
+
+    fn event(&self, time_ns: u64, event: Event) {
+        if let Ok(json) = serde_json::to_string(&TimedEvent { time_ns, event }) {
+            self.line("/event", json);
+        }
     }
 }
 
 impl CycleObserver for McapObserver {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
         for (number, finger) in view.fingers.iter().enumerate() {
+            if self.keeps_frames {
+                self.frame(number, finger);
+            }
             self.report(number, finger);
         }
-        if let Some(json) = view.cycle().and_then(|cycle| serde_json::to_vec(&cycle).ok()) {
-            self.inlet.line("/cycle", json);
+        if let Some(Ok(json)) = frames::line(view) {
+            self.line("/cycle/frames", json);
+        }
+        for text in self.notes.see(view) {
+            self.event(view.now_ns, Event::Note { text });
+        }
+        let Some(cycle) = view.cycle() else { return };
+        if let Ok(json) = line::write(&cycle) {
+            self.line("/cycle", json);
+        }
+        for event in self.log.see(&cycle) {
+            self.event(cycle.time_ns, event);
+        }
+    }
+}
+
+/// Hands in what was found on every judged frame, to be drawn over it.
+pub struct McapAnnotations {
+    inlet: Inlet,
+    waits: bool,
+}
+
+impl McapAnnotations {
+    /// `waits`: for the disk, rather than to lose any.
+    pub fn new(inlet: Inlet, waits: bool) -> Self {
+        McapAnnotations { inlet, waits }
+    }
+
+    /// What was found on a frame by the monitor that has just judged it.
+    pub fn hand_in(&self, finger: &str, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) {
+        let log_ns = log_ns();
+        let stamp_ns = frame.time_ns.unwrap_or(log_ns);
+        let bytes = annotations::write(monitor.sensor(), report, monitor.markers(), stamp_ns);
+        let times = Times { log_ns, stamp_ns };
+        let item = Item::Annotations { finger: finger.to_owned(), seq: frame.seq, times, bytes };
+        match self.waits {
+            true => self.inlet.send(item),
+            false => drop(self.inlet.offer(item)), // counted there
+        }
+    }
+}
+
+impl CycleObserver for McapAnnotations {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        for finger in view.fingers.iter().filter(|finger| *finger.next == Next::Frame) {
+            if let (Some(report), Some(monitor)) = (finger.report, finger.monitor) {
+                self.hand_in(finger.name, finger.frame, report, monitor);
+            }
         }
     }
 }

@@ -2,25 +2,20 @@
 
 use super::frame_record::{Fate, FrameRecord, camera_topic, frame_topic};
 use super::pictures;
+use super::records::Records;
 use crate::source::Error;
-use mcap::records::Record;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::records::{MessageHeader, Record};
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
 use std::collections::{BTreeSet, HashMap};
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
-
-/// Longest record that is read, bytes; a damaged length asks for more.
-const LONGEST_RECORD_BYTES: usize = 256 << 20;
-/// Most that is read from the disk at a time, bytes.
-const PIECE_BYTES: usize = 1 << 20;
 
 /// The frames of one topic. Of a recording of ours only those that were judged, where somebody judged; its numbers and times
 /// are those that the frames had.
 pub struct McapSource {
     path: PathBuf,
     records: Records,
+    /// A picture that was read and not yet given.
+    peeked: Option<(MessageHeader, Vec<u8>)>,
     topic: String,
     schemas: HashMap<u16, String>,
     /// Schema and encoding of every channel of the topic.
@@ -76,6 +71,7 @@ impl McapSource {
         Ok(McapSource {
             path: path.to_owned(),
             records: Records::open(path)?,
+            peeked: None,
             topic,
             schemas: HashMap::new(),
             channels: HashMap::new(),
@@ -100,6 +96,14 @@ impl McapSource {
         record.fate != Fate::Skipped
     }
 
+    /// What is told of a file that cannot be followed, or the bytes of which are not those that were written.
+    fn damaged(&self, reason: &str, into: &mut FrameBuffer) -> Next {
+        into.encoded.clear();
+        into.label.clear();
+        (into.seq, into.time_ns) = (self.seq, None);
+        Next::Torn { reason: format!("{}: {reason}", self.path.display()) }
+    }
+
     /// A torn frame without bytes that comes before the frame with this number.
     fn bare_before(&mut self, seq: u64, into: &mut FrameBuffer) -> Option<Next> {
         let known = self.known.as_mut()?;
@@ -113,15 +117,18 @@ impl McapSource {
 impl FrameSource for McapSource {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
         loop {
+            if let Some(reason) = self.records.damaged.take() {
+                return Ok(self.damaged(&reason, into));
+            }
             if self.is_over {
                 return Ok(self.bare_before(u64::MAX, into).unwrap_or(Next::End));
             }
             // A torn frame without bytes stands before the next picture.
-            let next_seq = self.records.peeked.as_ref().map(|(header, _)| u64::from(header.sequence));
+            let next_seq = self.peeked.as_ref().map(|(header, _)| u64::from(header.sequence));
             if let Some(next) = next_seq.and_then(|seq| self.bare_before(seq, into)) {
                 return Ok(next);
             }
-            if let Some((header, message)) = self.records.peeked.take() {
+            if let Some((header, message)) = self.peeked.take() {
                 let (schema, encoding) = self.channels.get(&header.channel_id).cloned().unwrap_or_default();
                 let read = pictures::read(&schema, &encoding, &message, into);
                 let stamp_ns = read.as_ref().ok().copied().flatten();
@@ -133,13 +140,10 @@ impl FrameSource for McapSource {
                     Err(reason) => Next::Torn { reason },
                 });
             }
-            let Some(record) = self.records.next() else {
+            let Some(record) = self.records.next_record() else {
                 self.is_over = true;
                 if let Some(reason) = self.records.broken.take() {
-                    into.encoded.clear();
-                    into.label.clear();
-                    (into.seq, into.time_ns) = (self.seq, None);
-                    return Ok(Next::Torn { reason: format!("{}: {reason}", self.path.display()) });
+                    return Ok(self.damaged(&reason, into));
                 }
                 continue;
             };
@@ -152,7 +156,7 @@ impl FrameSource for McapSource {
                     }
                 }
                 Record::Message { header, data } if self.channels.contains_key(&header.channel_id) => {
-                    self.records.peeked = Some((header, data.into_owned()));
+                    self.peeked = Some((header, data.into_owned()));
                 }
                 _ => {}
             }
@@ -172,7 +176,7 @@ impl Survey {
         let mut records = Records::open(path)?;
         let (mut schemas, mut channels) = (HashMap::new(), HashMap::new());
         let mut survey = Survey { topics: BTreeSet::new(), frames: HashMap::new(), broken: None };
-        while let Some(record) = records.next() {
+        while let Some(record) = records.next_record() {
             match record {
                 Record::Schema { header, .. } => drop(schemas.insert(header.id, header.name)),
                 Record::Channel(channel) => {
@@ -196,51 +200,5 @@ impl Survey {
         }
         survey.broken = records.broken;
         Ok(survey)
-    }
-}
-
-/// The records of a file up to its end, or to where it cannot be followed.
-struct Records {
-    file: File,
-    reader: LinearReader,
-    broken: Option<String>,
-    is_over: bool,
-    /// A picture that was read and not yet given.
-    peeked: Option<(mcap::records::MessageHeader, Vec<u8>)>,
-}
-
-impl Records {
-    fn open(path: &Path) -> Result<Self, Error> {
-        let file = File::open(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
-        let options = LinearReaderOptions::default().with_record_length_limit(LONGEST_RECORD_BYTES);
-        let reader = LinearReader::new_with_options(options);
-        Ok(Records { file, reader, broken: None, is_over: false, peeked: None })
-    }
-
-    fn next(&mut self) -> Option<Record<'static>> {
-        if self.is_over {
-            return None;
-        }
-        let why = loop {
-            match self.reader.next_event() {
-                None => break None,
-                Some(Err(e)) => break Some(e.to_string()),
-                Some(Ok(LinearReadEvent::Record { data, opcode })) => match mcap::parse_record(opcode, data) {
-                    Ok(record) => return Some(record.into_owned()),
-                    Err(e) => break Some(e.to_string()),
-                },
-                Some(Ok(LinearReadEvent::ReadRequest(hint))) => {
-                    let count = hint.clamp(4096, PIECE_BYTES);
-                    let read = self.file.read(self.reader.insert(count));
-                    match read {
-                        Ok(count) => self.reader.notify_read(count),
-                        Err(e) => break Some(e.to_string()),
-                    }
-                }
-            }
-        };
-        self.is_over = true;
-        self.broken = why.map(|why| format!("the recording is cut off or damaged ({why}); what came before was read"));
-        None
     }
 }

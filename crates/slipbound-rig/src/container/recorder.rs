@@ -1,14 +1,12 @@
 //! Writes a recording, on a thread of its own.
 
+use super::book::{Book, Kind, Times};
 use super::foxglove;
-use super::frame_record::{Fate, FrameRecord, camera_topic};
+use super::frame_record::{Fate, FrameRecord, annotations_topic, camera_topic};
 use crate::link::now_ns;
-use mcap::records::{MessageHeader, Metadata};
-use mcap::{Attachment, WriteOptions, Writer};
 use slipbound::port::FrameBuffer;
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -20,18 +18,6 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 const QUEUE_COUNT: usize = 128;
 /// A chunk is closed after this time, so that no more is lost when the program is killed, ns.
 const CHUNK_NS: u64 = 500_000_000;
-/// A chunk is closed beyond this size, bytes.
-const CHUNK_BYTES: u64 = 8 << 20;
-
-/// The schema of a report, the same as that of its JSON lines.
-const REPORT_SCHEMA: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/report.schema.json"));
-/// A schema that says no more than that it is an object.
-const OBJECT_SCHEMA: &[u8] = br#"{"type":"object"}"#;
-const FRAME_SCHEMA: &[u8] =
-    br#"{"type":"object","title":"slipbound.Frame","required":["seq","time_ns","clock","fate","torn","is_kept"],
-"properties":{"seq":{"type":"integer"},"time_ns":{"type":["integer","null"]},"clock":{"type":"string"},
-"fate":{"enum":["judged","skipped","recorded"]},"torn":{"type":["string","null"]},"is_kept":{"type":"boolean"}}}"#;
-
 /// A recording that cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -70,11 +56,37 @@ pub struct Written {
 
 /// What is on its way to the file.
 pub(super) enum Item {
-    Frame { finger: usize, frame: Box<FrameBuffer>, torn: Option<String>, log_ns: u64 },
-    Taken { finger: usize, record: FrameRecord },
-    Line { topic: String, log_ns: u64, json: Vec<u8> },
-    Attachment { name: String, media_type: &'static str, bytes: Vec<u8> },
-    Metadata { name: String, facts: BTreeMap<String, String> },
+    Frame {
+        finger: usize,
+        frame: Box<FrameBuffer>,
+        torn: Option<String>,
+        log_ns: u64,
+    },
+    Taken {
+        finger: usize,
+        record: FrameRecord,
+    },
+    Line {
+        topic: String,
+        log_ns: u64,
+        json: Vec<u8>,
+    },
+    /// What was found on a frame; `stamp_ns` is that of the frame's picture.
+    Annotations {
+        finger: String,
+        seq: u64,
+        times: Times,
+        bytes: Vec<u8>,
+    },
+    Attachment {
+        name: String,
+        media_type: &'static str,
+        bytes: Vec<u8>,
+    },
+    Metadata {
+        name: String,
+        facts: BTreeMap<String, String>,
+    },
     End,
 }
 
@@ -174,12 +186,9 @@ pub(super) fn log_ns() -> u64 {
 
 /// The file, on its thread.
 struct Sheet {
-    writer: Writer<BufWriter<File>>,
+    book: Book,
     fingers: Vec<Finger>,
     judges: bool,
-    /// By topic and schema: a source may give pictures now and pixels then.
-    channels: BTreeMap<(String, u16), u16>,
-    schemas: [u16; 5],
     frames_count: u64,
 }
 
@@ -191,22 +200,9 @@ struct Finger {
 
 impl Sheet {
     fn create(file: File, fingers: &[String], judges: bool) -> Result<Self, mcap::McapError> {
-        let library = concat!("slipbound ", env!("CARGO_PKG_VERSION"));
-        let options = WriteOptions::new().library(library).compression(None).chunk_size(Some(CHUNK_BYTES));
-        let mut writer = options.create(BufWriter::new(file))?;
-        let mut schemas = [0; 5];
-        for (into, (name, encoding, data)) in schemas.iter_mut().zip([
-            (foxglove::COMPRESSED, "protobuf", foxglove::description(foxglove::COMPRESSED)),
-            (foxglove::RAW, "protobuf", foxglove::description(foxglove::RAW)),
-            ("slipbound.Frame", "jsonschema", FRAME_SCHEMA.to_vec()),
-            ("slipbound.Report", "jsonschema", REPORT_SCHEMA.to_vec()),
-            ("slipbound.Cycle", "jsonschema", OBJECT_SCHEMA.to_vec()),
-        ]) {
-            *into = writer.add_schema(name, encoding, &data)?;
-        }
         let finger = |name: &String| Finger { name: name.clone(), pending: VecDeque::new() };
         let fingers = fingers.iter().map(finger).collect();
-        Ok(Sheet { writer, fingers, judges, channels: BTreeMap::new(), schemas, frames_count: 0 })
+        Ok(Sheet { book: Book::create(file)?, fingers, judges, frames_count: 0 })
     }
 
     /// Writes until the end is handed in. A chunk is closed whenever it has become old.
@@ -220,7 +216,7 @@ impl Sheet {
                 Err(RecvTimeoutError::Timeout) => {}
             }
             if now_ns() >= flushed_ns + CHUNK_NS {
-                self.writer.flush()?;
+                self.book.flush()?;
                 flushed_ns = now_ns();
             }
         }
@@ -229,7 +225,7 @@ impl Sheet {
                 self.frame_record(finger, &FrameRecord { fate: Fate::Skipped, ..record })?;
             }
         }
-        self.writer.finish()?;
+        self.book.finish()?;
         Ok(self.frames_count)
     }
 
@@ -238,21 +234,13 @@ impl Sheet {
             Item::Frame { finger, frame, torn, log_ns } => self.frame(finger, &frame, torn, log_ns),
             Item::Taken { finger, record } => self.taken(finger, record),
             Item::Line { topic, log_ns, json } => {
-                let schema = self.schemas[if topic.ends_with("/report") { 3 } else { 4 }];
-                self.message(&topic, schema, "json", 0, log_ns, log_ns, &json)
+                self.book.message(&topic, Kind::of_lines(&topic), 0, Times::both(log_ns), &json)
             }
-            Item::Attachment { name, media_type, bytes } => {
-                let now = log_ns();
-                let media_type = media_type.into();
-                self.writer.attach(&Attachment {
-                    log_time: now,
-                    create_time: now,
-                    name,
-                    media_type,
-                    data: bytes.into(),
-                })
+            Item::Annotations { finger, seq, times, bytes } => {
+                self.book.message(&annotations_topic(&finger), Kind::Annotations, seq, times, &bytes)
             }
-            Item::Metadata { name, facts } => self.writer.write_metadata(&Metadata { name, metadata: facts }),
+            Item::Attachment { name, media_type, bytes } => self.book.attach(name, media_type, &bytes, log_ns()),
+            Item::Metadata { name, facts } => self.book.metadata(name, facts),
             Item::End => Ok(()),
         }
     }
@@ -269,8 +257,8 @@ impl Sheet {
         if has_bytes {
             let stamp_ns = frame.time_ns.unwrap_or(log_ns);
             let (schema, bytes) = foxglove::write(frame, &name, stamp_ns);
-            let schema = self.schemas[if schema == foxglove::COMPRESSED { 0 } else { 1 }];
-            self.message(&camera_topic(&name), schema, "protobuf", frame.seq, log_ns, stamp_ns, &bytes)?;
+            let kind = if schema == foxglove::COMPRESSED { Kind::Compressed } else { Kind::Raw };
+            self.book.message(&camera_topic(&name), kind, frame.seq, Times { log_ns, stamp_ns }, &bytes)?;
             self.frames_count += 1;
         }
         let (seq, time_ns, clock) = (frame.seq, frame.time_ns, frame.clock);
@@ -301,31 +289,6 @@ impl Sheet {
     fn frame_record(&mut self, finger: usize, record: &FrameRecord) -> Result<(), mcap::McapError> {
         let Some(name) = self.fingers.get(finger).map(|finger| finger.name.clone()) else { return Ok(()) };
         let json = serde_json::to_vec(record).map_err(|e| mcap::McapError::Io(e.into()))?;
-        let now = log_ns();
-        self.message(&format!("/{name}/frame"), self.schemas[2], "json", record.seq, now, now, &json)
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn message(
-        &mut self,
-        topic: &str,
-        schema: u16,
-        encoding: &str,
-        seq: u64,
-        log_time: u64,
-        publish_time: u64,
-        data: &[u8],
-    ) -> Result<(), mcap::McapError> {
-        let key = (topic.to_owned(), schema);
-        let channel_id = match self.channels.get(&key) {
-            Some(&id) => id,
-            None => {
-                let id = self.writer.add_channel(schema, topic, encoding, &BTreeMap::new())?;
-                self.channels.insert(key, id);
-                id
-            }
-        };
-        let sequence = (seq & u64::from(u32::MAX)) as u32;
-        self.writer.write_to_known_channel(&MessageHeader { channel_id, sequence, log_time, publish_time }, data)
+        self.book.message(&format!("/{name}/frame"), Kind::Frame, record.seq, Times::both(log_ns()), &json)
     }
 }

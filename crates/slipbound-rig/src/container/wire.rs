@@ -1,4 +1,4 @@
-//! Protocol buffers, as far as two messages of pictures need them.
+//! Protocol buffers, as far as messages of pictures and of lines over them need them.
 
 /// A field of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,6 +27,12 @@ pub(super) fn put_number(into: &mut Vec<u8>, field: u64, value: u64) {
 /// Writes a whole number of four bytes.
 pub(super) fn put_fixed32(into: &mut Vec<u8>, field: u64, value: u32) {
     put_varint(into, field << 3 | 5);
+    into.extend_from_slice(&value.to_le_bytes());
+}
+
+/// Writes a number of eight bytes with a point.
+pub(super) fn put_double(into: &mut Vec<u8>, field: u64, value: f64) {
+    put_varint(into, field << 3 | 1);
     into.extend_from_slice(&value.to_le_bytes());
 }
 

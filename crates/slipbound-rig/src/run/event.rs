@@ -95,7 +95,7 @@ pub enum Event {
 
 /// Folds cycles into events.
 #[derive(Debug)]
-pub(super) struct EventLog {
+pub(crate) struct EventLog {
     fingers: Vec<String>,
     last: Option<Cycle>,
     slips: SlipEpisodes,

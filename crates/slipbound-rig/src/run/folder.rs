@@ -18,6 +18,19 @@ pub fn free_folder(name: &str) -> PathBuf {
     names.map(PathBuf::from).find(|folder| !folder.exists()).unwrap_or_else(|| name.into())
 }
 
+/// Makes a folder that is not there; one that holds something is refused.
+pub(crate) fn prepare_folder(folder: &Path) -> Result<(), Error> {
+    let failed = |source| Error::Write { path: folder.to_owned(), source };
+    fs::create_dir_all(folder).map_err(failed)?;
+    match fs::read_dir(folder).map_err(failed)?.next() {
+        None => Ok(()),
+        Some(entry) => {
+            let found = entry.map_err(failed)?.file_name().to_string_lossy().into_owned();
+            Err(Error::NotEmpty { folder: folder.to_owned(), found })
+        }
+    }
+}
+
 /// Writes a run as it goes.
 #[derive(Debug)]
 pub struct RunFolder {
@@ -34,13 +47,8 @@ pub struct RunFolder {
 impl RunFolder {
     /// Starts a run in a folder that is new or empty; any other is refused. Writes `run.toml`.
     pub fn create(folder: &Path, info: &RunInfo) -> Result<Self, Error> {
-        let failed = |source| Error::Write { path: folder.to_owned(), source };
-        fs::create_dir_all(folder).map_err(failed)?;
-        if let Some(entry) = fs::read_dir(folder).map_err(failed)?.next() {
-            let found = entry.map_err(failed)?.file_name().to_string_lossy().into_owned();
-            return Err(Error::NotEmpty { folder: folder.to_owned(), found });
-        }
-        write_toml(folder.join("run.toml"), info.table().and_then(|table| toml::to_string(&table)))?;
+        prepare_folder(folder)?;
+        write_toml(folder.join("run.toml"), info.to_toml())?;
         for finger in &info.fingers {
             write_toml(folder.join(finger.sensor_file()), toml::to_string(&finger.sensor))?;
         }

@@ -59,39 +59,65 @@ impl FrameRecorder {
 
     /// Keeps what every finger received in a cycle. A cycle in which a source ended is none.
     pub fn keep(&mut self, view: &CycleView<'_>) -> Result<(), Error> {
-        if view.outcome == Some(&CycleOutcome::SourceEnded) || view.fingers.iter().any(|f| *f.next == Next::End) {
-            return Ok(());
-        }
-        let waiting = view.outcome.is_none_or(|outcome| *outcome == CycleOutcome::Waiting);
-        let mut line = Line { fingers: Vec::with_capacity(view.fingers.len()), waiting };
-        for finger in view.fingers {
-            line.fingers.push(self.received(finger)?);
+        let Some(line) = line(view) else { return Ok(()) };
+        for finger in view.fingers.iter().filter(|finger| *finger.next == Next::Frame) {
+            let FrameBuffer { seq, encoded, .. } = finger.frame;
+            let path = self.folder.join(frame_file(finger.name, *seq));
+            if encoded.is_empty() {
+                let why = format!("frame {seq} came without its encoded form, which is what is recorded");
+                return Err(Error::Encode { path, why });
+            }
+            let folder = self.folder.join(finger.name);
+            fs::create_dir_all(&folder).map_err(|source| Error::Write { path: folder, source })?;
+            write_whole(&path, encoded)?;
         }
         let why = |e: serde_json::Error| Error::Encode { path: self.folder.join("frames.jsonl"), why: e.to_string() };
-        let line = serde_json::to_string(&line).map_err(why)?;
+        let line = line.map_err(why)?;
         self.lines.push(&line)
     }
+}
 
-    fn received(&self, finger: &FingerView<'_>) -> Result<Received, Error> {
-        let FrameBuffer { seq, time_ns, encoded, .. } = finger.frame;
-        let (seq, time_ns) = (*seq, *time_ns);
-        Ok(match finger.next {
-            Next::Frame => {
-                let file = format!("{}/{seq:06}.jpg", finger.name);
-                let path = self.folder.join(&file);
-                if encoded.is_empty() {
-                    let why = format!("frame {seq} came without its encoded form, which is what is recorded");
-                    return Err(Error::Encode { path, why });
-                }
-                let folder = self.folder.join(finger.name);
-                fs::create_dir_all(&folder).map_err(|source| Error::Write { path: folder, source })?;
-                write_whole(&path, encoded)?;
-                Received::Frame { seq, time_ns, file }
-            }
-            Next::Torn { .. } => Received::Torn { seq, time_ns },
-            Next::Silent | Next::End => Received::Silent,
-        })
+/// The file of a frame in the folder of a run.
+pub(crate) fn frame_file(finger: &str, seq: u64) -> String {
+    format!("{finger}/{seq:06}.jpg")
+}
+
+/// The line of a cycle in `frames.jsonl`; None for one in which a source ended.
+pub(crate) fn line(view: &CycleView<'_>) -> Option<serde_json::Result<String>> {
+    if view.outcome == Some(&CycleOutcome::SourceEnded) || view.fingers.iter().any(|f| *f.next == Next::End) {
+        return None;
     }
+    let waiting = view.outcome.is_none_or(|outcome| *outcome == CycleOutcome::Waiting);
+    let line = Line { fingers: view.fingers.iter().map(received).collect(), waiting };
+    Some(serde_json::to_string(&line))
+}
+
+fn received(finger: &FingerView<'_>) -> Received {
+    let FrameBuffer { seq, time_ns, .. } = *finger.frame;
+    match finger.next {
+        Next::Frame => Received::Frame { seq, time_ns, file: frame_file(finger.name, seq) },
+        Next::Torn { .. } => Received::Torn { seq, time_ns },
+        Next::Silent | Next::End => Received::Silent,
+    }
+}
+
+/// A frame that a line of `frames.jsonl` tells of.
+pub(crate) struct ListedFrame {
+    pub seq: u64,
+    pub time_ns: Option<u64>,
+    /// Its file; None for one that is torn.
+    pub file: Option<String>,
+}
+
+/// What a line of `frames.jsonl` tells of every finger; None for a finger that was silent.
+pub(crate) fn listed(line: &str) -> serde_json::Result<Vec<Option<ListedFrame>>> {
+    let line: Line = serde_json::from_str(line)?;
+    let listed = |received| match received {
+        Received::Frame { seq, time_ns, file } => Some(ListedFrame { seq, time_ns, file: Some(file) }),
+        Received::Torn { seq, time_ns } => Some(ListedFrame { seq, time_ns, file: None }),
+        Received::Silent => None,
+    };
+    Ok(line.fingers.into_iter().map(listed).collect())
 }
 
 /// A finger's recorded frames as a source.

@@ -65,6 +65,11 @@ impl RunInfo {
         self.fingers.iter().map(|finger| finger.name.clone()).collect()
     }
 
+    /// The text of `run.toml`. Fails for a number that TOML does not have.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        self.table().and_then(|table| toml::to_string(&table))
+    }
+
     /// As `run.toml` has it. Fails for a number that TOML does not have.
     pub(super) fn table(&self) -> Result<toml::Table, toml::ser::Error> {
         // TOML's whole numbers have a sign: a seed beyond them is written as text.

@@ -19,7 +19,7 @@ struct Line<'a> {
     not_finite: NotFinite,
 }
 
-pub(super) fn write(cycle: &Cycle) -> Result<String, String> {
+pub(crate) fn write(cycle: &Cycle) -> Result<String, String> {
     // TOML's values can be any number, which makes them the tree to search.
     let tree = Value::try_from(cycle).map_err(|e| e.to_string())?;
     let mut not_finite = NotFinite::new();

@@ -1,15 +1,31 @@
 //! What a person should be told of a run beyond its cycles: faults, driver events, what the gripper refused.
 
 use slipbound::control::{CycleView, Fault};
+use slipbound::finger_pipeline::FingerView;
 use slipbound::monitor::RestKind;
-use slipbound::port::Next;
+use slipbound::port::{Clock, Next};
 
-/// A finger without a frame for longer is told of, ns.
-pub const MAX_SILENCE_NS: u64 = 300_000_000;
+/// Beyond what cameras are told of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CameraLimits {
+    /// A finger without a frame for longer, ns.
+    pub max_silence_ns: u64,
+    /// Frames of two fingers in one cycle, the cameras' own stamps of which are further apart, ns.
+    pub max_skew_ns: u64,
+}
+
+impl Default for CameraLimits {
+    fn default() -> Self {
+        CameraLimits { max_silence_ns: 300_000_000, max_skew_ns: 20_000_000 }
+    }
+}
 
 /// Folds what an observer is shown into lines, each told once.
 #[derive(Debug, Default)]
 pub struct RunNotes {
+    limits: CameraLimits,
+    /// Whether the frames of two fingers were too far apart when they were last looked at.
+    is_skewed: bool,
     /// Faults told since all was well.
     faults: Vec<Fault>,
     is_lowering_told: bool,
@@ -20,6 +36,11 @@ pub struct RunNotes {
 }
 
 impl RunNotes {
+    /// With other limits than the usual ones.
+    pub fn new(limits: CameraLimits) -> Self {
+        RunNotes { limits, ..RunNotes::default() }
+    }
+
     /// The lines of a cycle, in the order in which they are to be read; mostly none.
     pub fn see(&mut self, view: &CycleView<'_>) -> Vec<String> {
         let mut lines: Vec<String> = view.driver_events.iter().map(|event| format!("gripper: {event}")).collect();
@@ -39,6 +60,8 @@ impl RunNotes {
             self.is_lowering_told = true;
             lines.push(why.to_owned());
         }
+        lines.extend(self.skew(view));
+        let max_silence_ns = self.limits.max_silence_ns;
         self.heard.resize(view.fingers.len(), (view.now_ns, false));
         for (finger, (heard_ns, is_told)) in view.fingers.iter().zip(&mut self.heard) {
             let silent_ns = view.now_ns.saturating_sub(*heard_ns);
@@ -49,9 +72,9 @@ impl RunNotes {
                     }
                     *heard_ns = view.now_ns;
                 }
-                Next::Silent if silent_ns > MAX_SILENCE_NS && !*is_told => {
+                Next::Silent if silent_ns > max_silence_ns && !*is_told => {
                     *is_told = true;
-                    lines.push(format!("{}: no frame for {:.1} s", finger.name, MAX_SILENCE_NS as f64 * 1e-9));
+                    lines.push(format!("{}: no frame for {:.1} s", finger.name, max_silence_ns as f64 * 1e-9));
                 }
                 Next::Silent | Next::End => {}
             }
@@ -67,5 +90,82 @@ impl RunNotes {
             }
         }
         lines
+    }
+
+    /// How far the stamps of two fingers' frames are apart, when that goes beyond the limit or comes back.
+    fn skew(&mut self, view: &CycleView<'_>) -> Option<String> {
+        let stamp_ns = |finger: &FingerView<'_>| {
+            let is_own = finger.frame.clock == Clock::Device && *finger.next == Next::Frame;
+            finger.frame.time_ns.filter(|_| is_own)
+        };
+        let [left, right] = view.fingers else { return None };
+        let skew_ns = stamp_ns(left)?.abs_diff(stamp_ns(right)?);
+        let (is_skewed, limit_ns) = (skew_ns > self.limits.max_skew_ns, self.limits.max_skew_ns);
+        if is_skewed == std::mem::replace(&mut self.is_skewed, is_skewed) {
+            return None;
+        }
+        let ms = |ns: u64| ns as f64 * 1e-6;
+        let both = format!("{} and {}", left.name, right.name);
+        Some(match is_skewed {
+            false => format!("{both}: frames are {:.1} ms apart again", ms(skew_ns)),
+            // Stamps an hour apart are of two clocks that nobody set.
+            true if skew_ns > OTHER_CLOCK_NS => {
+                format!("{both}: the cameras' clocks are {:.1} s apart", ms(skew_ns) * 1e-3)
+            }
+            true => {
+                let (got, limit) = (ms(skew_ns), ms(limit_ns));
+                format!("{both}: frames are {got:.1} ms apart by their stamps, expected at most {limit:.1} ms")
+            }
+        })
+    }
+}
+
+/// Stamps further apart are of clocks that do not agree, ns.
+const OTHER_CLOCK_NS: u64 = 1_000_000_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slipbound::port::FrameBuffer;
+
+    #[test]
+    fn frames_that_drift_apart_are_told_of_once_and_when_they_are_back() {
+        let mut notes = RunNotes::new(CameraLimits { max_skew_ns: 5_000_000, ..CameraLimits::default() });
+        let mut told = Vec::new();
+        for skew_ms in [0, 4, 6, 9, 5, 3000, 1] {
+            let frame = |ms: u64| FrameBuffer {
+                time_ns: Some(10_000_000_000 - ms * 1_000_000),
+                clock: Clock::Device,
+                ..FrameBuffer::default()
+            };
+            let frames = [frame(0), frame(skew_ms)];
+            let view = |name, frame| FingerView {
+                name,
+                next: &Next::Frame,
+                frame,
+                report: None,
+                monitor: None,
+                rest_kind: None,
+            };
+            let fingers = [view("left", &frames[0]), view("right", &frames[1])];
+            told.extend(notes.see(&CycleView {
+                now_ns: 1,
+                outcome: None,
+                fingers: &fingers,
+                fault: None,
+                refused_lowering: None,
+                driver_events: &[],
+                truth: None,
+            }));
+        }
+        assert_eq!(
+            told,
+            [
+                "left and right: frames are 6.0 ms apart by their stamps, expected at most 5.0 ms",
+                "left and right: frames are 5.0 ms apart again",
+                "left and right: the cameras' clocks are 3.0 s apart",
+                "left and right: frames are 1.0 ms apart again",
+            ]
+        );
     }
 }

@@ -4,7 +4,7 @@ use super::error::Error;
 use super::folder::RunFolder;
 use super::frames::FrameRecorder;
 use super::info::{Row, RunInfo};
-use super::notes::RunNotes;
+use super::notes::{CameraLimits, RunNotes};
 use crate::overlay::Overlay;
 use slipbound::control::{Cycle, CycleObserver, CycleView};
 use slipbound::image::Rgb;
@@ -38,6 +38,12 @@ impl RunRecorder {
             failed_count: 0,
             first_failure: None,
         })
+    }
+
+    /// The same with other limits for what cameras are told of.
+    #[must_use]
+    pub fn limited(self, limits: CameraLimits) -> Self {
+        RunRecorder { notes: RunNotes::new(limits), ..self }
     }
 
     /// Something that no cycle shows: why the loop was left, say.

@@ -61,7 +61,7 @@ pub enum Error {
         /// Why.
         source: io::Error,
     },
-    /// An MCAP file without what is needed.
+    /// A recording (MCAP, or a ROS 2 bag in SQLite) without what is needed.
     #[error("{}: {why}", path.display())]
     Mcap {
         /// The file.

@@ -97,7 +97,7 @@ impl Serialize for Reason {
 }
 
 /// The contact region of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ContactReport {
     /// Area in rectified pixels.
     pub area_px2: f64,
@@ -111,7 +111,7 @@ pub struct ContactReport {
 }
 
 /// How many markers are where.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct MarkerCounts {
     /// Spots in this frame that lie on a marker of the rest frame. Other spots that look like markers (glare, dirt) do
     /// not count.
@@ -125,7 +125,7 @@ pub struct MarkerCounts {
 }
 
 /// Rigid motion of the inner contact region since the reference frame (step 3).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MotionReport {
     /// The reference point: mean of the inner markers in the reference frame, rectified px.
     pub reference_px: Vec2,
@@ -141,7 +141,7 @@ pub struct MotionReport {
 
 /// How far the object has dragged the gel since rest: the least-squares rigid motion of all markers in contact.
 /// Unlike the motion of the inner region it counts from the rest frame and is not begun anew after a slip.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ShearReport {
     /// Mean displacement of the markers in contact, px.
     pub translation_px: Vec2,
@@ -152,7 +152,7 @@ pub struct ShearReport {
 }
 
 /// A quantity with its error.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The quantity, in the unit of its name.
     pub value: f64,
@@ -164,7 +164,7 @@ pub struct Estimate {
 
 /// What is estimated of a contact (step 5). Each is None where it cannot be known: without contact, before the finger
 /// has been squeezed, or where grip force, shear stiffness or pitch in mm are unknown.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Estimates {
     /// Area that sticks over area in contact, 0 to 1.
     pub stick_ratio: Option<Estimate>,
@@ -179,7 +179,7 @@ pub struct Estimates {
 }
 
 /// What a frame says of sliding, whatever the slip field says.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct EvidenceReport {
     /// Number of the frame that it counts from.
     pub reference_seq: u64,
@@ -210,7 +210,7 @@ pub struct EvidenceReport {
 }
 
 /// What kind of motion slips.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SlipKind {
     /// The object shifts over the gel.
@@ -222,7 +222,7 @@ pub enum SlipKind {
 }
 
 /// The slip field in short (step 4).
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SlipSummary {
     /// Markers in contact whose measured displacement leaves the rigid one by more than the threshold.
     pub markers_over: u32,
@@ -242,7 +242,7 @@ pub struct SlipSummary {
 }
 
 /// The verdict on one frame and what it rests on.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SlipReport {
     /// The source's number of the frame.
     pub seq: u64,

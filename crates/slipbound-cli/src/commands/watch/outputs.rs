@@ -4,7 +4,7 @@ use super::args::Watch;
 use crate::outcome::Failure;
 use slipbound::monitor::{Reason, SlipMonitor, SlipReport};
 use slipbound::port::{Clock, FrameBuffer};
-use slipbound_rig::container::{Recorder, ReportLines};
+use slipbound_rig::container::{McapAnnotations, Recorder, ReportLines};
 use slipbound_rig::overlay::{self, Overlay, OverlayWriter};
 use slipbound_rig::report_csv::ReportCsv;
 use slipbound_rig::report_json::{Header, ReportJson, RestOrigin};
@@ -31,7 +31,8 @@ pub struct Outputs {
     pub stopwatch: Stopwatch,
     json: Option<Json>,
     csv: Option<(PathBuf, ReportCsv<File>)>,
-    recorded: Option<ReportJson<ReportLines>>,
+    recorded: Option<(ReportJson<ReportLines>, McapAnnotations)>,
+    finger: String,
     overlay: Option<(Overlay, OverlayWriter)>,
     timings: Option<Timings>,
 }
@@ -61,8 +62,11 @@ impl Outputs {
             note: origin.note,
         };
         let waits = !slipbound_rig::source::is_live(&args.source);
-        let recorded = recorder.map(|r| ReportJson::new(ReportLines::new(r.inlet(), &args.finger, waits), &header));
-        let recorded = recorded.transpose().map_err(|e| Failure::work("record", e))?;
+        let recorded = recorder.map(|r| {
+            let lines = ReportJson::new(ReportLines::new(r.inlet(), &args.finger, waits), &header)?;
+            Ok((lines, McapAnnotations::new(r.inlet(), waits)))
+        });
+        let recorded = recorded.transpose().map_err(|e: io::Error| Failure::work("record", e))?;
         let json = match &args.json {
             None => None,
             Some(path) => {
@@ -94,7 +98,7 @@ impl Outputs {
             None => None,
             Some(path) => Some(Timings::create(path).map_err(|e| cannot_write(path, e))?),
         };
-        Ok(Outputs { stopwatch: Stopwatch::new(), json, csv, recorded, overlay, timings })
+        Ok(Outputs { stopwatch: Stopwatch::new(), json, csv, recorded, finger: args.finger.clone(), overlay, timings })
     }
 
     /// Writes the report of a frame.
@@ -110,8 +114,11 @@ impl Outputs {
         if let Some((path, table)) = &mut self.csv {
             table.frame(report).map_err(|e| cannot_write(path, e))?;
         }
-        if let Some(lines) = &mut self.recorded {
+        if let Some((lines, annotations)) = &mut self.recorded {
             lines.frame(report, None).map_err(|e| Failure::work("record", e))?;
+            if report.reason != Some(Reason::Torn) {
+                annotations.hand_in(&self.finger, frame, report, monitor);
+            }
         }
         if let Some((overlay, writer)) = &mut self.overlay {
             let whole = frame.frame().ok().filter(|_| report.reason != Some(Reason::Torn));

@@ -1,0 +1,50 @@
+//! A simulated hand at addresses of this computer: its cameras are watched and its gripper is asked, as real ones would be.
+#![cfg(unix)]
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Command, Stdio};
+
+#[test]
+fn a_hand_on_this_computer_shows_pictures_and_answers_its_gripper() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let slipbound = |args: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
+        command.current_dir(scratch.path()).args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    };
+    let mut hand = slipbound(&["emulate", "hand", "--task", "lift", "-o", "hand"]).spawn().expect("starts");
+    let mut said = BufReader::new(hand.stdout.take().expect("piped")).lines().map_while(Result::ok);
+    let mut address = |name: &str| {
+        let line = said.next().expect("a line");
+        line.strip_prefix(name).unwrap_or_else(|| panic!("expected {name}, got {line}")).trim().to_owned()
+    };
+    let (left, right) = (address("left:"), address("right:"));
+    let (gripper, wrist) = (address("gripper:"), address("wrist:"));
+    assert!(left.starts_with("http://") && gripper.starts_with("wsg50://") && wrist.starts_with("line://"));
+    let script = fs::read_to_string(scratch.path().join("hand/try.sh")).expect("a script");
+    assert!([&left, &right, &gripper, &wrist].iter().all(|address| script.contains(*address)), "{script}");
+
+    let record = ["record", &left, &right, "-o", "seen.mcap", "--for-s", "1.5"];
+    let recorded = slipbound(&record).output().expect("runs");
+    let told = String::from_utf8_lossy(&recorded.stdout).into_owned();
+    assert_eq!(recorded.status.code(), Some(0), "{told}");
+    let watch = ["watch", "seen.mcap#right", "--sensor", "hand/right.sensor.toml", "--json", "seen.jsonl"];
+    let watched = slipbound(&watch).output().expect("runs");
+    assert_eq!(watched.status.code(), Some(0), "{}", String::from_utf8_lossy(&watched.stderr));
+    let lines = fs::read_to_string(scratch.path().join("seen.jsonl")).expect("a report");
+    assert!(lines.lines().count() > 4, "{lines}");
+    assert!(lines.contains("\"clock\":\"device\"") && lines.contains("\"no_contact\""), "{lines}");
+
+    let asked = slipbound(&["gripper", "--help"]).output().expect("runs");
+    assert!(asked.status.success());
+    let refused = slipbound(&["emulate"]).output().expect("runs");
+    assert_eq!(refused.status.code(), Some(2), "neither a gripper nor a hand");
+
+    Command::new("kill").args(["-INT", &hand.id().to_string()]).status().expect("kill runs");
+    let rest: Vec<String> = said.collect();
+    assert!(rest.iter().any(|line| line.contains("at the end: slid 0.00 mm")), "{rest:?}");
+    let mut errors = String::new();
+    hand.stderr.take().expect("piped").read_to_string(&mut errors).expect("UTF-8");
+    assert_eq!(hand.wait().expect("ends").code(), Some(0), "{errors}");
+}

@@ -1,0 +1,162 @@
+//! The file of a recording: its schemas, a channel a topic, messages.
+
+use super::{annotations, foxglove};
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{Attachment, McapError, WriteOptions, Writer};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+
+/// A chunk is closed beyond this size, bytes.
+const CHUNK_BYTES: u64 = 8 << 20;
+
+/// The schema of a report, the same as that of its JSON lines.
+const REPORT_SCHEMA: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/report.schema.json"));
+/// A schema that says no more than that it is an object.
+const OBJECT_SCHEMA: &[u8] = br#"{"type":"object"}"#;
+const FRAME_SCHEMA: &[u8] =
+    br#"{"type":"object","title":"slipbound.Frame","required":["seq","time_ns","clock","fate","torn","is_kept"],
+"properties":{"seq":{"type":"integer"},"time_ns":{"type":["integer","null"]},"clock":{"type":"string"},
+"fate":{"enum":["judged","skipped","recorded"]},"torn":{"type":["string","null"]},"is_kept":{"type":"boolean"}}}"#;
+
+/// What a message is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// A picture as it was received.
+    Compressed,
+    /// A picture as pixels.
+    Raw,
+    /// A [`FrameRecord`](super::FrameRecord).
+    Frame,
+    /// A line of a report.
+    Report,
+    /// A line of `reports.jsonl` of a run.
+    Cycle,
+    /// A line of `events.jsonl` of a run.
+    Event,
+    /// A line of `frames.jsonl` of a run.
+    CycleFrames,
+    /// What was found on a picture, to be drawn over it.
+    Annotations,
+}
+
+impl Kind {
+    /// All, in the order of their numbers.
+    const ALL: [Kind; 8] = [
+        Kind::Compressed,
+        Kind::Raw,
+        Kind::Frame,
+        Kind::Report,
+        Kind::Cycle,
+        Kind::Event,
+        Kind::CycleFrames,
+        Kind::Annotations,
+    ];
+
+    /// That of a topic with lines of JSON.
+    pub fn of_lines(topic: &str) -> Self {
+        match topic {
+            "/event" => Kind::Event,
+            "/cycle/frames" => Kind::CycleFrames,
+            topic if topic.ends_with("/report") => Kind::Report,
+            topic if topic.ends_with("/frame") => Kind::Frame,
+            _ => Kind::Cycle,
+        }
+    }
+
+    fn is_binary(self) -> bool {
+        matches!(self, Kind::Compressed | Kind::Raw | Kind::Annotations)
+    }
+
+    fn schema(self) -> (&'static str, Vec<u8>) {
+        match self {
+            Kind::Compressed => (foxglove::COMPRESSED, foxglove::description(foxglove::COMPRESSED)),
+            Kind::Raw => (foxglove::RAW, foxglove::description(foxglove::RAW)),
+            Kind::Frame => ("slipbound.Frame", FRAME_SCHEMA.to_vec()),
+            Kind::Report => ("slipbound.Report", REPORT_SCHEMA.to_vec()),
+            Kind::Cycle => ("slipbound.Cycle", OBJECT_SCHEMA.to_vec()),
+            Kind::Event => ("slipbound.Event", OBJECT_SCHEMA.to_vec()),
+            Kind::CycleFrames => ("slipbound.CycleFrames", OBJECT_SCHEMA.to_vec()),
+            Kind::Annotations => (annotations::SCHEMA, annotations::description()),
+        }
+    }
+}
+
+/// When a message was handed in, and what time it is of, ns.
+#[derive(Debug, Clone, Copy)]
+pub struct Times {
+    /// Handed in.
+    pub log_ns: u64,
+    /// Of the frame, or the same.
+    pub stamp_ns: u64,
+}
+
+impl Times {
+    /// Both the same.
+    pub fn both(ns: u64) -> Self {
+        Times { log_ns: ns, stamp_ns: ns }
+    }
+}
+
+/// A recording that is being written, without any thread.
+pub struct Book {
+    writer: Writer<BufWriter<File>>,
+    /// By topic and kind: a source may give pictures now and pixels then.
+    channels: BTreeMap<(String, Kind), u16>,
+    schemas: [u16; Kind::ALL.len()],
+}
+
+impl Book {
+    /// Begins the file: chunks are not compressed.
+    pub fn create(file: File) -> Result<Self, McapError> {
+        let library = concat!("slipbound ", env!("CARGO_PKG_VERSION"));
+        let options = WriteOptions::new().library(library).compression(None).chunk_size(Some(CHUNK_BYTES));
+        let mut writer = options.create(BufWriter::new(file))?;
+        let mut schemas = [0; Kind::ALL.len()];
+        for (into, kind) in schemas.iter_mut().zip(Kind::ALL) {
+            let (name, description) = kind.schema();
+            let encoding = if kind.is_binary() { "protobuf" } else { "jsonschema" };
+            *into = writer.add_schema(name, encoding, &description)?;
+        }
+        Ok(Book { writer, channels: BTreeMap::new(), schemas })
+    }
+
+    /// Writes a message of this number.
+    pub fn message(&mut self, topic: &str, kind: Kind, seq: u64, times: Times, data: &[u8]) -> Result<(), McapError> {
+        let key = (topic.to_owned(), kind);
+        let channel_id = match self.channels.get(&key) {
+            Some(&id) => id,
+            None => {
+                let schema = self.schemas[kind as usize];
+                let encoding = if kind.is_binary() { "protobuf" } else { "json" };
+                let id = self.writer.add_channel(schema, topic, encoding, &BTreeMap::new())?;
+                self.channels.insert(key, id);
+                id
+            }
+        };
+        let sequence = (seq & u64::from(u32::MAX)) as u32;
+        let header = MessageHeader { channel_id, sequence, log_time: times.log_ns, publish_time: times.stamp_ns };
+        self.writer.write_to_known_channel(&header, data)
+    }
+
+    /// Writes a file that goes with the recording.
+    pub fn attach(&mut self, name: String, media_type: &str, bytes: &[u8], log_ns: u64) -> Result<(), McapError> {
+        let media_type = media_type.into();
+        self.writer.attach(&Attachment { log_time: log_ns, create_time: log_ns, name, media_type, data: bytes.into() })
+    }
+
+    /// Writes facts of a kind.
+    pub fn metadata(&mut self, name: String, facts: BTreeMap<String, String>) -> Result<(), McapError> {
+        self.writer.write_metadata(&Metadata { name, metadata: facts })
+    }
+
+    /// Closes the chunk, so that it is not lost.
+    pub fn flush(&mut self) -> Result<(), McapError> {
+        self.writer.flush()
+    }
+
+    /// Closes the file.
+    pub fn finish(mut self) -> Result<(), McapError> {
+        self.writer.finish().map(drop)
+    }
+}

@@ -1,0 +1,325 @@
+//! A run folder as a recording and back: the same lines, frames and files under the same names.
+//!
+//! ```text
+//!   reports.jsonl  events.jsonl  frames.jsonl     /cycle  /event  /cycle/frames     a line a message, byte for byte
+//!   left/000012.jpg  left.frames.jsonl            /left/camera  /left/frame         every frame as it came
+//!   left.report.jsonl                             /left/report
+//!   NAME.metadata.json                            metadata NAME
+//!   every other file                              attachment of that name
+//! ```
+//!
+//! Annotations are left out on the way to a folder: they follow from frames and reports. So are frames that came as pixels,
+//! for a folder holds encoded ones; they are counted.
+
+use super::book::{Book, Kind, Times};
+use super::foxglove;
+use super::frame_record::{Fate, FrameRecord, camera_topic};
+use super::recorder;
+use super::records::Records;
+use crate::run::frames::{ListedFrame, frame_file, listed};
+use crate::run::{self, Error};
+use mcap::records::Record;
+use slipbound::port::{Clock, FrameBuffer};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::{self, File, OpenOptions};
+use std::io::Write as _;
+use std::path::{Component, Path, PathBuf};
+
+/// Files of lines, and the topics of their lines.
+const LINES: [(&str, &str); 3] =
+    [("frames.jsonl", "/cycle/frames"), ("reports.jsonl", "/cycle"), ("events.jsonl", "/event")];
+/// How the files of a finger's frame records, of its reports, and of facts end.
+const RECORDS: &str = ".frames.jsonl";
+const REPORT: &str = ".report.jsonl";
+const FACTS: &str = ".metadata.json";
+
+/// What was carried over, and what was not.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Converted {
+    /// Frames.
+    pub frames_count: u64,
+    /// Lines of reports, cycles, events.
+    pub lines_count: u64,
+    /// Other files.
+    pub files_count: u64,
+    /// What has no place in the other form, in words.
+    pub left_out: Vec<String>,
+}
+
+/// Why something could not be converted.
+#[derive(Debug, thiserror::Error)]
+pub enum ConvertError {
+    /// The folder cannot be read or written.
+    #[error(transparent)]
+    Folder(#[from] Error),
+    /// The recording cannot be written.
+    #[error(transparent)]
+    Recording(#[from] recorder::Error),
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Source(#[from] crate::source::Error),
+    /// A recording that names a file outside the folder.
+    #[error("{}: expected names of files in one folder, got `{name}`", path.display())]
+    Name {
+        /// The recording.
+        path: PathBuf,
+        /// The name.
+        name: String,
+    },
+}
+
+/// Writes the run in `folder` into a recording, which is replaced.
+pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
+    let read = |path: &Path| fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source });
+    let mut names = Vec::new();
+    let listing = |source| Error::Read { path: folder.to_owned(), source };
+    for entry in fs::read_dir(folder).map_err(listing)? {
+        let entry = entry.map_err(listing)?;
+        if entry.file_type().map_err(listing)?.is_file() {
+            names.push(entry.file_name().to_string_lossy().into_owned());
+        }
+    }
+    names.sort();
+    if !names.iter().any(|name| name == "run.toml" || name.ends_with(RECORDS)) {
+        let problem = "expected a run folder with run.toml or NAME.frames.jsonl, got neither".into();
+        return Err(Error::Syntax { path: folder.to_owned(), problem }.into());
+    }
+    let created = File::create(file).map_err(|source| recorder::Error::Create { path: file.to_owned(), source })?;
+    let wrong = |e| recorder::Error::Write { path: file.to_owned(), source: Box::new(e) };
+    let mut book = Book::create(created).map_err(wrong)?;
+    let mut converted = Converted::default();
+    let mut lines = Vec::new();
+    for name in &names {
+        let path = folder.join(name);
+        let bytes = read(&path)?;
+        if let Some(topic) = topic_of_lines(name) {
+            lines.extend(dated(&topic, &bytes));
+        } else if let Some(name) = name.strip_suffix(FACTS) {
+            let facts = serde_json::from_slice(&bytes)
+                .map_err(|e| Error::Syntax { path: path.clone(), problem: e.to_string() })?;
+            book.metadata(name.into(), facts).map_err(wrong)?;
+        } else {
+            book.attach(name.clone(), media_type(name), &bytes, 0).map_err(wrong)?;
+            converted.files_count += 1;
+        }
+    }
+    // Each topic's lines stay in their order, whatever their times say.
+    lines.sort_by_key(|line| line.time_ns);
+    let fingers: Vec<String> = run_fingers(folder).unwrap_or_default();
+    for Dated { topic, time_ns, json } in &lines {
+        let (times, wrong_line) = (Times::both(*time_ns), |e: serde_json::Error| Error::Syntax {
+            path: folder.join(topic),
+            problem: e.to_string(),
+        });
+        let mut seq = 0;
+        if topic == "/cycle/frames" {
+            let text = String::from_utf8_lossy(json);
+            let frames = listed(&text).map_err(wrong_line)?;
+            for (finger, frame) in fingers.iter().zip(frames).filter_map(|(name, frame)| Some((name, frame?))) {
+                if names.contains(&format!("{finger}{RECORDS}")) {
+                    continue; // there it is told more exactly
+                }
+                let record = record_of(&frame);
+                let json = serde_json::to_vec(&record).map_err(wrong_line)?;
+                let times = Times::both(record.time_ns.unwrap_or(*time_ns));
+                converted.frames_count += picture(folder, finger, &record, times, &mut book, &wrong)?;
+                book.message(&format!("/{finger}/frame"), Kind::Frame, record.seq, times, &json).map_err(wrong)?;
+            }
+        } else if let Some(finger) = topic.strip_prefix('/').and_then(|topic| topic.strip_suffix("/frame")) {
+            let record: FrameRecord = serde_json::from_slice(json).map_err(wrong_line)?;
+            seq = record.seq;
+            converted.frames_count += picture(folder, finger, &record, times, &mut book, &wrong)?;
+        }
+        book.message(topic, Kind::of_lines(topic), seq, times, json).map_err(wrong)?;
+        converted.lines_count += 1;
+    }
+    book.finish().map_err(wrong)?;
+    Ok(converted)
+}
+
+/// A line and its time, ns.
+struct Dated {
+    topic: String,
+    time_ns: u64,
+    json: Vec<u8>,
+}
+
+/// The whole lines of a file; each is dated by the latest time that stands in it or before it.
+fn dated(topic: &str, bytes: &[u8]) -> Vec<Dated> {
+    let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(&[][..], |end| &bytes[..end]);
+    let mut latest_ns = 0;
+    let mut lines = Vec::new();
+    for json in whole.split(|byte| *byte == b'\n').filter(|_| !whole.is_empty()) {
+        let value: serde_json::Value = serde_json::from_slice(json).unwrap_or_default();
+        let own_ns = value["time_ns"].as_u64();
+        let of_fingers = value["fingers"].as_array().into_iter().flatten().filter_map(|f| f["time_ns"].as_u64()).max();
+        latest_ns = own_ns.or(of_fingers).unwrap_or(0).max(latest_ns);
+        lines.push(Dated { topic: topic.into(), time_ns: latest_ns, json: json.to_vec() });
+    }
+    lines
+}
+
+fn topic_of_lines(name: &str) -> Option<String> {
+    let of_finger = |end: &str, topic: &str| Some(format!("/{}/{topic}", name.strip_suffix(end)?));
+    let known = LINES.iter().find(|(file, _)| *file == name).map(|(_, topic)| (*topic).to_owned());
+    known.or_else(|| of_finger(RECORDS, "frame")).or_else(|| of_finger(REPORT, "report"))
+}
+
+fn record_of(frame: &ListedFrame) -> FrameRecord {
+    let torn = frame.file.is_none().then(|| "it was torn".to_owned());
+    let (seq, time_ns, is_kept) = (frame.seq, frame.time_ns, frame.file.is_some());
+    // Whose clock it was is not in the folder of a run.
+    FrameRecord { seq, time_ns, clock: Clock::Unknown, fate: Fate::Judged, torn, is_kept }
+}
+
+/// Writes the picture of a frame, where it is kept; how many were written.
+fn picture(
+    folder: &Path,
+    finger: &str,
+    record: &FrameRecord,
+    times: Times,
+    book: &mut Book,
+    wrong: &dyn Fn(mcap::McapError) -> recorder::Error,
+) -> Result<u64, ConvertError> {
+    if !record.is_kept {
+        return Ok(0);
+    }
+    let path = folder.join(frame_file(finger, record.seq));
+    let encoded = match fs::read(&path) {
+        Ok(encoded) => encoded,
+        // A frame of pixels was left out on the way here.
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(0),
+        Err(source) => return Err(Error::Read { path, source }.into()),
+    };
+    let frame = FrameBuffer { encoded, ..FrameBuffer::default() };
+    let stamp_ns = record.time_ns.unwrap_or(times.log_ns);
+    let (_, bytes) = foxglove::write(&frame, finger, stamp_ns);
+    let times = Times { stamp_ns, ..times };
+    book.message(&camera_topic(finger), Kind::Compressed, record.seq, times, &bytes).map_err(wrong)?;
+    Ok(1)
+}
+
+/// Names of the fingers in `run.toml`.
+fn run_fingers(folder: &Path) -> Option<Vec<String>> {
+    let table: toml::Table = fs::read_to_string(folder.join("run.toml")).ok()?.parse().ok()?;
+    let fingers = table.get("fingers")?.as_array()?;
+    fingers.iter().map(|finger| finger.get("name")?.as_str().map(str::to_owned)).collect()
+}
+
+fn media_type(name: &str) -> &'static str {
+    match Path::new(name).extension().and_then(|e| e.to_str()) {
+        Some("toml") => "text/toml",
+        Some("html") => "text/html",
+        Some("png") => "image/png",
+        _ => "application/octet-stream",
+    }
+}
+
+/// Writes a recording into a folder that is new or empty.
+pub fn to_folder(file: &Path, folder: &Path) -> Result<Converted, ConvertError> {
+    let mut records = Records::open(file)?;
+    run::prepare_folder(folder)?;
+    let mut out = Files { folder, file, open: HashMap::new() };
+    let mut converted = Converted::default();
+    let (mut schemas, mut channels) = (HashMap::new(), HashMap::new());
+    let (mut pixels_count, mut annotations_count) = (0u64, 0u64);
+    while let Some(record) = records.next_record() {
+        match record {
+            Record::Schema { header, .. } => drop(schemas.insert(header.id, header.name)),
+            Record::Channel(channel) => {
+                let schema = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                channels.insert(channel.id, (channel.topic, schema));
+            }
+            Record::Attachment { header, data, .. } => {
+                out.whole(&header.name, &data)?;
+                converted.files_count += 1;
+            }
+            Record::Metadata(facts) => {
+                let sorted: BTreeMap<_, _> = facts.metadata.into_iter().collect();
+                let json = serde_json::to_vec(&sorted).map_err(|e| out.encode(e))?;
+                out.whole(&format!("{}{FACTS}", facts.name), &json)?;
+            }
+            Record::Message { header, data } => {
+                let Some((topic, schema)) = channels.get(&header.channel_id) else { continue };
+                let finger = |end: &str| topic.strip_prefix('/').and_then(|topic| topic.strip_suffix(end));
+                let line_file = LINES.iter().find(|(_, of)| of == topic).map(|(file, _)| (*file).to_owned());
+                let line_file = line_file.or_else(|| match schema.as_str() {
+                    "slipbound.Frame" => Some(format!("{}{RECORDS}", finger("/frame")?)),
+                    "slipbound.Report" => Some(format!("{}{REPORT}", finger("/report")?)),
+                    _ => None,
+                });
+                match (line_file, schema.as_str(), finger("/camera")) {
+                    (Some(name), ..) => {
+                        out.line(&name, &data)?;
+                        converted.lines_count += 1;
+                    }
+                    (None, foxglove::COMPRESSED, Some(finger)) => {
+                        let read = foxglove::read(foxglove::COMPRESSED, &data);
+                        let picture = read.ok_or_else(|| out.encode("expected a picture, got bytes that are none"))?;
+                        out.frame(finger, u64::from(header.sequence), picture.bytes)?;
+                        converted.frames_count += 1;
+                    }
+                    (None, foxglove::RAW, _) => pixels_count += 1,
+                    (None, super::annotations::SCHEMA, _) => annotations_count += 1,
+                    _ => converted.left_out.push(format!("a message {schema} of {topic}")),
+                }
+            }
+            _ => {}
+        }
+    }
+    converted.left_out.dedup();
+    if pixels_count > 0 {
+        converted.left_out.push(format!("{pixels_count} frames that came as pixels"));
+    }
+    if annotations_count > 0 {
+        converted.left_out.push(format!("{annotations_count} annotations, which follow from the frames"));
+    }
+    converted.left_out.extend(records.damage());
+    Ok(converted)
+}
+
+/// Files in a folder; no name leads out of it.
+struct Files<'a> {
+    folder: &'a Path,
+    file: &'a Path,
+    open: HashMap<String, File>,
+}
+
+impl Files<'_> {
+    fn encode(&self, why: impl ToString) -> Error {
+        Error::Encode { path: self.file.to_owned(), why: why.to_string() }
+    }
+
+    fn place(&self, name: &str) -> Result<PathBuf, ConvertError> {
+        let mut parts = Path::new(name).components();
+        let is_plain = matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None));
+        // A name that another system would take for a way is none here either.
+        match is_plain && !name.contains(['/', '\\', ':']) {
+            true => Ok(self.folder.join(name)),
+            false => Err(ConvertError::Name { path: self.file.to_owned(), name: name.into() }),
+        }
+    }
+
+    fn whole(&self, name: &str, bytes: &[u8]) -> Result<(), ConvertError> {
+        let path = self.place(name)?;
+        Ok(fs::write(&path, bytes).map_err(|source| Error::Write { path, source })?)
+    }
+
+    fn frame(&self, finger: &str, seq: u64, bytes: &[u8]) -> Result<(), ConvertError> {
+        let folder = self.place(finger)?;
+        fs::create_dir_all(&folder).map_err(|source| Error::Write { path: folder, source })?;
+        let path = self.folder.join(frame_file(finger, seq));
+        Ok(fs::write(&path, bytes).map_err(|source| Error::Write { path, source })?)
+    }
+
+    fn line(&mut self, name: &str, json: &[u8]) -> Result<(), ConvertError> {
+        let path = self.place(name)?;
+        let failed = |source| Error::Write { path: path.clone(), source };
+        if !self.open.contains_key(name) {
+            let file = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
+            self.open.insert(name.to_owned(), file);
+        }
+        let line = [json, b"\n"].concat();
+        Ok(self.open.get_mut(name).map_or(Ok(()), |file| file.write_all(&line)).map_err(failed)?)
+    }
+}

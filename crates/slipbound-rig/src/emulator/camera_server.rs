@@ -1,0 +1,115 @@
+//! An emulated camera: JPEGs over HTTP as a Raspberry Pi serves them, the newest to whoever asks.
+
+use std::io::{self, Read as _, Write as _};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+/// Longest head of a request, bytes.
+const LONGEST_HEAD_BYTES: usize = 16 << 10;
+/// A client that takes no byte for so long is gone.
+const LONGEST_WRITE: Duration = Duration::from_secs(2);
+/// Time between two looks for a client, and for the end.
+const PAUSE: Duration = Duration::from_millis(20);
+
+/// The newest picture.
+#[derive(Default)]
+struct Shot {
+    jpeg: Vec<u8>,
+    time_ns: u64,
+    /// Pictures so far.
+    count: u64,
+    is_over: bool,
+}
+
+type Slot = Arc<(Mutex<Shot>, Condvar)>;
+
+/// A port at which pictures are served as `multipart/x-mixed-replace`, each with its time as `X-Timestamp`, to any number of
+/// clients; one that is slow misses pictures.
+pub struct CameraServer {
+    address: SocketAddr,
+    slot: Slot,
+}
+
+impl CameraServer {
+    /// Takes over a port.
+    pub fn new(listener: TcpListener) -> io::Result<Self> {
+        let address = listener.local_addr()?;
+        listener.set_nonblocking(true)?;
+        let slot = Slot::default();
+        let theirs = slot.clone();
+        thread::spawn(move || {
+            while !theirs.0.lock().unwrap_or_else(PoisonError::into_inner).is_over {
+                match listener.accept() {
+                    Ok((socket, _)) => {
+                        let slot = theirs.clone();
+                        thread::spawn(move || drop(serve(socket, &slot))); // who hangs up has seen enough
+                    }
+                    Err(_) => thread::sleep(PAUSE),
+                }
+            }
+        });
+        Ok(CameraServer { address, slot })
+    }
+
+    /// Where it is.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Takes the next picture and its time.
+    pub fn show(&self, jpeg: &[u8], time_ns: u64) {
+        let mut shot = self.slot.0.lock().unwrap_or_else(PoisonError::into_inner);
+        shot.jpeg.clear();
+        shot.jpeg.extend_from_slice(jpeg);
+        shot.time_ns = time_ns;
+        shot.count += 1;
+        self.slot.1.notify_all();
+    }
+}
+
+impl Drop for CameraServer {
+    fn drop(&mut self) {
+        self.slot.0.lock().unwrap_or_else(PoisonError::into_inner).is_over = true;
+        self.slot.1.notify_all();
+    }
+}
+
+fn serve(mut socket: TcpStream, slot: &Slot) -> io::Result<()> {
+    socket.set_nonblocking(false)?;
+    socket.set_nodelay(true)?;
+    socket.set_read_timeout(Some(LONGEST_WRITE))?;
+    socket.set_write_timeout(Some(LONGEST_WRITE))?;
+    let (mut head, mut byte) = (Vec::new(), [0]);
+    while !head.ends_with(b"\r\n\r\n") && head.len() < LONGEST_HEAD_BYTES {
+        socket.read_exact(&mut byte)?;
+        head.push(byte[0]);
+    }
+    if !head.starts_with(b"GET ") {
+        return socket.write_all(b"HTTP/1.0 405 Method Not Allowed\r\n\r\n");
+    }
+    socket
+        .write_all(b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=frame\r\n\r\n--frame\r\n")?;
+    let (mut seen_count, mut part) = (0, Vec::new());
+    loop {
+        let shot = slot.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let shot = slot.1.wait_while(shot, |shot| shot.count == seen_count && !shot.is_over);
+        let shot = shot.unwrap_or_else(PoisonError::into_inner);
+        if shot.is_over {
+            return Ok(());
+        }
+        seen_count = shot.count;
+        let (seconds, micros) = (shot.time_ns / 1_000_000_000, shot.time_ns / 1000 % 1_000_000);
+        let count = shot.jpeg.len();
+        part.clear();
+        write!(
+            part,
+            "Content-Type: image/jpeg\r\nContent-Length: {count}\r\nX-Timestamp: {seconds}.{micros:06}\r\n\r\n"
+        )?;
+        part.extend_from_slice(&shot.jpeg);
+        part.extend_from_slice(b"\r\n--frame\r\n");
+        drop(shot);
+        socket.write_all(&part)?;
+    }
+}
