@@ -82,7 +82,9 @@ impl<W: Write> ReportSlips<W> {
     }
 
     fn write(&mut self, ended: &Episode) -> io::Result<()> {
-        let Some(Extremes { kind, direction_rad, max_pitch, max_mm, gross }) = self.running.take() else { return Ok(()) };
+        let Some(Extremes { kind, direction_rad, max_pitch, max_mm, gross }) = self.running.take() else {
+            return Ok(());
+        };
         let line = Line {
             slip: ended.number,
             finger: &self.finger,
