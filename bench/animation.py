@@ -27,8 +27,8 @@ PAPER, INK, SOFT, GRID = "#ffffff", "#1c2127", "#56606b", "#e6e9ed"
 BLUE, ORANGE, GREEN, RED = "#0072b2", "#c75200", "#00835f", "#d0312d"
 CAMERA_PX = (16, 46, 360, 270)
 """Left, top, width and height of the camera's picture."""
-HEAD_PX = 46
-"""Of an overlay picture, above the camera's."""
+ABOVE_PX, BELOW_PX = 108, 42
+"""Of an overlay picture, what stands above and below the camera's."""
 CHART_PX = (440, 60, 340, 200)
 
 
@@ -78,7 +78,7 @@ def chart(draw: ImageDraw.ImageDraw, cycles: list[dict], now: int) -> None:
 
 def cap(draw: ImageDraw.ImageDraw, angle_rad: float) -> None:
     """The cap from above between two fingers, in a corner of the camera's picture."""
-    x, y, radius = 62, 268, 30
+    x, y, radius = 72, 268, 30
     draw.rounded_rectangle([x - 50, y - 38, x + 50, y + 38], 8, fill="#ffffff", outline=GRID)
     for side in (-1, 1):
         inner, outer = x + side * (radius + 1), x + side * 46
@@ -98,12 +98,14 @@ def cap(draw: ImageDraw.ImageDraw, angle_rad: float) -> None:
 def picture(overlay: Path, cycles: list[dict], now: int) -> Image.Image:
     """One frame of the animation."""
     cycle = cycles[now]
-    slips = cycle["hand"]["state"] in ("incipient", "gross")
+    # A slip that was seen since the last picture shows, however short it was.
+    lately = cycles[max(0, now - EVERY_FRAMES) : now + 1]
+    slips = any(c["hand"]["state"] in ("incipient", "gross") for c in lately)
     page = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), PAPER)
     whole = Image.open(overlay).convert("RGB")
     left, top, width, height = CAMERA_PX
     half = (whole.width - 4) // 2
-    seen = whole.crop((0, HEAD_PX, half, whole.height - 26)).resize((width, height), Image.Resampling.LANCZOS)
+    seen = whole.crop((0, ABOVE_PX, half, whole.height - BELOW_PX)).resize((width, height), Image.Resampling.LANCZOS)
     page.paste(seen, (left, top))
     draw = ImageDraw.Draw(page)
     angle_rad = (cycle["truth"] or {}).get("cap_angle_rad") or 0.0
@@ -118,8 +120,8 @@ def picture(overlay: Path, cycles: list[dict], now: int) -> Image.Image:
     draw.text((WIDTH_PX - 16, 24), told, fill=SOFT, font=font(16), anchor="rm")
     chart(draw, cycles, now)
     if cycle["phase"]["phase"] == "ended":
-        draw.rounded_rectangle([560, 200, 680, 236], 6, fill=GREEN)
-        draw.text((620, 218), "tight", fill=PAPER, font=font(20), anchor="mm")
+        draw.rounded_rectangle([470, 82, 570, 116], 6, fill=GREEN)
+        draw.text((520, 99), "tight", fill=PAPER, font=font(20), anchor="mm")
     return page
 
 
