@@ -5,6 +5,9 @@ use clap::Command;
 /// Widest line of help, columns.
 const WIDEST: usize = 110;
 
+/// Columns that every terminal has.
+const NARROW: usize = 80;
+
 /// Below every help text.
 const EXIT_CODES: &str = "Exit codes:
   0  done
@@ -163,13 +166,18 @@ fn below(mut command: Command, path: &str) -> Command {
     command.after_help(format!("{own}{}{EXIT_CODES}", examples.unwrap_or_default()))
 }
 
-/// Examples as lines, what they do beside them.
+/// Examples as lines, what they do beside them, or above them where that is too wide for a narrow terminal.
 fn shown(examples: &[(&str, &str)]) -> String {
-    let widest = examples.iter().filter(|(_, what)| !what.is_empty()).map(|(line, _)| line.len()).max().unwrap_or(0);
+    let widest = examples.iter().map(|(line, _)| line.len()).max().unwrap_or(0);
+    let is_beside =
+        examples.iter().all(|(_, what)| "  slipbound ".len() + widest + "  # ".len() + what.len() <= NARROW);
     let mut text = String::from("Examples:\n");
     for (line, what) in examples {
-        let comment = if what.is_empty() { String::new() } else { format!("{:1$}  # {what}", "", widest - line.len()) };
-        text += &format!("  slipbound {line}{comment}\n");
+        text += &match (what.is_empty(), is_beside) {
+            (true, _) => format!("  slipbound {line}\n"),
+            (false, true) => format!("  slipbound {line:<widest$}  # {what}\n"),
+            (false, false) => format!("  # {what}\n  slipbound {line}\n"),
+        };
     }
     text + "\n"
 }

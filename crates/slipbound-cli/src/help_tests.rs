@@ -47,6 +47,10 @@ fn every_help_fits_80_columns_and_has_examples_and_exit_codes() {
             for part in ["Examples:\n  slipbound ", "Exit codes:\n  0  done\n"] {
                 assert!(text.contains(part), "{path:?}: no {part:?} in\n{text}");
             }
+            let examples = EXAMPLES.iter().find(|(of, _)| *of == path).map_or(&[][..], |(_, examples)| examples);
+            for line in examples.iter().flat_map(|(line, _)| line.lines()) {
+                assert!(text.lines().any(|shown| shown.contains(line)), "{path:?}: {line} is wrapped in\n{text}");
+            }
             let wide = text.lines().find(|line| line.chars().count() > 80);
             assert_eq!(wide, None, "{path:?}");
         }

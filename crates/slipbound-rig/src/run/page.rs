@@ -34,7 +34,7 @@ const PICTURES_MOST: usize = 60;
 /// What the arrows of the pictures mean.
 const KEY: &str = "<p class=\"key\">Arrows on the left: <span class=\"measured\">yellow</span> measured, \
                    <span class=\"rigid\">red</span> as a rigid body would move. On the right: black the difference, \
-                   <span class=\"slipping\">purple</span> the markers that slip. A click enlarges a picture.</p>";
+                   <span class=\"slipping\">purple</span> the markers that slip.</p>";
 
 /// What a finger saw at a slip.
 #[derive(Debug)]
@@ -159,7 +159,7 @@ impl Page<'_> {
             return writeln!(f, "<section>\n<h2>Slips</h2>\n<p>None was seen.</p>\n</section>");
         }
         writeln!(f, "<section>\n<h2>What the fingers saw</h2>")?;
-        writeln!(f, "{KEY}")?;
+        writeln!(f, "{KEY}\n<p class=\"key\">A click enlarges a picture.</p>")?;
         if !before.is_empty() {
             writeln!(f, "<article>\n<h3>Before any slip</h3>")?;
             self.figures(f, 0)?;

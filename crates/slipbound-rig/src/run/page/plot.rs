@@ -49,7 +49,9 @@ impl Timeline {
     /// Writes a plot with its title and the names of its lines, wide and narrow.
     pub fn write(&self, f: &mut fmt::Formatter<'_>, panel: &Panel, number: usize, is_last: bool) -> fmt::Result {
         writeln!(f, "<figure class=\"plot\">\n<figcaption><b>{}</b>, {}", panel.title, panel.unit)?;
-        for line in &panel.lines {
+        // A line alone is what the title says, unless it has a name of its own.
+        let is_named = |line: &&Line| !line.name.is_empty();
+        for line in panel.lines.iter().filter(is_named) {
             let class = match line.stroke {
                 Stroke::Dashed => "dashed",
                 Stroke::Area => "area",
@@ -245,7 +247,8 @@ fn tooltips(
         write!(f, "<title>{}", time.words(time_ns))?;
         for line in &panel.lines {
             if let Some(value) = line.values[i] {
-                write!(f, "\n{}: {value:.*} {}", line.name, panel.decimals, panel.unit)?;
+                let name = if line.name.is_empty() { panel.title } else { line.name };
+                write!(f, "\n{name}: {value:.*} {}", panel.decimals, panel.unit)?;
             }
         }
         writeln!(f, "</title></rect>")?;

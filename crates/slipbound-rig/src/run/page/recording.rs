@@ -155,14 +155,14 @@ impl RecordingPage {
                 unit("mm", "marker pitches"),
                 190.0,
                 3,
-                vec![line("slip", "--c2", Area, &|r| r.motion.map(|_| pitch_mm.unwrap_or(1.0) * r.slip.max_pitch))],
+                vec![line("", "--c2", Area, &|r| r.motion.map(|_| pitch_mm.unwrap_or(1.0) * r.slip.max_pitch))],
             ),
             panel(
                 "Contact area",
                 unit("mm2", "square pitches"),
                 150.0,
                 1,
-                vec![line("area", "--c3", Area, &|r| Some(scale * scale * r.contact.area_px2))],
+                vec![line("", "--c3", Area, &|r| Some(scale * scale * r.contact.area_px2))],
             ),
             panel(
                 "Motion of the contact",
@@ -179,7 +179,7 @@ impl RecordingPage {
                 "deg",
                 150.0,
                 2,
-                vec![line("rotation", "--c1", Solid, &|r| r.motion.map(|motion| motion.rotation_rad.to_degrees()))],
+                vec![line("", "--c1", Solid, &|r| r.motion.map(|motion| motion.rotation_rad.to_degrees()))],
             ),
             Panel {
                 bounds: (-0.3, 1.0),
@@ -195,13 +195,7 @@ impl RecordingPage {
                     ],
                 )
             },
-            panel(
-                "Shear force",
-                "N",
-                150.0,
-                2,
-                vec![line("shear force", "--c1", Solid, &|r| value(r.estimates.shear_n))],
-            ),
+            panel("Shear force", "N", 150.0, 2, vec![line("", "--c1", Solid, &|r| value(r.estimates.shear_n))]),
         ];
         for panel in &mut panels {
             panel.lines.retain(|line| line.values.iter().any(Option::is_some));
