@@ -181,7 +181,3 @@ fn shown(examples: &[(&str, &str)]) -> String {
     }
     text + "\n"
 }
-
-#[cfg(test)]
-#[path = "help_tests.rs"]
-mod tests;

@@ -10,7 +10,7 @@ mod outcome;
 mod run_output;
 mod terminal;
 
-use clap::{CommandFactory, FromArgMatches};
+use clap::{Command, CommandFactory, FromArgMatches};
 use outcome::{Failure, Outcome};
 use std::borrow::Cow;
 use std::ffi::OsString;
@@ -40,8 +40,13 @@ pub fn run<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> u8 {
     }
 }
 
+/// Every command with its arguments and its help, as clap has it: what completions, manual pages and tests are made of.
+pub fn command() -> Command {
+    help::with_examples(args::Args::command())
+}
+
 fn parsed<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> Result<args::Args, clap::Error> {
-    let mut command = help::with_examples(args::Args::command());
+    let mut command = command();
     let mut matches = command.try_get_matches_from_mut(args)?;
     args::Args::from_arg_matches_mut(&mut matches).map_err(|e| e.format(&mut command))
 }
