@@ -21,7 +21,9 @@ pub mod trials;
 pub mod watch;
 
 use crate::args::{Args, Command};
+use crate::help;
 use crate::outcome::{Failure, Outcome};
+use clap::CommandFactory;
 
 /// Runs the command asked for.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -44,7 +46,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Gripper(gripper) => gripper.run(),
         Command::Latency(latency) => latency.run(),
         Command::Emulate(emulate) => emulate.run(),
-        Command::Completions(completions) => completions.run(crate::command()),
-        Command::Man(man) => man.run(crate::command()),
+        Command::Completions(completions) => completions.run(help::with_examples(Args::command())),
+        Command::Man(man) => man.run(help::with_examples(Args::command())),
     }
 }

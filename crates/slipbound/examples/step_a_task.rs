@@ -38,7 +38,11 @@ fn main() -> Result<(), SettingError> {
         let step = task.step(&Observation { now_ns, hand: &seen, gripper: &gripper, wrist: &wrist });
         if step.grip.force_n() != Some(force_n) {
             force_n = step.grip.force_n().unwrap_or(0.0);
-            println!("{:.2} s: hold with {force_n:.1} N per finger; wrist: {:?}", now_ns as f64 * 1e-9, step.wrist.motion);
+            println!(
+                "{:.2} s: hold with {force_n:.1} N per finger; wrist: {:?}",
+                now_ns as f64 * 1e-9,
+                step.wrist.motion
+            );
         }
         if let slipbound::port::WristMotion::Lower { rate_mm_per_s, .. } = step.wrist.motion {
             lowered_mm += rate_mm_per_s / 30.0;
