@@ -4,7 +4,7 @@
 
 Each page below has a folder of its own. Blocks fenced as ```sh are run in their order by `bash -e`, with the program on the PATH; what
 they print is shown when one fails. A block fenced as ```python runs before the next block of the page. Blocks fenced as ```console are
-commands of an installation: each line of theirs has to stand in .ci/run or in packaging/build.sh, which run it.
+commands of an installation: each line of theirs has to stand in one of the scripts RUN_BY, which run it.
 """
 
 import os
@@ -20,12 +20,13 @@ PAGES = [
     "index.md", "install.md", "tutorial.md", "outputs.md", "choosing-a-controller.md", "method.md", "accuracy.md",
     "troubleshooting.md", "faq.md",
 ]
+RUN_BY = [".ci/run", "packaging/build.sh", "packaging/try-deb.sh"]
 BLOCK = re.compile(r"^```(sh|python|console)\n(.*?)^```", re.M | re.S)
 
 
 def run(page: str, folder: str, path: str) -> list[str]:
     """What failed on a page."""
-    elsewhere = "".join((DOCS.parent / name).read_text() for name in [".ci/run", "packaging/build.sh"])
+    elsewhere = "".join((DOCS.parent / name).read_text() for name in RUN_BY)
     failed = []
     for kind, block in BLOCK.findall((DOCS / page).read_text()):
         if kind == "console":

@@ -90,7 +90,7 @@ const EXAMPLES: [(&str, &[(&str, &str)]); 28] = [
         &[
             ("calibrate photo.jpg -o finger.toml --pitch-mm 1.5", "a picture at rest"),
             ("calibrate rest.mcap -o finger.toml --polarity dark", "a recording"),
-            ("calibrate hang.mcap -o stiff.toml --sensor finger.toml --weight-g 200", ""),
+            ("calibrate hang.mcap -o stiff.toml --sensor soft.toml --weight-g 200", ""),
         ],
     ),
     (
