@@ -6,10 +6,10 @@ use std::{env, fs};
 
 fn main() {
     let here = env::var("CARGO_MANIFEST_DIR").expect("set by cargo");
-    let folder = Path::new(&here).join("../../sensors");
+    let folder = Path::new(&here).join("sensors");
     println!("cargo::rerun-if-changed={}", folder.display());
     let mut files: Vec<_> = fs::read_dir(&folder)
-        .expect("the repository has a folder sensors/")
+        .expect("a link to the folder sensors/ of the repository, or a copy in a package")
         .map(|entry| entry.expect("can be listed").path())
         .filter(|path| path.extension().is_some_and(|e| e == "toml"))
         .collect();
@@ -24,7 +24,8 @@ fn main() {
     fs::write(Path::new(&out).join("sensors.rs"), list).expect("the build folder can be written");
 
     // The schema of a report goes into every recording.
-    let schema = Path::new(&here).join("../../docs/report.schema.json");
+    let schema = Path::new(&here).join("report.schema.json");
     println!("cargo::rerun-if-changed={}", schema.display());
-    fs::copy(&schema, Path::new(&out).join("report.schema.json")).expect("the repository has docs/report.schema.json");
+    fs::copy(&schema, Path::new(&out).join("report.schema.json"))
+        .expect("a link to docs/report.schema.json, or a copy in a package");
 }

@@ -7,8 +7,9 @@ what is refused, or fails, by `ERR X code` (with VERBOSE=1 a text follows).
 from __future__ import annotations
 
 import re
-import socket
 import time
+
+from tcp_link import TcpLink
 
 NOT_INITIALIZED, ALREADY_RUNNING, NO_PARAM_EXPECTED, NOT_ENOUGH_PARAMS = 3, 4, 12, 13
 UNKNOWN_COMMAND, FORMAT, ACCESS_DENIED = 14, 15, 16
@@ -45,13 +46,8 @@ class Refused(Exception):
         self.is_named = bool(names)
 
 
-class Gcl:
+class Gcl(TcpLink):
     """A connection to the gripper."""
-
-    def __init__(self, host: str, port: int) -> None:
-        self.socket = socket.create_connection((host, port), timeout=5.0)
-        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.pending = b""
 
     def send(self, line: str) -> None:
         self.socket.sendall(line.encode("ascii") + b"\n")
@@ -60,17 +56,7 @@ class Gcl:
         """The next line, without its end."""
         end = time.monotonic() + timeout_s
         while b"\n" not in self.pending:
-            left = end - time.monotonic()
-            if left <= 0.0:
-                raise TimeoutError(f"no answer for {timeout_s} s, {self.pending!r} came")
-            self.socket.settimeout(left)
-            try:
-                data = self.socket.recv(4096)
-            except TimeoutError:
-                continue
-            if not data:
-                raise ConnectionError("the gripper closed the connection")
-            self.pending += data
+            self.more(end, timeout_s)
         line, self.pending = self.pending.split(b"\n", 1)
         return line.decode("ascii").strip()
 
@@ -116,6 +102,3 @@ class Gcl:
                     raise AssertionError(f"{command} was answered by {line!r}, not refused")
         except Refused as refused:
             return refused
-
-    def close(self) -> None:
-        self.socket.close()

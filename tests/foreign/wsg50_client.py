@@ -9,10 +9,11 @@ A reply's payload starts with a status of 2 bytes. A motion is answered twice: a
 
 from __future__ import annotations
 
-import socket
 import struct
 import time
 from dataclasses import dataclass
+
+from tcp_link import TcpLink
 
 PREAMBLE = b"\xaa\xaa\xaa"
 
@@ -79,13 +80,8 @@ class Reply:
         return struct.unpack("<I", self.payload)[0]
 
 
-class Wsg50:
+class Wsg50(TcpLink):
     """A connection to the gripper."""
-
-    def __init__(self, host: str, port: int) -> None:
-        self.socket = socket.create_connection((host, port), timeout=5.0)
-        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.pending = b""
 
     def send(self, command: int, payload: bytes = b"") -> None:
         self.socket.sendall(frame(command, payload))
@@ -101,17 +97,7 @@ class Wsg50:
                     if whole[:3] != PREAMBLE or crc(whole) != 0:
                         raise ValueError(f"no frame: {whole.hex(' ')}")
                     return Reply(whole[3], struct.unpack("<H", whole[6:8])[0], whole[8:-2])
-            left = end - time.monotonic()
-            if left <= 0.0:
-                raise TimeoutError(f"no answer for {timeout_s} s, {self.pending.hex(' ') or 'no byte'} came")
-            self.socket.settimeout(left)
-            try:
-                data = self.socket.recv(4096)
-            except TimeoutError:
-                continue
-            if not data:
-                raise ConnectionError("the gripper closed the connection")
-            self.pending += data
+            self.more(end, timeout_s)
 
     def answer(self, command: int, timeout_s: float = 2.0) -> Reply:
         """The next frame that belongs to a command; others are passed over."""
@@ -170,6 +156,3 @@ class Wsg50:
         status = self.ask(DISCONNECT).status
         self.socket.close()
         return status
-
-    def close(self) -> None:
-        self.socket.close()

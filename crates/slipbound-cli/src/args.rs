@@ -19,16 +19,9 @@ use crate::commands::trials::Trials;
 use crate::commands::watch::Watch;
 use clap::{Parser, Subcommand};
 
-/// Below every help text.
-const EXIT_CODES: &str = "Exit codes:
-  0  done
-  1  failed on the way, or interrupted; a report so far written is kept
-  2  what was asked for cannot be: arguments, sensor or settings file, nothing to read
-  3  finished, but frames were torn or something could not be written";
-
 /// Says from the pictures of a camera inside a soft fingertip whether what it holds begins to slip.
 #[derive(Debug, Parser)]
-#[command(name = "slipbound", version = env!("SLIPBOUND_VERSION"), max_term_width = 110, after_help = EXIT_CODES)]
+#[command(name = "slipbound", version = env!("SLIPBOUND_VERSION"))]
 pub struct Args {
     /// What to do.
     #[command(subcommand)]
@@ -39,34 +32,26 @@ pub struct Args {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Let a simulated hand screw a cap onto a bottle, or do another task of the paper
-    #[command(after_help = EXIT_CODES)]
     Demo(Box<Demo>),
     /// Judge every frame of a recording or a simulated scene
-    #[command(after_help = EXIT_CODES)]
     Watch(Watch),
     /// List the cameras and serial lines of this computer, and the grippers that are known
     Devices(Devices),
     /// Check a camera, its finger and a gripper; what is bad comes with what to do
-    #[command(after_help = EXIT_CODES)]
     Doctor(Doctor),
     /// Record what cameras give, as it comes
-    #[command(after_help = EXIT_CODES)]
     Record(Record),
     /// Turn the folder of a run into one MCAP file, or such a file into a folder
-    #[command(after_help = EXIT_CODES)]
     Convert(Convert),
     /// Run a recorded demo again from its frames and compare every command
     Replay(Replay),
     /// Run tasks in simulation over friction, seeds and controllers, and print the table
     Trials(Trials),
     /// Judge many simulated trials with ours and with rival detectors, and write records, tables and a page
-    #[command(after_help = EXIT_CODES)]
     Eval(Eval),
     /// Make every figure and table of the paper from our own frames, on one page
-    #[command(after_help = EXIT_CODES)]
     Paper(Paper),
     /// Make the sensor file of an unknown finger from a picture of it at rest
-    #[command(after_help = EXIT_CODES)]
     Calibrate(Calibrate),
     /// List the built-in fingers, or show the file of one
     Sensors {
@@ -81,13 +66,13 @@ pub enum Command {
         name: Option<String>,
     },
     /// Hold something with a real gripper, harder whenever it begins to slip
-    #[command(after_help = EXIT_CODES)]
     Hold(Hold),
     /// Do a task of the paper with a real gripper and wrist
-    #[command(after_help = EXIT_CODES)]
+    #[command(
+        override_usage = "slipbound run [OPTIONS] --gripper <ADDRESS> --wrist <ADDRESS>\n                     <TASK> <SOURCE>..."
+    )]
     Run(Run),
     /// Try a gripper by hand
-    #[command(after_help = EXIT_CODES)]
     Gripper(Gripper),
     /// Be a gripper that is not there, to try a driver without hardware
     Emulate(Emulate),

@@ -22,6 +22,7 @@ pub mod trials;
 pub mod watch;
 
 use crate::args::{Args, Command};
+use crate::help;
 use crate::outcome::{Failure, Outcome};
 use clap::CommandFactory;
 
@@ -47,7 +48,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Gripper(gripper) => gripper.run(),
         Command::Latency(latency) => latency.run(),
         Command::Emulate(emulate) => emulate.run(),
-        Command::Completions(completions) => completions.run(Args::command()),
-        Command::Man(man) => man.run(Args::command()),
+        Command::Completions(completions) => completions.run(help::with_examples(Args::command())),
+        Command::Man(man) => man.run(help::with_examples(Args::command())),
     }
 }

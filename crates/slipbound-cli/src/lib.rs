@@ -3,13 +3,14 @@
 mod args;
 mod commands;
 mod emulated;
+mod help;
 mod interruption;
 mod loopback;
 mod outcome;
 mod run_output;
 mod terminal;
 
-use clap::Parser;
+use clap::{Command, CommandFactory, FromArgMatches};
 use outcome::{Failure, Outcome};
 use std::borrow::Cow;
 use std::ffi::OsString;
@@ -19,7 +20,7 @@ use std::io::{self, Write};
 /// on the way, 2 bad arguments, 3 finished, but frames were torn or something could
 /// not be written. Help and usage errors are printed like everything else.
 pub fn run<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> u8 {
-    let args = match args::Args::try_parse_from(args) {
+    let args = match parsed(args) {
         Ok(args) => args,
         Err(help) => {
             // Our own help has colours; a complaint quotes what was given.
@@ -37,4 +38,15 @@ pub fn run<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> u8 {
         Err(Failure::Work(e)) => terminal::complain(&e, 1),
         Err(Failure::Arguments(e)) => terminal::complain(&e, 2),
     }
+}
+
+/// Every command with its arguments and its help, as clap has it: what completions, manual pages and tests are made of.
+pub fn command() -> Command {
+    help::with_examples(args::Args::command())
+}
+
+fn parsed<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> Result<args::Args, clap::Error> {
+    let mut command = command();
+    let mut matches = command.try_get_matches_from_mut(args)?;
+    args::Args::from_arg_matches_mut(&mut matches).map_err(|e| e.format(&mut command))
 }

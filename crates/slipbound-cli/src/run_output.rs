@@ -194,11 +194,11 @@ impl Console {
         let force_n = cycle.gripper.pressed_n().unwrap_or(0.0);
         let mut lines = Vec::new();
         if before.map_or(0, |last| last.slips_count) < cycle.slips_count {
-            lines.push(format!("{at}  slip {} at {force_n:.0} N", cycle.slips_count));
+            lines.push(format!("{at}  slip {} at {force_n:.1} N", cycle.slips_count));
         }
         let commanded_n = before.and_then(|last| last.grip_command.force_n()).zip(cycle.grip_command.force_n());
         if let Some((_, to_n)) = commanded_n.filter(|(from_n, to_n)| (from_n - to_n).abs() >= SHOWN_STEP_N) {
-            lines.push(format!("{at}  grip to {to_n:.0} N"));
+            lines.push(format!("{at}  grip to {to_n:.1} N"));
         }
         if let Phase::Ended(ending) = cycle.phase
             && before.is_none_or(|last| last.phase != cycle.phase)

@@ -116,3 +116,70 @@ fn pages_scripts_scenes_and_fingers_are_shown() {
     let done = slipbound(folder.path(), &["sensors", "own.toml"]);
     assert!(done.status.success() && told(&done).contains("pitch_px"), "{}", told(&done));
 }
+
+#[test]
+fn several_recordings_are_rows_of_a_table_with_files_of_their_own() {
+    let folder = clip();
+    let written =
+        ["--csv", "t.csv", "--slips", "s.jsonl", "--report", "p.html", "--overlay", "seen", "--json", "r.jsonl"];
+    let words = [&["watch", "clip", "nowhere.avi", "clip"][..], &written].concat();
+    let done = slipbound(folder.path(), &words);
+    // One that is not there keeps no other from being judged.
+    assert_eq!(done.status.code(), Some(1), "{}", told(&done));
+    let said = told(&done);
+    let rows: Vec<&str> = said.lines().filter(|line| line.starts_with("clip")).collect();
+    assert!(rows.len() == 2 && rows[1].starts_with("clip-2 "), "{said}");
+    assert!(said.contains("nowhere  failed") && said.contains("1 of 3 recordings"), "{said}");
+    for name in
+        ["t-clip.csv", "t-clip-2.csv", "s-clip.jsonl", "p-clip.html", "r-clip-2.jsonl", "seen/clip-2/000001.png"]
+    {
+        assert!(folder.path().join(name).is_file(), "{name}: {said}");
+    }
+    let [first, second] =
+        ["t-clip.csv", "t-clip-2.csv"].map(|name| fs::read(folder.path().join(name)).expect("a table"));
+    assert_eq!(first, second, "each begins anew");
+    let done = slipbound(folder.path(), &["watch", "clip", "http://127.0.0.1:1/x"]);
+    assert_eq!(done.status.code(), Some(2), "{}", told(&done));
+}
+
+#[test]
+fn the_page_of_a_recording_tells_what_the_terminal_and_the_slips_tell() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = "sim:twist?grid=fast&angle_deg=30&speed_deg_per_s=60&rest_frames=3";
+    let words = ["watch", scene, "--report", "page.html", "--slips", "slips.jsonl", "--csv", "t.csv"];
+    let done = slipbound(folder.path(), &words);
+    assert!(done.status.success(), "{}", told(&done));
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).expect("written");
+    let (page, slips, said) = (read("page.html"), read("slips.jsonl"), told(&done));
+    let begins: Vec<&str> = said.lines().filter(|line| line.contains(" begins")).collect();
+    assert!(!begins.is_empty() && slips.lines().count() == begins.len(), "{said}{slips}");
+    for (begins, slip) in begins.iter().zip(slips.lines()) {
+        let slip: serde_json::Value = serde_json::from_str(slip).expect("JSON");
+        assert!(page.contains(&format!("</span> {begins}</h3>")), "{begins}");
+        assert!(begins.contains(&format!("frame {} ", slip["first_seq"])), "{begins}: {slip}");
+    }
+    let count = read("t.csv").lines().filter(|row| row.contains(",incipient,") || row.contains(",gross,")).count();
+    let frames: u64 = slips
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).expect("JSON"))
+        .map(|slip| slip["frames_count"].as_u64().expect("a number"))
+        .sum();
+    assert_eq!(frames, count as u64);
+    // Ours may be written again, another's not.
+    assert!(slipbound(folder.path(), &words).status.success());
+    fs::write(folder.path().join("page.html"), "<html>mine</html>").expect("written");
+    assert_eq!(slipbound(folder.path(), &words).status.code(), Some(2));
+}
+
+#[test]
+fn a_picture_that_stands_upright_is_asked_about() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut jpeg = Vec::new();
+    let encoder = jpeg_encoder::Encoder::new(&mut jpeg, 80);
+    encoder.encode(&[128; 320 * 427], 320, 427, jpeg_encoder::ColorType::Luma).expect("encodes");
+    fs::write(folder.path().join("a.jpg"), jpeg).expect("written");
+    for args in [&["watch", "a.jpg"][..], &["watch", "a.jpg", "--sensor", "gelslim"]] {
+        let done = slipbound(folder.path(), args);
+        assert!(done.status.code() == Some(2) && told(&done).contains("turned by 90 degrees?"), "{}", told(&done));
+    }
+}

@@ -27,7 +27,7 @@ impl CycleObserver for Printer {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scene = HandScene::parse("lift?seed=1&fingers=1&mu=0.6")?;
-    let mut settings = TaskSettings { controller: ControllerKind::OnSlip, ..TaskSettings::default() };
+    let mut settings = TaskSettings::default().with_controller(ControllerKind::OnSlip);
     settings.lift.hold_ns = 4_000_000_000;
     let mut run = LockStep::new(&scene, &settings, &Settings::default(), None)?;
     run.run(&|| false, &mut Printer::default())?;

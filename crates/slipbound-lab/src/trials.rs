@@ -117,7 +117,7 @@ pub fn run(
                 while !stop() {
                     let job = next.fetch_add(1, Ordering::Relaxed);
                     let Some(&(c, s)) = jobs.get(job) else { return };
-                    let settings = TaskSettings { controller: cells[c].controller, ..*settings };
+                    let settings = settings.with_controller(cells[c].controller);
                     let result = score(&cells[c].scenes[s], &settings, stop);
                     results.lock().unwrap_or_else(PoisonError::into_inner)[job] = Some(result);
                     progress();

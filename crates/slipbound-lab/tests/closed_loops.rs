@@ -47,7 +47,7 @@ fn line(task: TaskKind, controller: ControllerKind, fault: &str) -> String {
     // Two seconds show what a fault does to the grip. A task needs its time to end without one, and a lift with one, too.
     let longest_s = if fault == "none" || task == TaskKind::Lift { 9 } else { 5 };
     let scene = HandScene::parse(&format!("{task}?seed=1&fingers=1&longest_s={longest_s}")).expect("a scene");
-    let mut settings = TaskSettings { controller, ..TaskSettings::default() };
+    let mut settings = TaskSettings::default().with_controller(controller);
     settings.lift.hold_ns = 5_000_000_000;
     settings.place.rate_mm_per_s = 6.0;
     let camera_fault = (fault != "none").then(|| fault.parse().expect("a fault"));

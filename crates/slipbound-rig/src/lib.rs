@@ -55,6 +55,7 @@ pub mod overlay;
 pub mod realtime;
 pub mod report_csv;
 pub mod report_json;
+pub mod report_slips;
 pub mod report_summary;
 pub mod run;
 pub mod sheet;

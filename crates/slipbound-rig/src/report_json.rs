@@ -380,7 +380,7 @@ mod tests {
     }
 
     fn schema() -> jsonschema::Validator {
-        let text = include_str!("../../../docs/report.schema.json");
+        let text = include_str!("../report.schema.json");
         jsonschema::validator_for(&serde_json::from_str(text).expect("JSON")).expect("a schema")
     }
 

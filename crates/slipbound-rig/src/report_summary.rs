@@ -100,6 +100,16 @@ impl ReportSummary {
         self.states.iter().map(|(_, count)| count).sum()
     }
 
+    /// Slips seen.
+    pub fn slips_count(&self) -> u64 {
+        self.slips_count
+    }
+
+    /// Frames in this state.
+    pub fn count(&self, state: SlipState) -> u64 {
+        self.states.iter().find(|(of, _)| *of == state).map_or(0, |(_, count)| *count)
+    }
+
     /// Frames that did not arrive whole.
     pub fn torn_count(&self) -> u64 {
         self.torn_count
@@ -119,8 +129,13 @@ pub fn frame_name(frame: &FrameBuffer) -> String {
     }
 }
 
+/// The time of a frame, or its number where it has none.
+pub fn when(seq: u64, time_ns: Option<u64>) -> String {
+    time_ns.map_or_else(|| format!("frame {seq}"), |ns| format!("{:.2} s", ns as f64 / 1e9))
+}
+
 fn at(time_ns: Option<u64>) -> String {
-    time_ns.map_or_else(String::new, |ns| format!(" ({:.3} s)", ns as f64 / 1e9))
+    time_ns.map_or_else(String::new, |ns| format!(" ({:.2} s)", ns as f64 / 1e9))
 }
 
 fn counted(count: u64, what: &str) -> String {
@@ -128,7 +143,7 @@ fn counted(count: u64, what: &str) -> String {
 }
 
 /// A state's name as the report has it, in words.
-fn state_name(state: SlipState) -> &'static str {
+pub(crate) fn state_name(state: SlipState) -> &'static str {
     match state {
         SlipState::NoContact => "no contact",
         SlipState::Unsure => "unsure",
@@ -149,7 +164,7 @@ mod tests {
         let kind = Some(SlipKind::Both);
         let begins =
             SlipEvent::Begins { slip: 1, seq: 7, time_ns: Some(280_000_000), kind, direction_rad: Some(1.571) };
-        let line = "frame 7 (0.280 s): slip 1 begins, translation and rotation, towards 90 deg";
+        let line = "frame 7 (0.28 s): slip 1 begins, translation and rotation, towards 90 deg";
         assert_eq!(summary.event(&begins), line);
         let ends = SlipEvent::Ends { slip: 1, seq: 9, time_ns: None, frames_count: 1 };
         assert_eq!(summary.event(&ends), "frame 9: slip 1 ends; 1 frame showed it");

@@ -39,5 +39,6 @@ pub use folder::{RunFolder, free_folder, read};
 pub use frames::{FrameRecorder, RecordedSource};
 pub use info::{FORMAT_VERSION, FingerInfo, Row, RunInfo};
 pub use notes::{CameraLimits, RunNotes};
+pub use page::recording::RecordingPage;
 pub use recorder::RunRecorder;
 pub use replay::{Replay, ReplayError, Replayed};

@@ -5,6 +5,8 @@
 //! | report | its first line begins with `{"format":"slipbound-report"` |
 //! | timings | its first line begins with `{"seq":` and names a time in microseconds |
 //! | table | its first line begins with `finger,frame,seq,time_ns,state,reason,contact_area_px2` |
+//! | slips | its first line begins with `{"slip":` |
+//! | page | `<meta name="generator" content="slipbound"/>` |
 //! | overlay video | `slipbound` in the reserved words of its AVI header |
 //! | overlay picture | the PNG text `Software: slipbound` |
 
@@ -30,7 +32,9 @@ fn has_our_start(start: &[u8]) -> bool {
     let is_timings = first_line.starts_with(b"{\"seq\":") && first_line.windows(5).any(|part| part == b"_us\":");
     let is_picture = start.starts_with(b"\x89PNG") && holds(b"tEXtSoftware\0slipbound");
     let is_table = start.starts_with(b"finger,frame,seq,time_ns,state,reason,contact_area_px2");
-    is_report || is_table || is_timings || is_picture || avi_writer::is_ours(start)
+    let is_slips = start.starts_with(b"{\"slip\":");
+    let is_page = start.starts_with(b"<!DOCTYPE html>") && holds(b"<meta name=\"generator\" content=\"slipbound\"/>");
+    is_report || is_table || is_slips || is_page || is_timings || is_picture || avi_writer::is_ours(start)
 }
 
 #[cfg(test)]
@@ -43,6 +47,9 @@ mod tests {
             (&b"{\"format\":\"slipbound-report\",\"format_version\":1"[..], true),
             (b"{\"seq\":0,\"imprint_us\":12.0,\"all_us\":13.0}\n", true),
             (b"finger,frame,seq,time_ns,state,reason,contact_area_px2,contact_area_mm2\n", true),
+            (b"{\"slip\":1,\"finger\":\"left\"}\n", true),
+            (b"<!DOCTYPE html>\n<html><meta name=\"generator\" content=\"slipbound\"/>", true),
+            (b"<!DOCTYPE html>\n<html>", false),
             (b"finger,frame,note\n", false),
             (b"{\"seq\":0}\n{\"x_us\":1}", false),
             (b"{\"format\":\"other\"}", false),

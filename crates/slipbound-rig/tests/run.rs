@@ -196,9 +196,15 @@ fn parsed(html: &str) -> Document<'_> {
     Document::parse_with_options(html, options).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Numbers of the slips that are marked, of each plot with axes.
+/// Numbers of the slips that are marked, of each plot with axes; the same in those for wide and for narrow windows.
 fn marked(document: &Document<'_>) -> Vec<Vec<u32>> {
-    let plots = document.descendants().filter(|n| n.has_tag_name("svg"));
+    let [wide, narrow] = ["wide", "narrow"].map(|class| marked_in(document, class));
+    assert_eq!(wide, narrow);
+    wide
+}
+
+fn marked_in(document: &Document<'_>, class: &str) -> Vec<Vec<u32>> {
+    let plots = document.descendants().filter(|n| n.has_tag_name("svg") && n.attribute("class") == Some(class));
     let marks = |n: roxmltree::Node<'_, '_>| {
         n.descendants().filter_map(|n| n.attribute("data-slip")).filter_map(|n| n.parse().ok()).collect()
     };
@@ -252,8 +258,14 @@ fn every_slip_of_the_events_is_marked_in_every_plot_and_has_a_card() {
 fn a_mark_stands_where_the_axis_says_its_time_is() {
     let (_folder, html) = page(&screw::info(), &screw::cycles());
     let document = parsed(&html);
+    // After the phases.
+    for plot in document.descendants().filter(|n| n.has_tag_name("svg")).skip(2).take(2) {
+        a_mark_stands_right(plot);
+    }
+}
+
+fn a_mark_stands_right(plot: roxmltree::Node<'_, '_>) {
     let number = |n: roxmltree::Node<'_, '_>, name| n.attribute(name).and_then(|x| x.parse::<f64>().ok());
-    let plot = document.descendants().filter(|n| n.has_tag_name("svg")).nth(1).expect("a plot");
     // Labels of the time axis stand lowest of all texts that are numbers and not those of marks.
     let texts = plot.descendants().filter(|n| n.has_tag_name("text") && n.attribute("text-anchor") == Some("middle"));
     let labels: Vec<(f64, f64)> =

@@ -9,6 +9,26 @@
 //!
 //! Newtons are normal force per finger. A controller never fails: whatever it is shown, it answers with a force in
 //! its range, and a hand that sees nothing is held as it is.
+//!
+//! ```
+//! use slipbound::grip::{ArmMotion, GripController, GripLimits, Law, OnSlipSettings};
+//! use slipbound::hand::{Hand, Mounting, Side};
+//! use slipbound::monitor::SlipState;
+//! use slipbound::port::{GripperState, Jaws};
+//!
+//! let limits = GripLimits::default().with_forces_n(8.0, 5.0, 40.0);
+//! let mut controller = Law::OnSlip(OnSlipSettings::default().with_step_n(6.0)).controller(&limits)?;
+//!
+//! let (time_ns, target_n, opening_mm) = (0, Some(8.0), Some(28.0));
+//! let gripper =
+//!     GripperState { time_ns, force_n: Some(8.0), force_error_n: None, target_n, opening_mm, jaws: Jaws::Holding };
+//! let mut hand = Hand::new(&[Mounting::on(Side::Left)])?.report(0); // of your fingers: `hand::Hand`
+//! (hand.state, hand.live_count) = (SlipState::Incipient, 1);
+//!
+//! let decision = controller.decide(0, &hand, &gripper);
+//! assert_eq!((decision.force_n, decision.arm), (14.0, ArmMotion::Pause)); // 6 N more, and the arm waits
+//! # Ok::<(), slipbound::setting::SettingError>(())
+//! ```
 
 mod constant;
 mod controller;

@@ -193,6 +193,27 @@ impl HandReport {
 
 /// Fuses fingers. For each cycle give every finger's report with [`Hand::see`] or say [`Hand::missed`], then ask for
 /// the [`Hand::report`].
+///
+/// ```
+/// use slipbound::hand::{Hand, Health, Mounting, Side};
+/// use slipbound::monitor::{SlipReport, SlipState};
+///
+/// /// A cycle of the loop: the newest report of each finger, None where no frame came.
+/// fn cycle(hand: &mut Hand, now_ns: u64, reports: &[Option<SlipReport>]) -> SlipState {
+///     for (finger, report) in reports.iter().enumerate() {
+///         match report {
+///             Some(report) => hand.see(finger, report),
+///             None => hand.missed(finger),
+///         }
+///     }
+///     hand.report(now_ns).state
+/// }
+///
+/// let mut hand = Hand::new(&[Mounting::on(Side::Left), Mounting::on(Side::Right)])?;
+/// assert_eq!(cycle(&mut hand, 0, &[None, None]), SlipState::Unjudged); // a hand that sees nothing says so
+/// assert_eq!(hand.report(33_333_333).health[..2], [Health::Blind; 2]);
+/// # Ok::<(), slipbound::setting::SettingError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Hand {
     fingers: Vec<Finger>,

@@ -49,7 +49,7 @@ fn one_slip_seen_in_several_frames_is_one_alarm() {
 
 #[test]
 fn the_decreasing_law_loosens_down_to_the_least() {
-    let settings = OnSlipSettings { step_n: -2.0, ..OnSlipSettings::default() };
+    let settings = OnSlipSettings::default().with_step_n(-2.0);
     let mut hands = Vec::new();
     for _ in 0..5 {
         hands.push(hand(SlipState::Incipient));
@@ -65,9 +65,9 @@ fn a_blind_hand_keeps_its_force_and_the_arm_waits_after_three_frames() {
     for (law, blind_force_n) in [
         (Law::Constant, None),
         (Law::OnSlip(OnSlipSettings::default()), None),
-        (Law::Margin(MarginSettings { stiffness_mpa_per_mm: 0.05, ..MarginSettings::default() }), Some(30.0)),
+        (Law::Margin(MarginSettings::default().with_stiffness_mpa_per_mm(0.05)), Some(30.0)),
     ] {
-        let limits = GripLimits { blind_force_n, ..GripLimits::default() };
+        let limits = GripLimits::default().with_blind_force_n(blind_force_n);
         let mut hands = vec![hand(SlipState::Stick); 3];
         hands.extend([hand(SlipState::Unjudged); 6]);
         let told = commands(law, limits, &hands);
@@ -115,7 +115,7 @@ fn a_controller_that_asks_for_what_cannot_be_never_lets_go() {
 
 #[test]
 fn a_margin_follows_the_load_at_once_and_lets_go_slowly() {
-    let settings = MarginSettings { stiffness_mpa_per_mm: 0.05, ..MarginSettings::default() };
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
     // A load that would make the object slide at 13 N, then at 26 N, then at 2.6 N: the margin that is left at 65 %.
     let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
     let mut force_n = 10.0;
@@ -138,7 +138,7 @@ fn a_margin_follows_the_load_at_once_and_lets_go_slowly() {
 
 #[test]
 fn a_loaded_contact_that_cannot_be_judged_is_gripped_harder_within_bounds_and_one_that_nobody_sees_is_not() {
-    let settings = MarginSettings { stiffness_mpa_per_mm: 0.05, ..MarginSettings::default() };
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
     let forces = |margin: f64, then: SlipState| {
         let known = HandReport { margin: Some(margin), ..hand(SlipState::Stick) };
         let hands: Vec<HandReport> = (0..10).map(|_| known).chain((0..60).map(|_| hand(then))).collect();
@@ -155,7 +155,7 @@ fn a_loaded_contact_that_cannot_be_judged_is_gripped_harder_within_bounds_and_on
 
 #[test]
 fn a_margin_without_a_known_gel_is_refused_and_says_what_to_do() {
-    let settings = TaskSettings { controller: ControllerKind::Margin, ..TaskSettings::default() };
+    let settings = TaskSettings::default().with_controller(ControllerKind::Margin);
     let error = settings.task(TaskKind::Screw, None).err().expect("refused");
     assert_eq!(error.key, "margin.stiffness_mpa_per_mm");
     assert!(error.to_string().contains("calibrate"), "{error}");
@@ -216,7 +216,7 @@ mod guarded {
             blind_force_n in proptest::option::of(5.0..60.0f64),
         ) {
             let wanted: Vec<f64> = cycles.iter().map(|cycle| cycle.0).collect();
-            let limits = GripLimits { blind_force_n, ..GripLimits::default() };
+            let limits = GripLimits::default().with_blind_force_n(blind_force_n);
             let mut guard = Guard::new(Box::new(Mad(wanted.into_iter())), limits);
             let (mut now_ns, mut before_n, mut blind_ms) = (0, limits.start_n, 0);
             for (i, (wanted_n, state, jaws, wait_ms, by_task)) in cycles.into_iter().enumerate() {

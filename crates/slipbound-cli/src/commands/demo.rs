@@ -140,7 +140,10 @@ impl Demo {
         let rows = results::rows(&scene, &settings, &score);
         let outcome = output.finish(&rows, score.ending, |page| {
             let times = seconds / took_s;
-            format!("simulated {seconds:.1} s in {took_s:.1} s ({times:.1} times real time); report: {page}")
+            let after = score.ended_s.map_or_else(String::new, |ended_s| {
+                format!(", the last {:.2} s of them after it had ended,", (seconds - ended_s).max(0.0))
+            });
+            format!("simulated {seconds:.2} s{after} in {took_s:.2} s ({times:.1} times real time); report: {page}")
         })?;
         ran.map_err(Failure::Work)?;
         match score.ending {

@@ -243,7 +243,7 @@ impl Hardware {
         let rows = [
             row("ended", ending.map_or("not before the end of the source".into(), |ending| format!("{ending:?}"))),
             row("alarms", score.alarms_count.to_string()),
-            row("largest grip", format!("{:.0} N", score.most_n)),
+            row("largest grip", format!("{:.1} N", score.most_n)),
             row("grip at the end", held_n.map_or("unknown".into(), |n| format!("{n:.1} N per finger"))),
         ];
         let outcome = output.finish(&rows, ending, |page| format!("report: {page}"))?;

@@ -8,6 +8,7 @@ mod args;
 mod outputs;
 mod overwriting;
 mod rest;
+mod several;
 mod silence;
 
 pub use args::{Watch, live_count};
@@ -20,16 +21,17 @@ use anyhow::anyhow;
 use args::RestArgument;
 use outputs::Outputs;
 use silence::Silence;
-use slipbound::events::SlipEvents;
+use slipbound::events::{SlipEvent, SlipEvents};
 use slipbound::image::SizePx;
 use slipbound::monitor::{Settings, SlipMonitor};
 use slipbound::port::{FrameBuffer, FrameSource, Next};
 use slipbound::sensor::Sensor;
 use slipbound_rig::container::Recorder;
 use slipbound_rig::link::now_ns;
-use slipbound_rig::report_summary::{ReportSummary, torn};
+use slipbound_rig::report_summary::{ReportSummary, torn, when};
 use slipbound_rig::{config, sensors};
-use std::sync::atomic::Ordering;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// An overlay video of a recording without times is played at this rate.
 const OVERLAY_RATE_HZ: u32 = 10;
@@ -46,9 +48,58 @@ fn finish(recorder: Recorder, terminal: &Terminal) -> Result<bool, Failure> {
     Ok(written.lost_count == 0)
 }
 
+/// A recording that was judged to its end.
+struct Ended {
+    outcome: Outcome,
+    summary: ReportSummary,
+    /// When the first slip began: its time, or its frame where there is none.
+    first_slip: Option<String>,
+}
+
+/// One of several recordings, of which the terminal shows a row alone.
+struct Quiet {
+    interrupted: Arc<AtomicBool>,
+}
+
+/// What is told of a recording as it is judged.
+struct Told<'a> {
+    terminal: Terminal,
+    summary: ReportSummary,
+    first_slip: Option<String>,
+    quiet: Option<&'a Quiet>,
+}
+
+impl Told<'_> {
+    fn event(
+        &mut self,
+        event: &SlipEvent,
+        outputs: &mut Outputs,
+        frame: &FrameBuffer,
+        monitor: &SlipMonitor,
+    ) -> Result<(), Failure> {
+        let words = self.summary.event(event);
+        if let SlipEvent::Begins { seq, time_ns, .. } = event {
+            self.first_slip.get_or_insert_with(|| when(*seq, *time_ns));
+        }
+        outputs.event(event, &words, frame, monitor);
+        if self.quiet.is_some() { Ok(()) } else { self.terminal.say(&words) }
+    }
+}
+
 impl Watch {
-    /// Judges the recording from its first frame to its last.
+    /// Judges the recording, or every one of several.
     pub fn run(&self) -> Result<Outcome, Failure> {
+        match self.sources.as_slice() {
+            [source] => {
+                let one = Watch { source: source.clone(), ..self.clone() };
+                one.judge_all(None).map(|ended| ended.outcome)
+            }
+            _ => self.run_several(),
+        }
+    }
+
+    /// Judges the recording from its first frame to its last.
+    fn judge_all(&self, quiet: Option<&Quiet>) -> Result<Ended, Failure> {
         let mut settings = match &self.settings {
             Some(file) => config::load_settings(file).map_err(Failure::arguments)?,
             None => Settings::default(),
@@ -63,7 +114,7 @@ impl Watch {
         let recorder = self.record.as_deref().map(|path| Recorder::create(path, &fingers, true));
         let recorder = recorder.transpose().map_err(Failure::arguments)?;
         let (mut recording, camera) = recording::open_watched(&self.source, recorder.as_ref())?;
-        let mut terminal = Terminal::with_bar(recording.frames_count(), self.json_on_stdout());
+        let terminal = Terminal::with_bar(recording.frames_count(), self.json_on_stdout());
 
         if let Some(camera) = &camera {
             let facts: Vec<String> = camera.facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
@@ -86,20 +137,21 @@ impl Watch {
         }
         let mut outputs = Outputs::open(self, origin, &monitor, recorder.as_ref())?;
 
-        let mut summary = ReportSummary::new();
+        let mut told = Told { terminal, summary: ReportSummary::new(), first_slip: None, quiet };
         // Marked as they are judged, not as they are read ahead.
         let inlet = recorder.as_ref().map(Recorder::inlet);
         let mut recording = recording::marked(recording, inlet, 0, camera.is_none());
         let mut silence = camera.as_ref().map(|_| Silence::new(self.max_silence_ms));
-        let ended =
-            self.judge(recording.as_mut(), &mut monitor, &mut outputs, &mut summary, &mut terminal, silence.as_mut());
+        let ended = self.judge(recording.as_mut(), &mut monitor, &mut outputs, &mut told, silence.as_mut());
+        let Told { mut terminal, summary, first_slip, .. } = told;
         terminal.clear_bar();
         if matches!(ended, Err(Failure::ReaderLeft)) {
             let _ = recorder.map(Recorder::finish); // nobody is left to tell
-            return ended.map(|()| Outcome::Done);
+            return Err(Failure::ReaderLeft);
         }
-        let closed = outputs.close();
-        for line in summary.lines() {
+        let closed = outputs.close(&summary);
+        let lines = if quiet.is_some() { Vec::new() } else { summary.lines() };
+        for line in lines {
             terminal.say(&line)?;
         }
         if let Some(camera) = &camera {
@@ -109,7 +161,8 @@ impl Watch {
         ended.and(closed)?;
         // A torn frame that a newer one overtook is lost all the same.
         let torn_count = summary.torn_count() + camera.map_or(0, |camera| camera.tally.counts().torn_count);
-        Ok(if !is_lossless? || torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
+        let outcome = if !is_lossless? || torn_count > 0 { Outcome::DataLost } else { Outcome::Done };
+        Ok(Ended { outcome, summary, first_slip })
     }
 
     /// What goes with a recording, so that it can be judged again anywhere.
@@ -130,28 +183,30 @@ impl Watch {
         recording: &mut dyn FrameSource,
         monitor: &mut SlipMonitor,
         outputs: &mut Outputs,
-        summary: &mut ReportSummary,
-        terminal: &mut Terminal,
+        told: &mut Told<'_>,
         mut silence: Option<&mut Silence>,
     ) -> Result<(), Failure> {
-        let interrupted = interruption::listen()?;
+        let interrupted = match told.quiet {
+            Some(quiet) => quiet.interrupted.clone(),
+            None => interruption::listen()?,
+        };
         let mut events = SlipEvents::new();
         let mut buffer = FrameBuffer::default();
         loop {
             if silence.is_some() && interrupted.load(Ordering::Relaxed) {
                 // A camera has no other end. What was taken has been judged.
-                return events.end().map_or(Ok(()), |event| terminal.say(&summary.event(&event)));
+                return events.end().map_or(Ok(()), |event| told.event(&event, outputs, &buffer, monitor));
             }
             let next = recording.next(&mut buffer);
             if silence.is_none() && interrupted.load(Ordering::Relaxed) {
-                let frames_count = summary.frames_count();
+                let frames_count = told.summary.frames_count();
                 return Err(anyhow!("interrupted after {frames_count} frames; what was judged is kept").into());
             }
             outputs.stopwatch.restart();
             let mut torn_why = None;
             let next = next?;
             if let Some(line) = silence.as_mut().and_then(|silence| silence.see(now_ns(), next == Next::Silent)) {
-                terminal.say(&format!("{}: {line}", self.source))?;
+                told.terminal.say(&format!("{}: {line}", self.source))?;
             }
             let report = match next {
                 Next::Silent => continue,
@@ -160,23 +215,20 @@ impl Watch {
                     monitor.step_probed(&frame, None, &mut outputs.stopwatch)
                 }
                 Next::Torn { reason } => {
-                    terminal.note(&format!("{}: {}", self.source, torn(&buffer, &reason)));
+                    told.terminal.note(&format!("{}: {}", self.source, torn(&buffer, &reason)));
                     torn_why = Some(reason);
                     monitor.torn(buffer.seq, buffer.time_ns)
                 }
                 Next::End => {
-                    return match events.end() {
-                        Some(event) => terminal.say(&summary.event(&event)),
-                        None => Ok(()),
-                    };
+                    return events.end().map_or(Ok(()), |event| told.event(&event, outputs, &buffer, monitor));
                 }
             };
             outputs.write(&buffer, &report, monitor)?;
-            summary.see(&report, &buffer, torn_why.as_deref());
+            told.summary.see(&report, &buffer, torn_why.as_deref());
             for event in events.see(&report) {
-                terminal.say(&summary.event(&event))?;
+                told.event(&event, outputs, &buffer, monitor)?;
             }
-            terminal.advance();
+            told.terminal.advance();
         }
     }
 
@@ -203,7 +255,8 @@ impl Watch {
                 Err(Failure::Arguments(match names.is_empty() {
                     true => anyhow!(
                         "{source}: no built-in finger has frames of {frames}: expected --sensor, got none \
-                         (`slipbound sensors` lists the built-in fingers; your own is a FILE.toml)"
+                         (`slipbound sensors` lists the built-in fingers; your own is a FILE.toml){}",
+                        if is_portrait(frames) { rest::TURNED } else { "" }
                     ),
                     false => anyhow!(
                         "{source}: more than one built-in finger has frames of {frames}: expected --sensor with one \
@@ -214,4 +267,8 @@ impl Watch {
             }
         }
     }
+}
+
+fn is_portrait(size: SizePx) -> bool {
+    size.height > size.width
 }

@@ -15,6 +15,7 @@ mod panels;
 mod phases;
 pub(super) mod picture;
 mod plot;
+pub(super) mod recording;
 mod strips;
 mod text;
 mod time_axis;
@@ -29,6 +30,11 @@ use text::{in_words, seconds};
 
 /// Pictures put into the page; later ones are only in the folder. 60 of them are some 6 MB.
 const PICTURES_MOST: usize = 60;
+
+/// What the arrows of the pictures mean.
+const KEY: &str = "<p class=\"key\">Arrows on the left: <span class=\"measured\">yellow</span> measured, \
+                   <span class=\"rigid\">red</span> as a rigid body would move. On the right: black the difference, \
+                   <span class=\"slipping\">purple</span> the markers that slip.</p>";
 
 /// What a finger saw at a slip.
 #[derive(Debug)]
@@ -54,11 +60,7 @@ pub(super) struct Page<'a> {
 impl fmt::Display for Page<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let title = format!("{}, held by {}", capital(&self.info.name), self.info.task_settings.controller);
-        writeln!(f, "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>")?;
-        writeln!(f, "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>")?;
-        writeln!(f, "<meta name=\"color-scheme\" content=\"light dark\"/>")?;
-        writeln!(f, "<title>{}</title>\n<style>{}</style>", Escaped(&title), include_str!("page/style.css"))?;
-        writeln!(f, "</head>\n<body>\n<main>")?;
+        head_of_page(f, &title)?;
         self.head(f, &title)?;
         self.table(f)?;
         self.plots(f)?;
@@ -67,6 +69,16 @@ impl fmt::Display for Page<'_> {
         self.settings(f)?;
         writeln!(f, "</main>\n</body>\n</html>")
     }
+}
+
+/// What stands before the first words of a page; `</main>`, `</body>` and `</html>` are to follow.
+fn head_of_page(f: &mut fmt::Formatter<'_>, title: &str) -> fmt::Result {
+    writeln!(f, "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>")?;
+    writeln!(f, "<meta name=\"generator\" content=\"slipbound\"/>")?;
+    writeln!(f, "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>")?;
+    writeln!(f, "<meta name=\"color-scheme\" content=\"light dark\"/>")?;
+    writeln!(f, "<title>{}</title>\n<style>{}</style>", Escaped(title), include_str!("page/style.css"))?;
+    writeln!(f, "</head>\n<body>\n<main>")
 }
 
 impl Page<'_> {
@@ -125,14 +137,18 @@ impl Page<'_> {
         let Some(time) = time_axis::TimeAxis::of(self.cycles) else {
             return writeln!(f, "<p>No cycle was run.</p>\n</section>");
         };
-        let marks: Vec<plot::Mark> = self
-            .marks()
-            .map(|(event, slip)| plot::Mark { slip, time_ns: event.time_ns, title: in_words(event) })
-            .collect();
-        strips::write(f, &time, &self.info.finger_names(), self.cycles, self.events)?;
+        let mark =
+            |(event, slip): (&TimedEvent, u32)| plot::Mark { slip, time_ns: event.time_ns, title: in_words(event) };
+        let timeline = plot::Timeline {
+            axis: time,
+            times_ns: self.cycles.iter().map(|cycle| cycle.time_ns).collect(),
+            band: phases::phases(self.cycles),
+            marks: self.marks().map(mark).collect(),
+        };
+        strips::write(f, &time, "Phases", &strips::of_run(&self.info.finger_names(), self.cycles, self.events))?;
         let panels = panels::of(self.cycles);
         for (i, panel) in panels.iter().enumerate() {
-            plot::write(f, &time, panel, &marks, self.cycles, i, i + 1 == panels.len())?;
+            timeline.write(f, panel, i, i + 1 == panels.len())?;
         }
         writeln!(f, "</section>")
     }
@@ -143,12 +159,7 @@ impl Page<'_> {
             return writeln!(f, "<section>\n<h2>Slips</h2>\n<p>None was seen.</p>\n</section>");
         }
         writeln!(f, "<section>\n<h2>What the fingers saw</h2>")?;
-        writeln!(
-            f,
-            "<p class=\"key\">Arrows on the left: <span class=\"measured\">yellow</span> measured, \
-             <span class=\"rigid\">red</span> as a rigid body would move. On the right: black the difference, \
-             <span class=\"slipping\">purple</span> the markers that slip. A click enlarges a picture.</p>"
-        )?;
+        writeln!(f, "{KEY}\n<p class=\"key\">A click enlarges a picture.</p>")?;
         if !before.is_empty() {
             writeln!(f, "<article>\n<h3>Before any slip</h3>")?;
             self.figures(f, 0)?;
@@ -175,8 +186,10 @@ impl Page<'_> {
             if i < PICTURES_MOST {
                 let data = base64(&picture.jpeg);
                 write!(f, "<label><input type=\"checkbox\" aria-label=\"enlarge\"/>")?;
-                let alt = format_args!("{finger} finger, slip {slip}");
-                writeln!(f, "<img alt=\"{alt}\" src=\"data:image/jpeg;base64,{data}\"/></label>")?;
+                writeln!(
+                    f,
+                    "<img alt=\"{finger} finger, slip {slip}\" src=\"data:image/jpeg;base64,{data}\"/></label>"
+                )?;
             }
             writeln!(f, "<figcaption><b>{finger}</b> {caption} <code>{file}</code></figcaption>\n</figure>")?;
         }

@@ -77,8 +77,8 @@ impl RunRecorder {
             return Ok(());
         }
         let force = match cycle.grip_command.force_n() {
-            Some(force_n) => format!("{force_n:.1} N"),
-            None => "released".into(),
+            Some(force_n) => format!("grip commanded then {force_n:.1} N"),
+            None => "grip released".into(),
         };
         for (finger, overlay) in view.fingers.iter().zip(&mut self.overlays) {
             let (Some(monitor), Some(report)) = (finger.monitor, finger.report) else { continue };

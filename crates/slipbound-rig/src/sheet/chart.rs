@@ -8,9 +8,9 @@ use kuva::render::plots::Plot;
 use kuva::render::theme::Theme;
 use std::fmt;
 
-/// Size of a chart, px.
-const WIDTH_PX: f64 = 760.0;
-const HEIGHT_PX: f64 = 420.0;
+/// A chart is drawn for a window and for one as narrow as a telephone, of which the style sheet shows one: class, width and
+/// height in px.
+const SIZES: [(&str, f64, f64); 2] = [("wide", 760.0, 420.0), ("narrow", 390.0, 290.0)];
 
 /// Colours of the style sheet; more series than that begin anew.
 const COLOURS_COUNT: usize = 8;
@@ -96,12 +96,18 @@ impl Chart {
             writeln!(f, "<span class=\"line\"><i class=\"{class}\" style=\"--c:{colour}\"></i>{name}</span>")?;
         }
         let label = Escaped(&self.title);
-        writeln!(f, "</figcaption>\n<svg viewBox=\"0 0 {WIDTH_PX} {HEIGHT_PX}\" role=\"img\" aria-label=\"{label}\">")?;
-        writeln!(f, "{}\n</svg>\n</figure>", self.drawn().replace("kuva-clip", &format!("clip-{number}")))
+        writeln!(f, "</figcaption>")?;
+        for (class, width_px, height_px) in SIZES {
+            write!(f, "<svg class=\"{class}\" viewBox=\"0 0 {width_px} {height_px}\" role=\"img\" ")?;
+            writeln!(f, "aria-label=\"{label}\">")?;
+            let drawn = self.drawn(width_px, height_px);
+            writeln!(f, "{}\n</svg>", drawn.replace("kuva-clip", &format!("clip-{class}-{number}")))?;
+        }
+        writeln!(f, "</figure>")
     }
 
     /// What stands between kuva's `<svg ...>` and `</svg>`.
-    fn drawn(&self) -> String {
+    fn drawn(&self, width_px: f64, height_px: f64) -> String {
         let theme = Theme {
             background: "none".into(),
             axis_color: "var(--axis)".into(),
@@ -111,8 +117,8 @@ impl Chart {
             ..Theme::light()
         };
         let mut layout = Layout::new(self.x, self.y)
-            .with_width(WIDTH_PX)
-            .with_height(HEIGHT_PX)
+            .with_width(width_px)
+            .with_height(height_px)
             .with_force_margins(64.0, 20.0)
             .with_force_margins_y(12.0, 46.0)
             .with_x_axis_min(self.x.0)

@@ -52,6 +52,7 @@ pub trait GripController {
 /// What every controller keeps to.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct GripLimits {
     /// Force per finger with which an object is taken, N. The paper starts at 10 N.
     pub start_n: f64,
@@ -73,6 +74,18 @@ impl Default for GripLimits {
 }
 
 impl GripLimits {
+    /// The same with other forces per finger, N: to take the object with, the least and the largest.
+    #[must_use]
+    pub const fn with_forces_n(self, start_n: f64, least_n: f64, most_n: f64) -> Self {
+        GripLimits { start_n, least_n, most_n, ..self }
+    }
+
+    /// The same with a force to go to when nothing can be seen any more, N per finger.
+    #[must_use]
+    pub const fn with_blind_force_n(self, blind_force_n: Option<f64>) -> Self {
+        GripLimits { blind_force_n, ..self }
+    }
+
     /// Checks every limit; the error names the first one that cannot be.
     pub fn check(&self) -> Result<(), SettingError> {
         within("grip.least_n", self.least_n, 0.1, 1000.0)?;

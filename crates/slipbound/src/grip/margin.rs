@@ -28,6 +28,7 @@ const LOADED_MARGIN: f64 = 0.8;
 /// Settings of [`Margin`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct MarginSettings {
     /// Shear stiffness of the gel, MPa/mm; 0 takes that of the sensor file.
     pub stiffness_mpa_per_mm: f64,
@@ -66,6 +67,12 @@ impl Default for MarginSettings {
 }
 
 impl MarginSettings {
+    /// The same for a gel of this stiffness against shear, MPa/mm.
+    #[must_use]
+    pub const fn with_stiffness_mpa_per_mm(self, stiffness_mpa_per_mm: f64) -> Self {
+        MarginSettings { stiffness_mpa_per_mm, ..self }
+    }
+
     /// Checks every setting but whether there is a stiffness; the error names the first one that cannot be.
     pub fn check(&self) -> Result<(), SettingError> {
         within("margin.stiffness_mpa_per_mm", self.stiffness_mpa_per_mm, 0.0, 100.0)?;

@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 /// Settings of [`OnSlip`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct OnSlipSettings {
     /// Force per finger added at each slip, N: 10 in the paper. Negative for laying down: each slip loosens the grip.
     pub step_n: f64,
@@ -41,6 +42,12 @@ impl Default for OnSlipSettings {
 }
 
 impl OnSlipSettings {
+    /// The same with another step, N per finger.
+    #[must_use]
+    pub const fn with_step_n(self, step_n: f64) -> Self {
+        OnSlipSettings { step_n, ..self }
+    }
+
     /// Checks every setting; the error names the first one that cannot be.
     pub fn check(&self) -> Result<(), SettingError> {
         within("on_slip.step_n", self.step_n, -1000.0, 1000.0)?;

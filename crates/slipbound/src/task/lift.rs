@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 /// Settings of [`Lift`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct LiftSettings {
     /// How far to lift, mm.
     pub lift_mm: f64,

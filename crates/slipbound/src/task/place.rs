@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 /// Settings of [`Place`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct PlaceSettings {
     /// Rate of lowering until it touches, mm/s.
     pub rate_mm_per_s: f64,

@@ -27,6 +27,7 @@ pub enum ScrewEnd {
 /// Settings of [`Screw`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct ScrewSettings {
     /// When it is tight.
     pub end: ScrewEnd,

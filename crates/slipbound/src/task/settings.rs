@@ -54,6 +54,7 @@ named!(ControllerKind, "controller", CONTROLLERS);
 /// Everything a task is run with.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct TaskSettings {
     /// Which controller.
     pub controller: ControllerKind,
@@ -74,6 +75,18 @@ pub struct TaskSettings {
 }
 
 impl TaskSettings {
+    /// The same with another controller.
+    #[must_use]
+    pub const fn with_controller(self, controller: ControllerKind) -> Self {
+        TaskSettings { controller, ..self }
+    }
+
+    /// The same with other limits of the force.
+    #[must_use]
+    pub const fn with_grip(self, grip: GripLimits) -> Self {
+        TaskSettings { grip, ..self }
+    }
+
     /// Checks everything that does not depend on the finger; the error names the first key that cannot be.
     pub fn check(&self) -> Result<(), SettingError> {
         self.grip.check()?;

@@ -18,6 +18,7 @@ pub(super) const FASTEST_RAD_PER_S: f64 = 1.1;
 /// marker. Then the shear stays flat while they turn, under a load that friction could just carry.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct SlideSettings {
     /// Turn over which the shear stays flat, rad: 8 deg, 2 mm at the rim of a bottle cap.
     pub window_rad: f64,

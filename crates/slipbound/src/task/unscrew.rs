@@ -18,6 +18,7 @@ const SLIDING_FRACTION: f64 = 0.03;
 /// Settings of [`Unscrew`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct UnscrewSettings {
     /// Rate of the wrist, rad/s, negative opens a right-hand thread: 20 deg/s.
     pub rate_rad_per_s: f64,

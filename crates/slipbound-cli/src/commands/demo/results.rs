@@ -47,12 +47,12 @@ pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<R
     rows.push(row("alarms", run.alarms_count.to_string(), "", None));
     rows.push(row(
         "largest grip",
-        format!("{:.0} N", run.most_n),
-        &format!("at most {:.0} N", settings.grip.most_n),
+        format!("{:.1} N", run.most_n),
+        &format!("at most {:.1} N", settings.grip.most_n),
         Some(run.most_n <= settings.grip.most_n),
     ));
     if let Some(seconds) = run.ended_s {
-        rows.push(row("time", format!("{seconds:.1} s"), "", None));
+        rows.push(row("time until it ended", format!("{seconds:.2} s"), "", None));
     }
     rows
 }

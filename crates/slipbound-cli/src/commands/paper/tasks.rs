@@ -96,7 +96,7 @@ pub fn all(seed: u64, stop: &AtomicBool) -> Result<Vec<Part>, Failure> {
     for shown in SHOWN {
         let scene = HandScene::parse(&format!("{}?seed={seed}", shown.scene)).map_err(Failure::arguments)?;
         let task: TaskKind = scene.task_name().parse().map_err(Failure::arguments)?;
-        let settings = TaskSettings { controller: shown.controller, ..TaskSettings::default() };
+        let settings = TaskSettings::default().with_controller(shown.controller);
         let mut run = LockStep::new(&scene, &settings, &Settings::default(), None).map_err(Failure::arguments)?;
         let mut course = Course::default();
         let ran = run.run(&|| stop.load(Ordering::Relaxed), &mut course);

@@ -5,10 +5,15 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 /// The arguments of `slipbound watch`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub struct Watch {
     /// An image folder, a quoted pattern ('run/*.png'), an image, a video file, a camera (docs/cameras.md), or a scene to
-    /// simulate: 'sim:SCENE?seed=3&force_n=20' (see `slipbound scenes`)
+    /// simulate: 'sim:SCENE?seed=3&force_n=20' (see `slipbound scenes`). Of several recordings each is a row of a table;
+    /// what is written has the recording's name in its own: run.csv becomes run-CLIP.csv, a folder F becomes F/CLIP
+    #[arg(required = true, value_name = "SOURCE")]
+    pub(super) sources: Vec<String>,
+    /// The one of them that is judged.
+    #[arg(skip)]
     pub(super) source: String,
     /// The finger: a built-in name (see `slipbound sensors`) or a sensor file [default: that of the
     /// scene, or SOURCE/sensor.toml, else by the size of the frames]
@@ -24,6 +29,12 @@ pub struct Watch {
     /// Write the report as a table too, one row a frame
     #[arg(long, value_name = "FILE.csv")]
     pub(super) csv: Option<PathBuf>,
+    /// Write every slip from its first frame to its last, one JSON object a line
+    #[arg(long, value_name = "FILE.jsonl")]
+    pub(super) slips: Option<PathBuf>,
+    /// Write a page with plots over time and a picture of every slip
+    #[arg(long, value_name = "PAGE.html")]
+    pub(super) report: Option<PathBuf>,
     /// Put the displacement and slip of every marker into the report
     #[arg(long, requires = "json")]
     pub(super) markers: bool,

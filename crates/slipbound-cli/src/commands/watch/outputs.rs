@@ -1,15 +1,19 @@
-//! Where a frame's report goes: JSON lines, table, overlay, timings.
+//! Where a frame's report goes: JSON lines, table, slips, page, overlay, timings.
 
 use super::args::Watch;
 use crate::outcome::Failure;
+use slipbound::events::SlipEvent;
 use slipbound::monitor::{Reason, SlipMonitor, SlipReport};
 use slipbound::port::{Clock, FrameBuffer};
 use slipbound_rig::container::{McapAnnotations, Recorder, ReportLines};
 use slipbound_rig::overlay::{self, Overlay, OverlayWriter};
 use slipbound_rig::report_csv::ReportCsv;
 use slipbound_rig::report_json::{Header, ReportJson, RestOrigin};
+use slipbound_rig::report_slips::ReportSlips;
+use slipbound_rig::report_summary::ReportSummary;
+use slipbound_rig::run::RecordingPage;
 use slipbound_rig::timings::{Stopwatch, Timings};
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::path::PathBuf;
 
@@ -33,6 +37,8 @@ pub struct Outputs {
     csv: Option<(PathBuf, ReportCsv<File>)>,
     recorded: Option<(ReportJson<ReportLines>, McapAnnotations)>,
     finger: String,
+    slips: Option<(PathBuf, ReportSlips<File>)>,
+    page: Option<(PathBuf, RecordingPage)>,
     overlay: Option<(Overlay, OverlayWriter)>,
     timings: Option<Timings>,
 }
@@ -52,6 +58,9 @@ impl Outputs {
         monitor: &SlipMonitor,
         recorder: Option<&Recorder>,
     ) -> Result<Self, Failure> {
+        let page = args.report.as_ref().map(|path| {
+            (path.clone(), RecordingPage::new(&args.source, &args.finger, origin.note.as_deref(), monitor))
+        });
         let header = Header {
             finger: &args.finger,
             sensor: monitor.sensor(),
@@ -86,6 +95,13 @@ impl Outputs {
                 Some((path.clone(), table.map_err(|e| cannot_write(path, e))?))
             }
         };
+        let slips = match &args.slips {
+            None => None,
+            Some(path) => {
+                let file = File::create(path).map_err(|e| cannot_write(path, e))?;
+                Some((path.clone(), ReportSlips::new(file, &args.finger)))
+            }
+        };
         let overlay = match &args.overlay {
             None => None,
             Some(to) => {
@@ -98,7 +114,8 @@ impl Outputs {
             None => None,
             Some(path) => Some(Timings::create(path).map_err(|e| cannot_write(path, e))?),
         };
-        Ok(Outputs { stopwatch: Stopwatch::new(), json, csv, recorded, finger: args.finger.clone(), overlay, timings })
+        let finger = args.finger.clone();
+        Ok(Outputs { stopwatch: Stopwatch::new(), json, csv, recorded, finger, slips, page, overlay, timings })
     }
 
     /// Writes the report of a frame.
@@ -120,6 +137,12 @@ impl Outputs {
                 annotations.hand_in(&self.finger, frame, report, monitor);
             }
         }
+        if let Some((path, slips)) = &mut self.slips {
+            slips.frame(report).map_err(|e| cannot_write(path, e))?;
+        }
+        if let Some((_, page)) = &mut self.page {
+            page.see(report);
+        }
         if let Some((overlay, writer)) = &mut self.overlay {
             let whole = frame.frame().ok().filter(|_| report.reason != Some(Reason::Torn));
             overlay.draw(whole.as_ref(), report, monitor);
@@ -128,9 +151,21 @@ impl Outputs {
         Ok(())
     }
 
+    /// An event of the frame written last, in words.
+    pub fn event(&mut self, event: &SlipEvent, words: &str, frame: &FrameBuffer, monitor: &SlipMonitor) {
+        if let Some((_, page)) = &mut self.page {
+            page.event(event, words, frame, monitor);
+        }
+    }
+
     /// Finishes the files.
-    pub fn close(self) -> Result<(), Failure> {
-        self.overlay.map_or(Ok(()), |(_, writer)| writer.finish().map_err(cannot_draw))
+    pub fn close(self, summary: &ReportSummary) -> Result<(), Failure> {
+        let slips = self.slips.map_or(Ok(()), |(path, slips)| slips.finish().map_err(|e| cannot_write(&path, e)));
+        let page = self
+            .page
+            .map_or(Ok(()), |(path, page)| fs::write(&path, page.html(summary)).map_err(|e| cannot_write(&path, e)));
+        let drawn = self.overlay.map_or(Ok(()), |(_, writer)| writer.finish().map_err(cannot_draw));
+        slips.and(page).and(drawn)
     }
 }
 

@@ -20,6 +20,8 @@ pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
             &["json", "jsonl", "xlsx", "parquet", "feather", "pkl"],
             "a file of comma-separated values",
         ),
+        ("--slips", &args.slips, &["csv", "html", "xlsx", "parquet", "pkl"], "a file of JSON lines"),
+        ("--report", &args.report, &["pdf", "md", "json", "jsonl", "csv", "png"], "a page, FILE.html"),
         ("--record", &args.record, &["avi", "bag", "db3", "mp4", "json", "jsonl"], "a FILE.mcap"),
     ] {
         let Some(path) = path else { continue };
@@ -52,6 +54,8 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
     let outputs = [
         ("--json", args.json.as_deref().filter(|_| !args.json_on_stdout())),
         ("--csv", args.csv.as_deref()),
+        ("--slips", args.slips.as_deref()),
+        ("--report", args.report.as_deref()),
         ("--timings", args.timings.as_deref()),
         ("--overlay", args.overlay.as_deref()),
         ("--record", args.record.as_deref()),

@@ -20,6 +20,9 @@ use std::path::Path;
 const IN_CONTACT: &str = "starts in contact: displacement counts from the first stationary frames, the contact region of a \
                           smooth gel is taken from the imprint itself";
 
+/// Behind what is said of frames that stand upright where the finger's lie.
+pub const TURNED: &str = "; are the pictures turned by 90 degrees?";
+
 /// The finger at rest, and what it was made from.
 pub struct Found {
     /// The rest frame.
@@ -61,8 +64,10 @@ pub fn find(
         return Err(Failure::Arguments(anyhow!("{argument}: expected {size} as the frames of {source}, got {got}")));
     }
     let (sensor, note) = sensor_for(size)?;
+    let is_turned = size.height > size.width && sensor.image_px.width > sensor.image_px.height;
+    let hint = if is_turned { TURNED } else { "" };
     let wrong_sensor =
-        |e| Failure::Arguments(anyhow!("{}: frames of {size}: sensor {}: {e}", args.source, sensor.name));
+        |e| Failure::Arguments(anyhow!("{}: frames of {size}: sensor {}: {e}{hint}", args.source, sensor.name));
     let (rest, origin) = match (&args.rest, &given) {
         (Some(argument), Some(frames)) => {
             let builder = RestBuilder::new(&sensor, settings, size).map_err(wrong_sensor)?;

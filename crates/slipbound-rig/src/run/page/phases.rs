@@ -1,12 +1,12 @@
-//! What the task did over time, as stretches and as the thin band above each plot.
+//! What was going on over time, as stretches and as the thin band above each plot.
 
-use super::text::{phase_name, seconds};
+use super::text::phase_name;
 use super::time_axis::TimeAxis;
 use slipbound::control::Cycle;
 use slipbound::task::Phase;
 use std::fmt;
 
-/// Height of the phases above each plot.
+/// Height of the band above each plot.
 pub(super) const PHASE_BAND_PX: f64 = 5.0;
 
 /// A stretch of time in which something stays the same.
@@ -16,22 +16,30 @@ pub(super) struct Stretch<T> {
     pub to_ns: u64,
 }
 
-pub(super) fn stretches<T: PartialEq + Copy>(cycles: &[Cycle], what: impl Fn(&Cycle) -> T) -> Vec<Stretch<T>> {
+/// What a stretch shows: class of the style sheet, and name.
+pub(super) type Shown = (&'static str, &'static str);
+
+/// The stretches of what was there at each time.
+pub(super) fn stretches<T: PartialEq + Copy>(times: impl Iterator<Item = (u64, T)>) -> Vec<Stretch<T>> {
     let mut all: Vec<Stretch<T>> = Vec::new();
-    for cycle in cycles {
-        let now = what(cycle);
+    for (time_ns, now) in times {
         if let Some(last) = all.last_mut() {
-            last.to_ns = cycle.time_ns;
+            last.to_ns = time_ns;
             if last.what == now {
                 continue;
             }
         }
-        all.push(Stretch { what: now, from_ns: cycle.time_ns, to_ns: cycle.time_ns });
+        all.push(Stretch { what: now, from_ns: time_ns, to_ns: time_ns });
     }
     all
 }
 
-pub(super) fn class(phase: Phase) -> &'static str {
+/// What the task did.
+pub(super) fn phases(cycles: &[Cycle]) -> Vec<Stretch<Shown>> {
+    stretches(cycles.iter().map(|c| (c.time_ns, (class(c.phase), phase_name(c.phase)))))
+}
+
+fn class(phase: Phase) -> &'static str {
     match phase {
         Phase::Grasping => "grasping",
         Phase::Working => "working",
@@ -41,16 +49,16 @@ pub(super) fn class(phase: Phase) -> &'static str {
     }
 }
 
-/// The phases as a thin band of rectangles at this height.
-pub(super) fn phase_band(f: &mut fmt::Formatter<'_>, time: &TimeAxis, cycles: &[Cycle], y_px: f64) -> fmt::Result {
-    for Stretch { what, from_ns, to_ns } in stretches(cycles, |c| c.phase) {
-        let (x_px, width_px) = (time.x_px(from_ns), time.x_px(to_ns) - time.x_px(from_ns));
-        let (class, height_px) = (class(what), PHASE_BAND_PX - 1.0);
+/// The stretches as a thin band of rectangles at this height.
+pub(super) fn band(f: &mut fmt::Formatter<'_>, time: &TimeAxis, all: &[Stretch<Shown>], y_px: f64) -> fmt::Result {
+    for Stretch { what: (class, name), from_ns, to_ns } in all {
+        let (x_px, width_px) = (time.x_px(*from_ns), time.x_px(*to_ns) - time.x_px(*from_ns));
+        let height_px = PHASE_BAND_PX - 1.0;
         write!(
             f,
             "<rect class=\"{class}\" x=\"{x_px:.1}\" y=\"{y_px}\" width=\"{width_px:.1}\" height=\"{height_px}\">"
         )?;
-        writeln!(f, "<title>{} from {} to {}</title></rect>", phase_name(what), seconds(from_ns), seconds(to_ns))?;
+        writeln!(f, "<title>{name} from {} to {}</title></rect>", time.words(*from_ns), time.words(*to_ns))?;
     }
     Ok(())
 }

@@ -2,16 +2,14 @@
 //! the same coordinates.
 
 use super::panels::{Line, Panel, Stroke};
-use super::phases::{PHASE_BAND_PX, phase_band};
-use super::text::seconds;
-use super::time_axis::{LEFT_PX, RIGHT_PX, TimeAxis, WIDTH_PX};
+use super::phases::{self, PHASE_BAND_PX, Shown, Stretch};
+use super::time_axis::{TimeAxis, Width};
 use crate::sheet::markup::Escaped;
 use kuva::plot::{BandPlot, LinePlot};
 use kuva::render::annotations::ReferenceLine;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 use kuva::render::theme::Theme;
-use slipbound::control::Cycle;
 use std::fmt;
 
 /// A number on a mark.
@@ -19,9 +17,11 @@ const BADGE_PX: f64 = 16.0;
 /// Numbers of marks close to each other stand in so many rows at most.
 const BADGE_ROWS_MOST: usize = 3;
 /// Points drawn of one line: more than there are pixels.
-const POINTS_MOST: usize = 1600;
+const POINTS_MOST: [usize; 2] = [1600, 500];
 /// Tooltips of one plot.
-const TOOLTIPS_MOST: usize = 180;
+const TOOLTIPS_MOST: [usize; 2] = [180, 60];
+/// Height of a narrow plot, as a share of that of a wide one.
+const NARROW_HEIGHT_FRACTION: f64 = 0.8;
 /// Numbers beyond this are drawn as gaps: no force, angle or distance of a hand is there.
 const DRAWN_MOST: f64 = 1e7;
 
@@ -33,55 +33,87 @@ pub(super) struct Mark {
     pub title: String,
 }
 
-/// Writes a plot with its title and the names of its lines.
-pub(super) fn write(
-    f: &mut fmt::Formatter<'_>,
-    time: &TimeAxis,
-    panel: &Panel,
-    marks: &[Mark],
-    cycles: &[Cycle],
-    number: usize,
-    is_last: bool,
-) -> fmt::Result {
-    let rows = badge_rows(time, marks);
-    let rows_count = rows.iter().flatten().max().map_or(0, |most| most + 1);
-    let top_px = 10.0 + BADGE_PX * rows_count as f64 + PHASE_BAND_PX;
-    let bottom_px = if is_last { 42.0 } else { 22.0 };
-    let height_px = top_px + panel.height_px + bottom_px;
-    writeln!(f, "<figure class=\"plot\">\n<figcaption><b>{}</b>, {}", panel.title, panel.unit)?;
-    for line in &panel.lines {
-        let class = match line.stroke {
-            Stroke::Dashed => "dashed",
-            Stroke::Area => "area",
-            Stroke::Solid | Stroke::Step => "solid",
-        };
-        writeln!(
-            f,
-            "<span class=\"line\"><i class=\"{class}\" style=\"--c:var({})\"></i>{}</span>",
-            line.colour, line.name
-        )?;
-    }
-    writeln!(f, "</figcaption>")?;
-    writeln!(f, "<svg viewBox=\"0 0 {WIDTH_PX} {height_px}\" role=\"img\" aria-label=\"{} over time\">", panel.title)?;
-    writeln!(
-        f,
-        "{}",
-        drawn(time, panel, cycles, (top_px, bottom_px), is_last).replace("kuva-clip", &format!("clip-{number}"))
-    )?;
-    phase_band(f, time, cycles, top_px - PHASE_BAND_PX)?;
-    tooltips(f, time, panel, cycles, top_px)?;
-    for (mark, row) in marks.iter().zip(rows) {
-        let (x_px, foot_px) = (time.x_px(mark.time_ns), top_px + panel.height_px);
-        writeln!(f, "<g class=\"slip\" data-slip=\"{}\"><title>{}</title>", mark.slip, Escaped(&mark.title))?;
-        let y_px = top_px - PHASE_BAND_PX - BADGE_PX * (row.unwrap_or(0) as f64 + 0.5) - 2.0;
-        writeln!(f, "<line x1=\"{x_px:.1}\" y1=\"{y_px:.1}\" x2=\"{x_px:.1}\" y2=\"{foot_px:.1}\"/>")?;
-        if row.is_some() {
-            writeln!(f, "<circle cx=\"{x_px:.1}\" cy=\"{y_px:.1}\" r=\"{:.1}\"/>", BADGE_PX / 2.0 - 0.5)?;
-            writeln!(f, "<text x=\"{x_px:.1}\" y=\"{:.1}\">{}</text>", y_px + 3.8, mark.slip)?;
+/// What all plots of a page share.
+pub(super) struct Timeline {
+    /// The axis.
+    pub axis: TimeAxis,
+    /// The time of every value, ns.
+    pub times_ns: Vec<u64>,
+    /// What is shown in the thin band above each plot.
+    pub band: Vec<Stretch<Shown>>,
+    /// Slips, marked through all plots.
+    pub marks: Vec<Mark>,
+}
+
+impl Timeline {
+    /// Writes a plot with its title and the names of its lines, wide and narrow.
+    pub fn write(&self, f: &mut fmt::Formatter<'_>, panel: &Panel, number: usize, is_last: bool) -> fmt::Result {
+        writeln!(f, "<figure class=\"plot\">\n<figcaption><b>{}</b>, {}", panel.title, panel.unit)?;
+        // A line alone is what the title says, unless it has a name of its own.
+        let is_named = |line: &&Line| !line.name.is_empty();
+        for line in panel.lines.iter().filter(is_named) {
+            let class = match line.stroke {
+                Stroke::Dashed => "dashed",
+                Stroke::Area => "area",
+                Stroke::Solid | Stroke::Step => "solid",
+            };
+            let (colour, name) = (line.colour, line.name);
+            writeln!(f, "<span class=\"line\"><i class=\"{class}\" style=\"--c:var({colour})\"></i>{name}</span>")?;
         }
-        writeln!(f, "</g>")?;
+        writeln!(f, "</figcaption>")?;
+        for width in Width::BOTH {
+            self.write_one(f, panel, number, is_last, width)?;
+        }
+        writeln!(f, "</figure>")
     }
-    writeln!(f, "</svg>\n</figure>")
+
+    fn write_one(
+        &self,
+        f: &mut fmt::Formatter<'_>,
+        panel: &Panel,
+        number: usize,
+        is_last: bool,
+        width: Width,
+    ) -> fmt::Result {
+        let (time, class) = (&self.axis.drawn(width), width.class());
+        let height_px = match width {
+            Width::Wide => panel.height_px,
+            Width::Narrow => NARROW_HEIGHT_FRACTION * panel.height_px,
+        };
+        let rows = badge_rows(time, &self.marks);
+        let rows_count = rows.iter().flatten().max().map_or(0, |most| most + 1);
+        let top_px = 10.0 + BADGE_PX * rows_count as f64 + PHASE_BAND_PX;
+        let bottom_px = if is_last { 42.0 } else { 22.0 };
+        let frame = Frame { top_px, height_px, bottom_px, is_last };
+        let (width_px, whole_px) = (width.px(), top_px + height_px + bottom_px);
+        write!(f, "<svg class=\"{class}\" viewBox=\"0 0 {width_px} {whole_px}\" role=\"img\" ")?;
+        writeln!(f, "aria-label=\"{} over time\">", panel.title)?;
+        let drawn = drawn(time, panel, &self.times_ns, frame);
+        writeln!(f, "{}", drawn.replace("kuva-clip", &format!("clip-{class}-{number}")))?;
+        phases::band(f, time, &self.band, top_px - PHASE_BAND_PX)?;
+        tooltips(f, time, panel, &self.times_ns, frame)?;
+        for (mark, row) in self.marks.iter().zip(rows) {
+            let (x_px, foot_px) = (time.x_px(mark.time_ns), top_px + height_px);
+            writeln!(f, "<g class=\"slip\" data-slip=\"{}\"><title>{}</title>", mark.slip, Escaped(&mark.title))?;
+            let y_px = top_px - PHASE_BAND_PX - BADGE_PX * (row.unwrap_or(0) as f64 + 0.5) - 2.0;
+            writeln!(f, "<line x1=\"{x_px:.1}\" y1=\"{y_px:.1}\" x2=\"{x_px:.1}\" y2=\"{foot_px:.1}\"/>")?;
+            if row.is_some() {
+                writeln!(f, "<circle cx=\"{x_px:.1}\" cy=\"{y_px:.1}\" r=\"{:.1}\"/>", BADGE_PX / 2.0 - 0.5)?;
+                writeln!(f, "<text x=\"{x_px:.1}\" y=\"{:.1}\">{}</text>", y_px + 3.8, mark.slip)?;
+            }
+            writeln!(f, "</g>")?;
+        }
+        writeln!(f, "</svg>")
+    }
+}
+
+/// Where the axes of a plot stand, and whether the time below them has a name.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    top_px: f64,
+    height_px: f64,
+    bottom_px: f64,
+    is_last: bool,
 }
 
 /// The row of each mark's number, so that none covers another; None where there is no room.
@@ -97,7 +129,9 @@ fn badge_rows(time: &TimeAxis, marks: &[Mark]) -> Vec<Option<usize>> {
 }
 
 /// Axes, grid, areas and lines: what stands between kuva's `<svg ...>` and `</svg>`.
-fn drawn(time: &TimeAxis, panel: &Panel, cycles: &[Cycle], (top_px, bottom_px): (f64, f64), is_last: bool) -> String {
+fn drawn(time: &TimeAxis, panel: &Panel, times_ns: &[u64], frame: Frame) -> String {
+    let Frame { top_px, height_px, bottom_px, is_last } = frame;
+    let width = time.width;
     let (from_s, to_s) = time.range_s();
     let (least, most) = y_range(panel);
     let theme = Theme {
@@ -109,26 +143,28 @@ fn drawn(time: &TimeAxis, panel: &Panel, cycles: &[Cycle], (top_px, bottom_px): 
         ..Theme::light()
     };
     let mut layout = Layout::new((from_s, to_s), (least, most))
-        .with_width(WIDTH_PX)
-        .with_height(top_px + panel.height_px + bottom_px)
-        .with_force_margins(LEFT_PX, RIGHT_PX)
+        .with_width(width.px())
+        .with_height(top_px + height_px + bottom_px)
+        .with_force_margins(width.left_px(), width.right_px())
         .with_force_margins_y(top_px, bottom_px)
         .with_x_axis_min(from_s)
         .with_x_axis_max(to_s)
         .with_y_axis_min(least)
         .with_y_axis_max(most)
         .with_theme(theme)
-        .with_y_label(panel.unit)
         .with_tick_size(12)
         .with_label_size(12);
+    if width == Width::Wide {
+        layout = layout.with_y_label(panel.unit); // a narrow one has no room for what stands above it, too
+    }
     if is_last {
-        layout = layout.with_x_label("time, s");
+        layout = layout.with_x_label(time.label());
     }
     if least < 0.0 {
         layout =
             layout.with_reference_line(ReferenceLine::horizontal(0.0).with_color("var(--axis)").with_dasharray(""));
     }
-    let plots = panel.lines.iter().flat_map(|line| strokes(line, cycles)).collect();
+    let plots = panel.lines.iter().flat_map(|line| strokes(line, times_ns, width)).collect();
     let svg = kuva::render_to_svg(plots, layout);
     let inside = svg.find('>').map_or("", |end| &svg[end + 1..]);
     inside.trim_end().trim_end_matches("</svg>").to_owned()
@@ -144,10 +180,10 @@ fn y_range(panel: &Panel) -> (f64, f64) {
 }
 
 /// The pieces of a line between its gaps.
-fn strokes(line: &Line, cycles: &[Cycle]) -> Vec<Plot> {
+fn strokes(line: &Line, times_ns: &[u64], width: Width) -> Vec<Plot> {
     let colour = format!("var({})", line.colour);
     let mut plots = Vec::new();
-    for points in pieces(line, cycles) {
+    for points in pieces(line, times_ns, POINTS_MOST[width as usize]) {
         if line.stroke == Stroke::Area {
             let (x, y): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
             let floor = vec![0.0; x.len()];
@@ -164,13 +200,12 @@ fn strokes(line: &Line, cycles: &[Cycle]) -> Vec<Plot> {
     plots
 }
 
-fn pieces(line: &Line, cycles: &[Cycle]) -> Vec<Vec<(f64, f64)>> {
-    let points: Vec<Option<(f64, f64)>> = cycles
+fn pieces(line: &Line, times_ns: &[u64], most: usize) -> Vec<Vec<(f64, f64)>> {
+    let points: Vec<Option<(f64, f64)>> = times_ns
         .iter()
         .zip(&line.values)
-        .map(|(cycle, value)| Some((cycle.time_ns as f64 / 1e9, value.filter(|v| v.abs() <= DRAWN_MOST)?)))
+        .map(|(time_ns, value)| Some((*time_ns as f64 / 1e9, value.filter(|v| v.abs() <= DRAWN_MOST)?)))
         .collect();
-    let most = POINTS_MOST.max(4);
     points
         .split(Option::is_none)
         .filter(|piece| !piece.is_empty())
@@ -196,17 +231,24 @@ fn thinned(points: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
 }
 
 /// A transparent column for each stretch of time that says what the lines are there.
-fn tooltips(f: &mut fmt::Formatter<'_>, time: &TimeAxis, panel: &Panel, cycles: &[Cycle], top_px: f64) -> fmt::Result {
-    let stretch = cycles.len().div_ceil(TOOLTIPS_MOST).max(1);
+fn tooltips(
+    f: &mut fmt::Formatter<'_>,
+    time: &TimeAxis,
+    panel: &Panel,
+    times_ns: &[u64],
+    Frame { top_px, height_px, .. }: Frame,
+) -> fmt::Result {
+    let stretch = times_ns.len().div_ceil(TOOLTIPS_MOST[time.width as usize]).max(1);
     writeln!(f, "<g class=\"tips\">")?;
-    for (i, cycle) in cycles.iter().enumerate().step_by(stretch) {
-        let (from_px, next) = (time.x_px(cycle.time_ns), cycles.get(i + stretch).map_or(u64::MAX, |c| c.time_ns));
-        let (width_px, height_px) = ((time.x_px(next) - from_px).max(0.5), panel.height_px);
+    for (i, &time_ns) in times_ns.iter().enumerate().step_by(stretch) {
+        let (from_px, next_ns) = (time.x_px(time_ns), times_ns.get(i + stretch).copied().unwrap_or(u64::MAX));
+        let width_px = (time.x_px(next_ns) - from_px).max(0.5);
         write!(f, "<rect x=\"{from_px:.1}\" y=\"{top_px}\" width=\"{width_px:.1}\" height=\"{height_px}\">")?;
-        write!(f, "<title>{}", seconds(cycle.time_ns))?;
+        write!(f, "<title>{}", time.words(time_ns))?;
         for line in &panel.lines {
             if let Some(value) = line.values[i] {
-                write!(f, "\n{}: {value:.*} {}", line.name, panel.decimals, panel.unit)?;
+                let name = if line.name.is_empty() { panel.title } else { line.name };
+                write!(f, "\n{name}: {value:.*} {}", panel.decimals, panel.unit)?;
             }
         }
         writeln!(f, "</title></rect>")?;
@@ -216,6 +258,7 @@ fn tooltips(f: &mut fmt::Formatter<'_>, time: &TimeAxis, panel: &Panel, cycles: 
 
 #[cfg(test)]
 mod tests {
+    use super::super::time_axis::TimeUnit;
     use super::*;
 
     #[test]
@@ -230,7 +273,7 @@ mod tests {
 
     #[test]
     fn numbers_of_close_marks_stand_above_each_other() {
-        let time = TimeAxis { first_ns: 0, last_ns: 10_000_000_000 };
+        let time = TimeAxis::over(0, 10_000_000_000, TimeUnit::Seconds);
         let mark = |ms: u64| Mark { slip: 1, time_ns: ms * 1_000_000, title: String::new() };
         let marks = [mark(1000), mark(1050), mark(1100), mark(1120), mark(5000)];
         assert_eq!(badge_rows(&time, &marks), [Some(0), Some(1), Some(2), None, Some(0)]);

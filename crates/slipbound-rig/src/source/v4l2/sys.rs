@@ -36,8 +36,8 @@ const WRITE: u32 = 1;
 const READ: u32 = 2;
 
 /// The number of a request (`_IOC`), with the size of what it passes.
-const fn request<T>(direction: u32, number: u32) -> libc::c_ulong {
-    (direction << 30 | (size_of::<T>() as u32) << 16 | (b'V' as u32) << 8 | number) as libc::c_ulong
+const fn request<T>(direction: u32, number: u32) -> libc::Ioctl {
+    (direction << 30 | (size_of::<T>() as u32) << 16 | (b'V' as u32) << 8 | number) as libc::Ioctl
 }
 
 /// Structures of the kernel: `repr(C)`, whole numbers only, so that any bytes are a value.

@@ -1,0 +1,85 @@
+//! Every command's help fits a terminal of 80 columns, and its examples are true.
+
+use slipbound_lab::hand::HandScene;
+use slipbound_lab::scenes::Trial;
+use slipbound_rig::sensors;
+
+/// Every command below this one, and itself, with the path to it.
+fn all(command: clap::Command, path: &str) -> Vec<(String, clap::Command)> {
+    let below: Vec<clap::Command> = command.get_subcommands().filter(|c| c.get_name() != "help").cloned().collect();
+    let mut found = vec![(path.to_owned(), command)];
+    for command in below {
+        let path = format!("{path} {}", command.get_name()).trim_start().to_owned();
+        found.extend(all(command, &path));
+    }
+    found
+}
+
+/// The help of every command as it stands in a terminal of 80 columns.
+fn helps() -> Vec<(String, String)> {
+    let mut command = slipbound_cli::command().term_width(80);
+    command.build();
+    all(command, "").into_iter().map(|(path, mut command)| (path, command.render_long_help().to_string())).collect()
+}
+
+/// The lines under `Examples:`, each after its `slipbound`, broken ones joined.
+fn examples(help: &str) -> Vec<String> {
+    let text = help.split("Examples:\n").nth(1).and_then(|rest| rest.split("\n\n").next()).unwrap_or_default();
+    let text = text.replace("\\\n", " ");
+    let lines = text.lines().map(str::trim).filter(|line| !line.starts_with('#'));
+    lines
+        .map(|line| line.strip_prefix("slipbound ").unwrap_or_else(|| panic!("{line} in\n{help}")).to_owned())
+        .collect()
+}
+
+/// Words as a shell takes them: single quotes; a redirection or a comment ends them.
+fn words(line: &str) -> Vec<String> {
+    let (mut words, mut word, mut is_quoted) = (Vec::new(), String::new(), false);
+    for sign in line.chars() {
+        match sign {
+            '\'' => is_quoted = !is_quoted,
+            ' ' if !is_quoted => words.extend(Some(std::mem::take(&mut word)).filter(|word| !word.is_empty())),
+            _ if !is_quoted && word.is_empty() && matches!(sign, '#' | '>') => return words,
+            _ if !is_quoted && "?&*;<>|$`".contains(sign) => panic!("{line}: a shell would not leave {sign} alone"),
+            _ => word.push(sign),
+        }
+    }
+    assert!(!is_quoted, "{line}: an open quote");
+    words.extend(Some(word).filter(|word| !word.is_empty()));
+    words
+}
+
+#[test]
+fn every_help_fits_80_columns_and_has_examples_and_exit_codes() {
+    let helps = helps();
+    assert!(helps.len() > 25, "{}", helps.len());
+    for (path, help) in helps {
+        assert!(help.contains("\nExit codes:\n  0  done\n"), "{path:?}:\n{help}");
+        let wide = help.lines().find(|line| line.chars().count() > 80);
+        assert_eq!(wide, None, "{path:?}");
+        let examples = examples(&help);
+        assert!((1..=3).contains(&examples.len()), "{path:?}: {} examples in\n{help}", examples.len());
+        assert!(examples.iter().all(|line| line.starts_with(&path)), "{path:?}: {examples:?}");
+    }
+}
+
+#[test]
+fn every_example_is_what_the_program_takes() {
+    for line in helps().iter().flat_map(|(_, help)| examples(help)) {
+        let words = words(&line);
+        let program = std::iter::once("slipbound").chain(words.iter().map(String::as_str));
+        slipbound_cli::command().try_get_matches_from(program).unwrap_or_else(|e| panic!("{line}: {e}"));
+        for scene in words.iter().filter_map(|word| word.strip_prefix("sim:")) {
+            Trial::parse(scene).unwrap_or_else(|e| panic!("{line}: {e}"));
+        }
+        let after = |name: &str| words.iter().position(|word| word == name).map(|i| words[i + 1].as_str());
+        if let Some(sensor) = after("--sensor").filter(|sensor| !sensor.ends_with(".toml")) {
+            sensors::load(sensor).unwrap_or_else(|e| panic!("{line}: {e}"));
+        }
+        match words[0].as_str() {
+            "demo" => drop(HandScene::parse(after("--task").unwrap_or("screw")).expect("a scene")),
+            "simulate" => drop(Trial::parse(&words[1]).expect("a scene")),
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,292 @@
+//! The page that shows a judged recording: one file, no other needed, no script. It looks like that of a run.
+//!
+//! ```text
+//!   title, totals
+//!   strip: state of every frame          |  one time axis,
+//!   plots: contact, motion, slip, margin |  slips numbered through all of them
+//!   a card for each slip, with its first frame
+//!   events, settings (folded)
+//! ```
+
+use super::panels::{Line, Panel, Stroke};
+use super::phases::stretches;
+use super::plot::{Mark, Timeline};
+use super::strips::{self, Row};
+use super::text::seconds;
+use super::time_axis::{TimeAxis, TimeUnit};
+use super::{PICTURES_MOST, head_of_page};
+use crate::overlay::Overlay;
+use crate::report_summary::{ReportSummary, state_name};
+use crate::sheet::markup::{Escaped, base64};
+use crate::sheet::picture;
+use slipbound::events::SlipEvent;
+use slipbound::monitor::{Estimate, SlipMonitor, SlipReport, SlipState};
+use slipbound::plane::Vec2;
+use slipbound::port::FrameBuffer;
+use std::fmt;
+
+/// Times that begin later are those of a clock on a wall: they are counted from the first frame.
+const CLOCK_FROM_NS: u64 = 3_600_000_000_000;
+
+/// Collects what the page shows, frame by frame.
+pub struct RecordingPage {
+    source: String,
+    below: String,
+    settings: String,
+    /// px of the rectified image a marker pitch, and mm, where that is known.
+    pitch: (f64, Option<f64>),
+    overlay: Overlay,
+    reports: Vec<SlipReport>,
+    events: Vec<(Place, String)>,
+    slips: Vec<Slip>,
+}
+
+/// Number and time of a frame.
+type Place = (u64, Option<u64>);
+
+struct Slip {
+    number: u32,
+    place: Place,
+    title: String,
+    jpeg: Option<Vec<u8>>,
+}
+
+/// Page and totals, as text.
+struct Shown<'a>(&'a RecordingPage, &'a ReportSummary);
+
+impl RecordingPage {
+    /// Before the first frame. `below`: what stands under the title, beside the finger.
+    pub fn new(source: &str, finger: &str, below: Option<&str>, monitor: &SlipMonitor) -> Self {
+        let sensor = monitor.sensor();
+        let table = |text: Result<String, toml::ser::Error>| text.unwrap_or_else(|e| e.to_string());
+        let settings = table(toml::to_string_pretty(monitor.settings()));
+        let below = below.map_or_else(String::new, |below| format!("; {below}"));
+        RecordingPage {
+            source: source.to_owned(),
+            below: format!("{finger}: sensor {}{below}", sensor.name),
+            settings: format!("{settings}\n# the finger\n{}", table(toml::to_string_pretty(sensor))),
+            pitch: (sensor.pitch_px, sensor.pitch_mm),
+            overlay: Overlay::new(sensor),
+            reports: Vec::new(),
+            events: Vec::new(),
+            slips: Vec::new(),
+        }
+    }
+
+    /// Takes a frame and the report on it.
+    pub fn see(&mut self, report: &SlipReport) {
+        self.reports.push(*report);
+    }
+
+    /// Takes an event that the frame judged last brought, in words.
+    pub fn event(&mut self, event: &SlipEvent, words: &str, frame: &FrameBuffer, monitor: &SlipMonitor) {
+        let place = match *event {
+            SlipEvent::Begins { seq, time_ns, .. } | SlipEvent::Ends { seq, time_ns, .. } => (seq, time_ns),
+        };
+        self.events.push((place, words.to_owned()));
+        let (SlipEvent::Begins { slip, .. }, Some(report)) = (*event, self.reports.last()) else { return };
+        let jpeg = (self.slips.len() < PICTURES_MOST).then(|| {
+            self.overlay.draw(frame.frame().ok().as_ref(), report, monitor);
+            let size = self.overlay.size();
+            picture::jpeg(&self.overlay.rgb(), size.width as u32, size.height as u32).ok()
+        });
+        self.slips.push(Slip { number: slip, place, title: words.to_owned(), jpeg: jpeg.flatten() });
+    }
+
+    /// The page, with the totals of the same frames.
+    pub fn html(&self, summary: &ReportSummary) -> String {
+        Shown(self, summary).to_string()
+    }
+
+    /// Whether frames carry times; where one does not, all are shown by number.
+    fn has_times(&self) -> bool {
+        self.reports.iter().all(|report| report.time_ns.is_some())
+    }
+
+    fn origin_ns(&self) -> u64 {
+        let first_ns = self.reports.first().and_then(|report| report.time_ns).unwrap_or(0);
+        if first_ns > CLOCK_FROM_NS { first_ns } else { 0 }
+    }
+
+    /// Where a frame stands on the axis.
+    fn at_ns(&self, (seq, time_ns): Place) -> u64 {
+        match time_ns.filter(|_| self.has_times()) {
+            Some(time_ns) => time_ns.saturating_sub(self.origin_ns()),
+            None => seq.saturating_mul(1_000_000_000),
+        }
+    }
+
+    fn timeline(&self) -> Option<Timeline> {
+        let unit = if self.has_times() { TimeUnit::Seconds } else { TimeUnit::Frames };
+        let times_ns: Vec<u64> = self.reports.iter().map(|report| self.at_ns((report.seq, report.time_ns))).collect();
+        let axis = TimeAxis::over(*times_ns.first()?, *times_ns.last()?, unit);
+        let states = self.reports.iter().map(|report| shown(report.state));
+        let band = stretches(times_ns.iter().copied().zip(states));
+        let mark = |slip: &Slip| Mark { slip: slip.number, time_ns: self.at_ns(slip.place), title: slip.title.clone() };
+        Some(Timeline { axis, times_ns, band, marks: self.slips.iter().map(mark).collect() })
+    }
+
+    fn panels(&self) -> Vec<Panel> {
+        use Stroke::{Area, Dashed, Solid};
+        let (pitch_px, pitch_mm) = self.pitch;
+        // Lengths are in mm where the finger's pitch is known, else in pitches.
+        let unit = |mm, pitches| if pitch_mm.is_some() { mm } else { pitches };
+        let scale = pitch_mm.unwrap_or(1.0) / pitch_px;
+        let line = |name, colour, stroke, value: &dyn Fn(&SlipReport) -> Option<f64>| {
+            let values = self.reports.iter().map(|report| value(report).filter(|value| value.is_finite()));
+            Line { name, colour, stroke, values: values.collect() }
+        };
+        let panel = |title, unit, height_px, decimals, lines| Panel {
+            title,
+            unit,
+            height_px,
+            bounds: (f64::NEG_INFINITY, f64::INFINITY),
+            shown: (0.0, 0.0),
+            decimals,
+            lines,
+        };
+        let moved = |part: fn(Vec2) -> f64| {
+            move |r: &SlipReport| r.motion.as_ref().map(|motion| scale * part(motion.translation_px))
+        };
+        let value = |estimate: Option<Estimate>| estimate.map(|estimate| estimate.value);
+        let mut panels = vec![
+            panel(
+                "Slip, largest of a marker since the reference",
+                unit("mm", "marker pitches"),
+                190.0,
+                3,
+                vec![line("", "--c2", Area, &|r| r.motion.map(|_| pitch_mm.unwrap_or(1.0) * r.slip.max_pitch))],
+            ),
+            panel(
+                "Contact area",
+                unit("mm2", "square pitches"),
+                150.0,
+                1,
+                vec![line("", "--c3", Area, &|r| Some(scale * scale * r.contact.area_px2))],
+            ),
+            panel(
+                "Motion of the contact",
+                unit("mm", "marker pitches"),
+                150.0,
+                3,
+                vec![
+                    line("along the finger (x)", "--c1", Solid, &moved(|v| v.x)),
+                    line("across it (y)", "--c4", Solid, &moved(|v| v.y)),
+                ],
+            ),
+            panel(
+                "Rotation of the contact",
+                "deg",
+                150.0,
+                2,
+                vec![line("", "--c1", Solid, &|r| r.motion.map(|motion| motion.rotation_rad.to_degrees()))],
+            ),
+            Panel {
+                bounds: (-0.3, 1.0),
+                shown: (0.0, 1.0),
+                ..panel(
+                    "Slip margin and stick ratio",
+                    "of 1",
+                    170.0,
+                    2,
+                    vec![
+                        line("stick ratio", "--c4", Dashed, &|r| value(r.estimates.stick_ratio)),
+                        line("margin", "--c1", Solid, &|r| value(r.estimates.margin)),
+                    ],
+                )
+            },
+            panel("Shear force", "N", 150.0, 2, vec![line("", "--c1", Solid, &|r| value(r.estimates.shear_n))]),
+        ];
+        for panel in &mut panels {
+            panel.lines.retain(|line| line.values.iter().any(Option::is_some));
+        }
+        panels.retain(|panel| !panel.lines.is_empty());
+        panels
+    }
+
+    fn facts(&self, summary: &ReportSummary) -> Vec<(String, &'static str)> {
+        let mut facts = Vec::new();
+        let ends = self.reports.first().zip(self.reports.last());
+        if let Some((first_ns, last_ns)) = ends.and_then(|(a, b)| a.time_ns.zip(b.time_ns)).filter(|_| self.has_times())
+        {
+            facts.push((seconds(last_ns.saturating_sub(first_ns)), "from the first frame to the last"));
+        }
+        let plural = |count: u64, one: &'static str, more: &'static str| if count == 1 { one } else { more };
+        facts.push((summary.frames_count().to_string(), plural(summary.frames_count(), "frame", "frames")));
+        facts.push((self.slips.len().to_string(), plural(self.slips.len() as u64, "slip", "slips")));
+        if summary.torn_count() > 0 {
+            facts.push((summary.torn_count().to_string(), "torn"));
+        }
+        facts
+    }
+}
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Shown(page, summary) = self;
+        let title = Escaped(&page.source);
+        head_of_page(f, &page.source)?;
+        writeln!(f, "<header>\n<p class=\"above\">Slipbound recording</p>\n<h1 class=\"source\">{title}</h1>")?;
+        writeln!(f, "<p class=\"below\">{}</p>", Escaped(&page.below))?;
+        for line in summary.lines() {
+            writeln!(f, "<p class=\"ending\">{}.</p>", Escaped(&line))?;
+        }
+        writeln!(f, "<ul class=\"facts\">")?;
+        page.facts(summary).iter().try_for_each(|(value, name)| writeln!(f, "<li><b>{value}</b> {name}</li>"))?;
+        writeln!(f, "</ul>\n</header>\n<section>\n<h2>Over time</h2>")?;
+        match page.timeline() {
+            None => writeln!(f, "<p>No frame was judged.</p>")?,
+            Some(timeline) => {
+                let some = |stretch: &super::phases::Stretch<super::phases::Shown>| super::phases::Stretch {
+                    what: Some(stretch.what),
+                    from_ns: stretch.from_ns,
+                    to_ns: stretch.to_ns,
+                };
+                let rows = [("state".to_owned(), Row::Bands(timeline.band.iter().map(some).collect()))];
+                strips::write(f, &timeline.axis, "States", &rows)?;
+                let panels = page.panels();
+                for (i, panel) in panels.iter().enumerate() {
+                    timeline.write(f, panel, i, i + 1 == panels.len())?;
+                }
+            }
+        }
+        writeln!(f, "</section>\n<section>\n<h2>What the finger saw</h2>")?;
+        match page.slips.is_empty() {
+            true => writeln!(f, "<p>No slip was seen.</p>")?,
+            false => writeln!(f, "{}", super::KEY)?,
+        }
+        for slip in &page.slips {
+            let (number, title) = (slip.number, Escaped(&slip.title));
+            writeln!(f, "<article id=\"slip-{number}\">\n<h3><span class=\"badge\">{number}</span> {title}</h3>")?;
+            if let Some(jpeg) = &slip.jpeg {
+                writeln!(
+                    f,
+                    "<figure><img alt=\"slip {number}\" src=\"data:image/jpeg;base64,{}\"/></figure>",
+                    base64(jpeg)
+                )?;
+            }
+            writeln!(f, "</article>")?;
+        }
+        writeln!(f, "</section>\n<section>\n<details>\n<summary>All events</summary>\n<table>")?;
+        for (_, words) in &page.events {
+            writeln!(f, "<tr><td>{}</td></tr>", Escaped(words))?;
+        }
+        writeln!(f, "</table>\n</details>\n<details>\n<summary>Settings</summary>")?;
+        writeln!(f, "<pre>{}</pre>\n</details>\n</section>", Escaped(&page.settings))?;
+        let clock = if page.origin_ns() > 0 { " The plots count time from the first frame." } else { "" };
+        writeln!(f, "<footer>slipbound {}.{clock}</footer>\n</main>\n</body>\n</html>", env!("CARGO_PKG_VERSION"))
+    }
+}
+
+/// Class of the style sheet and name of a state.
+fn shown(state: SlipState) -> (&'static str, &'static str) {
+    let class = match state {
+        SlipState::NoContact => "no-contact",
+        SlipState::Unsure => "unsure",
+        SlipState::Stick => "stick",
+        SlipState::Incipient => "incipient",
+        SlipState::Gross => "gross",
+        SlipState::Unjudged => "unjudged",
+    };
+    (class, state_name(state))
+}
