@@ -33,6 +33,11 @@ pub enum Error {
 }
 
 impl Error {
+    /// Whether it is something that a person wrote, not the network.
+    pub fn is_argument(&self) -> bool {
+        !matches!(self, Error::Middleware { .. })
+    }
+
     /// A refusal of the middleware.
     pub(crate) fn middleware(what: impl Into<String>, why: impl std::fmt::Display) -> Self {
         Error::Middleware { what: what.into(), why: why.to_string() }

@@ -1,47 +1,52 @@
-//! The command `slipbound-ros2`: the node, by a file of parameters.
+//! The command `slipbound-ros2`: the node, and what it takes to try and measure it without hardware.
 
-use clap::Parser;
-use slipbound_ros2::config;
-use slipbound_ros2::node::SlipNode;
-use std::path::PathBuf;
+mod commands;
+
+use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Judges the pictures of tactile fingers in ROS 2: slip reports out, one a picture.
+/// Slip of tactile fingers in ROS 2, without a ROS installation.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
-    /// Parameters: ros2/example.toml has them all
-    #[arg(value_name = "FILE.toml")]
-    config: PathBuf,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Judges the pictures of a hand's fingers: slip reports out, one a picture
+    Node(commands::node::Node),
+    /// Publishes the pictures of a simulated finger
+    Simulate(commands::simulate::Simulate),
+    /// A gripper and a wrist that are nodes, holding nothing but a block of steel
+    Emulate(commands::emulate::Emulate),
+    /// Rate, losses and latency of the node in a process of its own, and what becomes of it when either end goes away
+    Measure(commands::measure::Measure),
 }
 
 fn main() -> ExitCode {
-    let Arguments { config } = Arguments::parse();
-    let domain_id = std::env::var("ROS_DOMAIN_ID").ok();
-    let config = match config::load(&config, domain_id.as_deref()) {
-        Ok(config) => config,
-        Err(e) => {
-            eprintln!("slipbound-ros2: {e}");
-            return ExitCode::from(2);
-        }
+    let arguments = Arguments::parse();
+    let stop = Arc::new(AtomicBool::new(false));
+    let stops = stop.clone();
+    if let Err(e) = ctrlc::set_handler(move || stops.store(true, Ordering::Relaxed)) {
+        eprintln!("slipbound-ros2: {e}");
+        return ExitCode::FAILURE;
+    }
+    let done = match arguments.command {
+        Command::Node(node) => node.run(&stop),
+        Command::Simulate(simulate) => simulate.run(&stop),
+        Command::Emulate(emulate) => emulate.run(&stop),
+        Command::Measure(measure) => measure.run(&stop),
     };
-    match run(&config) {
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
             eprintln!("slipbound-ros2: {e}");
-            ExitCode::FAILURE
+            let is_argument = e.downcast_ref::<slipbound_ros2::error::Error>().is_some_and(|e| e.is_argument());
+            ExitCode::from(if is_argument { 2 } else { 1 })
         }
     }
-}
-
-fn run(config: &config::Config) -> Result<(), Box<dyn std::error::Error>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let stops = stop.clone();
-    ctrlc::set_handler(move || stops.store(true, Ordering::Relaxed))?;
-    let node = SlipNode::start(config)?;
-    println!("{} runs in domain {}; Ctrl-C ends it", node.full_name(), config.domain_id);
-    node.run(&stop);
-    Ok(())
 }

@@ -18,6 +18,10 @@ pub const SENSOR_DATA: QosProfile =
 pub const RELIABLE: QosProfile =
     QosProfile::publisher_default().reliability_reliable(WhenFull::Fail).history(History::KeepLast { depth: 10 });
 
+/// Commands, of which only the newest counts: reliable, the last one.
+pub const LAST_RELIABLE: QosProfile =
+    QosProfile::publisher_default().reliability_reliable(WhenFull::Fail).history(History::KeepLast { depth: 1 });
+
 /// What also those hear who come later: reliable, the last one is kept.
 pub const LATCHED: QosProfile = QosProfile::publisher_default()
     .reliability_reliable(WhenFull::Fail)
