@@ -1,6 +1,6 @@
 //! Writes the pictures of a simulated finger and what the library says of them, for tests in other languages:
-//! `interop_frames FOLDER` makes `000.jpg`, ..., and `reports.jsonl`, a `slipbound_msgs/SlipReport` a line with null for NaN.
-//! The first 12 pictures are the rest frame; the picture after them has the first line.
+//! `interop_frames FOLDER` makes `000.jpg`, ..., `sensor.toml` and `reports.jsonl`, a `slipbound_msgs/SlipReport` a line with null for NaN.
+//! The first 20 pictures are the rest frame; the picture after them has the first line.
 
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::monitor::{Settings, SlipMonitor};
@@ -16,11 +16,15 @@ use std::path::PathBuf;
 /// Stamp of the first picture, ns since 1970.
 const BEGIN_NS: u64 = 1_700_000_000_000_000_000;
 
+/// What is simulated.
+const SCENE: &str = "shear?distance_mm=3&speed_mm_per_s=10&grid=fast&rest_frames=24&press_s=0.2&settle_s=0.1&jpeg_quality=75";
+
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(std::env::args().nth(1).ok_or("expected a folder, got no argument")?);
     std::fs::create_dir_all(&folder)?;
-    let (sensor, settings) = (sensors::load("gelslim")?, Settings::default());
-    let mut world = World::new(&Trial::parse("shear?distance_mm=4&grid=fast")?)?;
+        let mut world = World::new(&Trial::parse(SCENE)?)?;
+    let (sensor, settings) = (world.sensor(), Settings::default());
+    std::fs::write(folder.join("sensor.toml"), sensors::to_toml(&sensor)?)?;
     let mut lines = std::fs::File::create(folder.join("reports.jsonl"))?;
     let mut frame = FrameBuffer::default();
     let (mut finder, mut monitor): (Option<RestFinder>, Option<SlipMonitor>) = (None, None);

@@ -40,15 +40,7 @@ pub enum Seen {
 impl Finger {
     /// A finger before its first picture.
     pub fn new(sensor: Sensor, settings: Settings) -> Self {
-        Finger {
-            sensor,
-            settings,
-            finder: None,
-            monitor: None,
-            rest_kind: None,
-            last_state: None,
-            is_taring: false,
-        }
+        Finger { sensor, settings, finder: None, monitor: None, rest_kind: None, last_state: None, is_taring: false }
     }
 
     /// Its monitor; None before the rest frame is known.
@@ -70,7 +62,9 @@ impl Finger {
                 (self.is_taring, self.finder) = (true, None);
                 Ok(())
             }
-            Some(SlipState::Unjudged) => Err("expected a finger at rest, got a picture that could not be judged".into()),
+            Some(SlipState::Unjudged) => {
+                Err("expected a finger at rest, got a picture that could not be judged".into())
+            }
             Some(_) => Err("expected a finger that nothing touches, got one in contact".into()),
         }
     }

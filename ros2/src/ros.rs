@@ -49,8 +49,11 @@ pub struct Ros {
 impl Ros {
     /// A node of this name in this domain.
     pub fn new(namespace: &str, name: &str, domain_id: u16) -> Result<Self, Error> {
-        let node_name = NodeName::new(namespace, name)
-            .map_err(|e| Error::Name { key: "node".into(), name: name.into(), why: format!("{e:?}") })?;
+        let node_name = NodeName::new(namespace, name).map_err(|e| Error::Name {
+            key: "node".into(),
+            name: name.into(),
+            why: format!("{e:?}"),
+        })?;
         let context = Context::with_options(ContextOptions::new().domain_id(domain_id))
             .map_err(|e| Error::middleware(format!("domain {domain_id}"), e))?;
         // Parameters are those of the file: none can be set while the node runs.
@@ -69,8 +72,7 @@ impl Ros {
     /// The topic `name`; one that does not begin with `/` is the node's own.
     fn name(&self, name: &str) -> Result<Name, Error> {
         let full = if name.starts_with('/') { name.to_owned() } else { format!("{}/{name}", self.namespace) };
-        Name::parse(&full)
-            .map_err(|e| Error::Name { key: "topic".into(), name: name.into(), why: format!("{e:?}") })
+        Name::parse(&full).map_err(|e| Error::Name { key: "topic".into(), name: name.into(), why: format!("{e:?}") })
     }
 
     /// Publishes on a topic.

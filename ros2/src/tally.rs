@@ -47,7 +47,8 @@ impl Tally {
         if self.state != state {
             self.state.replace_range(.., state);
         }
-        if let Some(ns) = stamp_ns.and_then(|stamp_ns| now_ns.checked_sub(stamp_ns)).filter(|ns| *ns < LATENCY_MOST_NS) {
+        if let Some(ns) = stamp_ns.and_then(|stamp_ns| now_ns.checked_sub(stamp_ns)).filter(|ns| *ns < LATENCY_MOST_NS)
+        {
             self.latencies_ns.push(ns);
         }
     }

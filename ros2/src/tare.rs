@@ -36,7 +36,10 @@ impl Tare {
         let words = self.fingers.iter().map(|(name, ended)| match ended {
             Some(Ok(())) => format!("{name}: tared"),
             Some(Err(why)) => format!("{name}: {why}"),
-            None => format!("{name}: expected pictures for a rest frame within {} s, got too few", LONGEST_NS / 1_000_000_000),
+            None => format!(
+                "{name}: expected pictures for a rest frame within {} s, got too few",
+                LONGEST_NS / 1_000_000_000
+            ),
         });
         let message = words.collect::<Vec<_>>().join("; ");
         let success = self.fingers.iter().all(|(_, ended)| matches!(ended, Some(Ok(()))));

@@ -96,8 +96,7 @@ fn the_package_builds_every_file() {
 /// A report's keys in the JSON and its fields here, in order; `field` and `lost_ids` are not in every line and not here.
 #[test]
 fn fields_are_the_keys_of_the_json_report() {
-    let schema: serde_json::Value =
-        serde_json::from_str(include_str!("../../docs/report.schema.json")).expect("JSON");
+    let schema: serde_json::Value = serde_json::from_str(include_str!("../../docs/report.schema.json")).expect("JSON");
     let keys = |at: &str| {
         let properties = schema.pointer(at).and_then(|p| p.as_object()).unwrap_or_else(|| panic!("{at}"));
         properties.keys().cloned().collect::<BTreeSet<_>>()
@@ -145,8 +144,7 @@ fn words_are_constants_of_their_files() {
         let words = text.lines().filter_map(|line| line.split_once("=\"")?.1.split('"').next().map(str::to_owned));
         words.collect::<BTreeSet<_>>()
     };
-    let schema: serde_json::Value =
-        serde_json::from_str(include_str!("../../docs/report.schema.json")).expect("JSON");
+    let schema: serde_json::Value = serde_json::from_str(include_str!("../../docs/report.schema.json")).expect("JSON");
     let words = |at: &str| {
         let words = schema.pointer(at).and_then(|words| words.as_array()).expect("an array");
         words.iter().filter_map(|word| word.as_str().map(str::to_owned)).collect::<BTreeSet<_>>()

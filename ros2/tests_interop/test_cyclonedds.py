@@ -4,6 +4,7 @@ import json
 import math
 import os
 import pathlib
+import shutil
 import subprocess
 import time
 
@@ -23,7 +24,7 @@ BINARY = TARGET / "debug" / "slipbound-ros2"
 EXAMPLE = TARGET / "debug" / "examples" / "interop_frames"
 DOMAIN_ID = 98
 LONGEST_WAIT_S = 40
-REST_COUNT = 12
+REST_COUNT = 20
 
 RELIABLE = Qos(
     Policy.Reliability.Reliable(duration(seconds=1)),
@@ -31,7 +32,7 @@ RELIABLE = Qos(
     Policy.DataRepresentation(use_cdrv0_representation=True),
 )
 
-HAND = 'name = "one"\n[[fingers]]\nname = "left"\nserial = "A"\nside = "left"\nsensor = "gelslim"\n'
+HAND = 'name = "one"\n[[fingers]]\nname = "left"\nserial = "A"\nside = "left"\nsensor = "sensor.toml"\n'
 NODE = (
     f'hand = "hand.toml"\ndomain_id = {DOMAIN_ID}\nimage_qos = "reliable"\n'
     '[[fingers]]\nname = "left"\nimage_topic = "/left/image/compressed"\n'
@@ -46,11 +47,12 @@ def frames(tmp_path_factory):
     jpegs = [path.read_bytes() for path in sorted(folder.glob("*.jpg"))]
     reports = [json.loads(line) for line in (folder / "reports.jsonl").read_text().splitlines()]
     assert len(jpegs) == len(reports) + REST_COUNT and len(reports) > 20
-    return jpegs, reports
+    return jpegs, reports, folder / "sensor.toml"
 
 
 @pytest.fixture
-def node(tmp_path):
+def node(tmp_path, frames):
+    shutil.copy(frames[2], tmp_path)
     (tmp_path / "hand.toml").write_text(HAND)
     (tmp_path / "node.toml").write_text(NODE)
     process = subprocess.Popen([BINARY, "node", tmp_path / "node.toml"], stdout=subprocess.DEVNULL)
@@ -85,7 +87,7 @@ def differences(got, expected, path=""):
 
 
 def test_every_field_of_every_report_is_what_the_library_says(frames, node):
-    jpegs, reports = frames
+    jpegs, reports, _ = frames
     types = Types()
     Image, Header, Time = types("sensor_msgs/CompressedImage"), types("std_msgs/Header"), types("builtin_interfaces/Time")
     participant = DomainParticipant(DOMAIN_ID)

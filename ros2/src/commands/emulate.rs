@@ -1,6 +1,8 @@
 //! `slipbound-ros2 emulate`: a gripper and a wrist that are nodes of their own.
 
 use super::{Done, domain_id};
+use ros2_client::action::{ActionServer, ActionServerQosPolicies, SendGoalResponse};
+use ros2_client::{ActionTypeName, Name, Publisher, ServiceMapping};
 use slipbound::plant::{JawCommand, JawDrive, JawSettings, WristDrive};
 use slipbound::port::{WristCommand, WristMotion};
 use slipbound_rig::link::now_ns;
@@ -9,8 +11,6 @@ use slipbound_ros2::msg::{
     WristState,
 };
 use slipbound_ros2::ros::{Inbox, LAST_RELIABLE, LATCHED, RELIABLE, Ros, SENSOR_DATA, stamp};
-use ros2_client::action::{ActionServer, ActionServerQosPolicies, SendGoalResponse};
-use ros2_client::{ActionTypeName, Name, Publisher, ServiceMapping};
 use std::fs::File;
 use std::io::Write as _;
 use std::path::PathBuf;

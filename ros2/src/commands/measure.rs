@@ -7,11 +7,13 @@
 use super::simulate::jpegs;
 use super::{Done, domain_id};
 use ros2_client::Publisher;
+use slipbound::sensor::Sensor;
+use slipbound_rig::sensors;
 use slipbound_ros2::error::Error;
 use slipbound_ros2::msg::{CompressedImage, HandReport, Header, SlipReport, Time};
 use slipbound_ros2::ros::{Inbox, RELIABLE, Ros, SENSOR_DATA, unix_ns};
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -40,7 +42,7 @@ pub struct Measure {
     #[arg(long, value_name = "S", default_value_t = 20)]
     seconds: u64,
     /// What is simulated
-    #[arg(long, default_value = "shear?distance_mm=3")]
+    #[arg(long, default_value = "shear?distance_mm=3&grid=fast&rest_frames=24&jpeg_quality=75")]
     scene: String,
 }
 
@@ -65,7 +67,8 @@ impl Readers {
             threads.push(thread::spawn(reader(inbox, stop.clone(), arrivals.clone(), |report| report.header.stamp)));
             fingers.push(arrivals);
         }
-        let (inbox, hand): (Inbox<HandReport>, _) = (ros.inbox("/slipbound/hand/report", &RELIABLE)?, Arrivals::default());
+        let (inbox, hand): (Inbox<HandReport>, _) =
+            (ros.inbox("/slipbound/hand/report", &RELIABLE)?, Arrivals::default());
         threads.push(thread::spawn(reader(inbox, stop.clone(), hand.clone(), |report| report.header.stamp)));
         Ok(Readers { stop, fingers, hand, threads })
     }
@@ -185,10 +188,11 @@ impl Measure {
     /// Measures and prints the table.
     pub fn run(&self, stop: &AtomicBool) -> Done {
         let domain_id = domain_id()?;
-        let jpegs = Arc::new(jpegs(&self.scene).map_err(Error::from)?);
+        let (sensor, jpegs) = jpegs(&self.scene).map_err(Error::from)?;
+        let jpegs = Arc::new(jpegs);
         let most_bytes = jpegs.iter().map(Vec::len).max().unwrap_or(0);
         let folder = tempfile::tempdir()?;
-        let config = self.write_config(folder.path(), domain_id)?;
+        let config = self.write_config(folder.path(), domain_id, &sensor)?;
         let mut ros = Ros::new("/", "slipbound_measure", domain_id)?;
         let readers = Readers::start(&mut ros, self.fingers)?;
         let cameras = Cameras::start(domain_id, self.fingers, self.rate_hz, jpegs.clone())?;
@@ -203,7 +207,8 @@ impl Measure {
         println!("| of | pictures sent | reports | per second | lost | p50 ms | p99 ms | worst ms |");
         println!("|---|---|---|---|---|---|---|---|");
         let is_within = |stamp_ns: u64| (from_ns..until_ns).contains(&stamp_ns);
-        let sent = cameras.sent.lock().unwrap_or_else(PoisonError::into_inner).iter().filter(|ns| is_within(**ns)).count();
+        let sent =
+            cameras.sent.lock().unwrap_or_else(PoisonError::into_inner).iter().filter(|ns| is_within(**ns)).count();
         let mut all_ns = Vec::new();
         for (i, arrivals) in (0..self.fingers).zip(&readers.fingers) {
             let arrivals = arrivals.lock().unwrap_or_else(PoisonError::into_inner);
@@ -222,14 +227,22 @@ impl Measure {
         let began = Instant::now();
         let _node = NodeProcess::start(&config)?;
         let back = readers.await_all(began, stop)?;
-        println!("node killed for {} s: all fingers report {:.2} s after its start", AWAY.as_secs(), back.as_secs_f64());
+        println!(
+            "node killed for {} s: all fingers report {:.2} s after its start",
+            AWAY.as_secs(),
+            back.as_secs_f64()
+        );
         drop(cameras);
         sleep(AWAY);
         readers.forget();
         let began = Instant::now();
         let _cameras = Cameras::start(domain_id, self.fingers, self.rate_hz, jpegs)?;
         let back = readers.await_all(began, stop)?;
-        println!("cameras away for {} s: all fingers report {:.2} s after their start", AWAY.as_secs(), back.as_secs_f64());
+        println!(
+            "cameras away for {} s: all fingers report {:.2} s after their start",
+            AWAY.as_secs(),
+            back.as_secs_f64()
+        );
         Ok(())
     }
 
@@ -246,12 +259,21 @@ impl Measure {
         println!("| {of} | {sent} | {count} | {rate_hz:.1} | {lost} | {p50:.1} | {p99:.1} | {worst:.1} |");
     }
 
-    fn write_config(&self, folder: &Path, domain_id: u16) -> Result<std::path::PathBuf, Box<dyn std::error::Error>> {
+    fn write_config(
+        &self,
+        folder: &Path,
+        domain_id: u16,
+        sensor: &Sensor,
+    ) -> Result<PathBuf, Box<dyn std::error::Error>> {
+        std::fs::write(folder.join("sensor.toml"), sensors::to_toml(sensor)?)?;
         let mut hand = String::from("name = \"measured\"\n");
         let mut node = format!("hand = \"hand.toml\"\ndomain_id = {domain_id}\n");
         for i in 0..self.fingers {
             let (name, side) = (name(i), if i % 2 == 0 { "left" } else { "right" });
-            write!(hand, "[[fingers]]\nname = \"{name}\"\nserial = \"{i}\"\nside = \"{side}\"\nsensor = \"gelslim\"\n")?;
+            write!(
+                hand,
+                "[[fingers]]\nname = \"{name}\"\nserial = \"{i}\"\nside = \"{side}\"\nsensor = \"sensor.toml\"\n"
+            )?;
             write!(node, "[[fingers]]\nname = \"{name}\"\nimage_topic = \"/measure/{name}\"\n")?;
         }
         std::fs::write(folder.join("hand.toml"), hand)?;

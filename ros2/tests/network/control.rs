@@ -58,14 +58,14 @@ impl FrameSource for Finger {
 }
 
 fn finger(holds: Arc<AtomicBool>) -> FingerPipeline {
-    let mut world = World::new(&Trial::parse("press?grid=fast").expect("a scene")).expect("a world");
+    let mut world = World::new(&Trial::parse("press?grid=fast&rest_frames=24").expect("a scene")).expect("a world");
     let sensor = world.sensor();
     let mut frames = Vec::new();
     let mut frame = FrameBuffer::default();
     while world.next(&mut frame).expect("simulates") == Next::Frame {
         frames.push(frame.clone());
     }
-    let source = Finger { frames, open_count: 12, holds, next: 0, seq: 0 };
+    let source = Finger { frames, open_count: 20, holds, next: 0, seq: 0 };
     FingerPipeline::new("left", Mounting::on(Side::Left), sensor, Settings::default(), Box::new(source))
 }
 

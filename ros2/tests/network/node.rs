@@ -2,11 +2,11 @@
 
 use crate::process::{LONGEST_WAIT, Process, domain_id, next};
 use ros2_client::{Publisher, ServiceMapping, ServiceTypeName};
-use slipbound::monitor::{SlipMonitor, SlipState};
 use slipbound::finger_pipeline::RestFinder;
-use slipbound::hand::{Hand, Mounting, Side};
 use slipbound::monitor::Settings;
+use slipbound::monitor::{SlipMonitor, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
+use slipbound::sensor::Sensor;
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
 use slipbound_rig::source::decode_image;
@@ -17,6 +17,7 @@ use slipbound_ros2::msg::{
 use slipbound_ros2::overlay::MOST_BYTES;
 use slipbound_ros2::ros::{Inbox, LATCHED, RELIABLE, Ros, SENSOR_DATA};
 use std::path::PathBuf;
+use std::sync::OnceLock;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
@@ -27,7 +28,10 @@ const PERIOD: Duration = Duration::from_millis(33);
 /// The first stamp, ns since 1970; pictures carry the simulated camera's time from there.
 const BEGIN_NS: u64 = 1_700_000_000_000_000_000;
 
-const SCENE: &str = "shear?distance_mm=4&grid=fast&hold_s=0.2";
+const SCENE: &str = "shear?distance_mm=3&speed_mm_per_s=10&grid=fast&rest_frames=24&press_s=0.2&settle_s=0.1&jpeg_quality=75";
+
+/// Pictures from which the rest frame is chosen: `rest.window_count`.
+const REST_COUNT: usize = 20;
 
 /// A picture of the simulated camera: JPEG and time.
 struct Shot {
@@ -35,24 +39,23 @@ struct Shot {
     time_ns: u64,
 }
 
-fn shots() -> Vec<Shot> {
-    let trial = Trial::parse(SCENE).or_else(|_| Trial::parse("shear?distance_mm=4&grid=fast")).expect("a scene");
-    let mut world = World::new(&trial).expect("a world");
-    let mut frame = FrameBuffer::default();
-    let mut shots = Vec::new();
-    while world.next(&mut frame).expect("simulates") == Next::Frame {
-        shots.push(Shot { jpeg: frame.encoded.clone(), time_ns: BEGIN_NS + frame.time_ns.expect("a time") });
-    }
-    shots
-}
-
-fn sensor() -> slipbound::sensor::Sensor {
-    slipbound_rig::sensors::load("gelslim").expect("built in")
+/// The simulated finger and its pictures, made once.
+fn simulated() -> &'static (Sensor, Vec<Shot>) {
+    static SIMULATED: OnceLock<(Sensor, Vec<Shot>)> = OnceLock::new();
+    SIMULATED.get_or_init(|| {
+        let mut world = World::new(&Trial::parse(SCENE).expect("a scene")).expect("a world");
+        let mut frame = FrameBuffer::default();
+        let mut shots = Vec::new();
+        while world.next(&mut frame).expect("simulates") == Next::Frame {
+            shots.push(Shot { jpeg: frame.encoded.clone(), time_ns: BEGIN_NS + frame.time_ns.expect("a time") });
+        }
+        (world.sensor(), shots)
+    })
 }
 
 /// What the library says of these pictures, by their numbers.
 fn said(shots: &[(u64, &Shot)]) -> Vec<slipbound::monitor::SlipReport> {
-    let settings = Settings::default();
+    let (settings, sensor) = (Settings::default(), &simulated().0);
     let mut finder = None;
     let mut monitor: Option<SlipMonitor> = None;
     let mut reports = Vec::new();
@@ -64,11 +67,11 @@ fn said(shots: &[(u64, &Shot)]) -> Vec<slipbound::monitor::SlipReport> {
             reports.push(monitor.step(&frame.frame().expect("a frame"), None));
             continue;
         }
-        let looking = finder.get_or_insert_with(|| RestFinder::new(&sensor(), &settings, frame.size).expect("fits"));
+        let looking = finder.get_or_insert_with(|| RestFinder::new(sensor, &settings, frame.size).expect("fits"));
         looking.see(&frame).expect("seen");
         if looking.is_full() {
             let rest = finder.take().expect("there").find().expect("at rest").rest;
-            monitor = Some(SlipMonitor::new(&sensor(), &settings, rest).expect("a monitor"));
+            monitor = Some(SlipMonitor::new(sensor, &settings, rest).expect("a monitor"));
         }
     }
     reports
@@ -87,7 +90,10 @@ struct Bench {
 impl Bench {
     fn new(test: u16, more: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
-        let hand = "name = \"one\"\n[[fingers]]\nname = \"left\"\nserial = \"A\"\nside = \"left\"\nsensor = \"gelslim\"\n";
+        let hand =
+            "name = \"one\"\n[[fingers]]\nname = \"left\"\nserial = \"A\"\nside = \"left\"\nsensor = \"left.toml\"\n";
+        let sensor = slipbound_rig::sensors::to_toml(&simulated().0).expect("TOML");
+        std::fs::write(folder.path().join("left.toml"), sensor).expect("writes");
         std::fs::write(folder.path().join("hand.toml"), hand).expect("writes");
         // Reliable, so that every picture is judged and the comparison has no gaps.
         let node = format!(
@@ -141,8 +147,7 @@ fn same(a: &SlipReport, b: &SlipReport) -> bool {
 fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
     let mut bench = Bench::new(0, "overlay = true");
     let mut hands: Inbox<HandReport> = bench.ros.inbox("/slipbound/hand/report", &RELIABLE).expect("an inbox");
-    let mut wrenches: Inbox<WrenchStamped> =
-        bench.ros.inbox("/slipbound/left/wrench", &SENSOR_DATA).expect("an inbox");
+    let mut wrenches: Inbox<WrenchStamped> = bench.ros.inbox("/slipbound/left/wrench", &SENSOR_DATA).expect("an inbox");
     let mut overlays: Inbox<CompressedImage> =
         bench.ros.inbox("/slipbound/left/overlay/compressed", &SENSOR_DATA).expect("an inbox");
     let mut states: Inbox<LifecycleState> = bench.ros.inbox("/slipbound/state", &LATCHED).expect("an inbox");
@@ -150,9 +155,9 @@ fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
     bench.await_node();
     assert_eq!(next(&mut states, LONGEST_WAIT).map(|state| state.label).as_deref(), Some("unconfigured"));
 
-    let shots = shots();
+    let (_, shots) = simulated();
     let (mut got, mut hand_states, mut wrenches_count) = (Vec::new(), Vec::new(), 0);
-    for shot in &shots {
+    for shot in shots {
         bench.send(shot);
         // The next is sent when this one was judged: nothing is passed over, however busy the computer is.
         let is_rest = got.is_empty();
@@ -161,8 +166,8 @@ fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
         hand_states.extend(std::iter::from_fn(|| hands.take().expect("readable")).map(|r| r.message.state));
         wrenches_count += std::iter::from_fn(|| wrenches.take().expect("readable")).count();
     }
-    let first_seq = got.first().expect("reports").seq - 12;
-    let numbered: Vec<(u64, &Shot)> = (first_seq..).zip(&shots).collect();
+    let first_seq = got.first().expect("reports").seq - REST_COUNT as u64;
+    let numbered: Vec<(u64, &Shot)> = (first_seq..).zip(shots).collect();
     let expected = said(&numbered);
     assert!(got.len() + 2 >= expected.len() && got.len() > 20, "{} of {}", got.len(), expected.len());
     let offset = expected.len() - got.len();
@@ -179,7 +184,15 @@ fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
     let overlay = next(&mut overlays, LONGEST_WAIT).expect("an overlay");
     assert!(overlay.data.len() <= MOST_BYTES && overlay.data.starts_with(&[0xFF, 0xD8]), "{}", overlay.data.len());
     assert_eq!(next(&mut states, LONGEST_WAIT).map(|state| (state.id, state.label)), Some((3, "active".into())));
-    let _ = Hand::new(&[Mounting::on(Side::Left)]).expect("the hand of the node");
+}
+
+/// Sends a picture at the camera's pace, with a stamp later than that of any before, whatever is shown.
+fn show(bench: &Bench, shot: &Shot) {
+    static BEGAN: OnceLock<Instant> = OnceLock::new();
+    let passed = BEGAN.get_or_init(Instant::now).elapsed();
+    let time_ns = BEGIN_NS + u64::try_from(passed.as_nanos()).expect("seconds");
+    bench.send(&Shot { jpeg: shot.jpeg.clone(), time_ns });
+    sleep(PERIOD);
 }
 
 #[test]
@@ -210,18 +223,15 @@ fn a_tare_is_taken_untouched_and_refused_in_contact() {
         .expect("a client");
     let _node = bench.node();
     bench.await_node();
-    let shots = shots();
-    let at_rest: Vec<&Shot> = shots.iter().take(12).collect();
+    let (_, shots) = simulated();
+    let at_rest: Vec<&Shot> = shots.iter().take(REST_COUNT).collect();
     let touched = shots.last().expect("shots");
-    let mut time_ns = BEGIN_NS;
-    // Shows a picture and asks, over and over, until there is an answer.
-    let mut ask = |bench: &mut Bench, jpegs: &[&Shot]| {
+    // Asks, and shows pictures until there is an answer.
+    let ask = |bench: &mut Bench, jpegs: &[&Shot]| {
         let id = tare.send_request(Empty::default()).expect("sent");
         let until = Instant::now() + LONGEST_WAIT;
         for shot in jpegs.iter().cycle() {
-            time_ns += 33_000_000;
-            bench.send(&Shot { jpeg: shot.jpeg.clone(), time_ns });
-            sleep(PERIOD);
+            show(bench, shot);
             while let Some((answered, response)) = tare.receive_response().expect("readable") {
                 if answered == id {
                     return response;
@@ -234,13 +244,14 @@ fn a_tare_is_taken_untouched_and_refused_in_contact() {
     let early = ask(&mut bench, &[touched]);
     assert!(!early.success && early.message.contains("not known yet"), "{early:?}");
     // The rest frame is found among untouched pictures: those in contact were too few to fill the window.
-    for _ in 0..3 {
-        at_rest.iter().for_each(|shot| {
-            bench.send(shot);
-            sleep(PERIOD);
-        });
+    let began = Instant::now();
+    for shot in at_rest.iter().cycle() {
+        show(&bench, shot);
+        if next(&mut bench.reports, Duration::ZERO).is_some() {
+            break;
+        }
+        assert!(began.elapsed() < LONGEST_WAIT, "no rest frame was found");
     }
-    assert!(next(&mut bench.reports, LONGEST_WAIT).is_some(), "active");
     let done = ask(&mut bench, &at_rest);
     assert!(done.success && done.message == "left: tared", "{done:?}");
     let refused = ask(&mut bench, &[touched]);
@@ -260,14 +271,13 @@ fn a_tare_is_taken_untouched_and_refused_in_contact() {
 #[test]
 fn a_node_that_was_killed_is_found_again_and_a_camera_too() {
     let mut bench = Bench::new(2, "");
-    let shots = shots();
-    let mut time_ns = BEGIN_NS;
+    let (_, shots) = simulated();
+    let mut at_rest = shots.iter().take(REST_COUNT).cycle();
     let mut report_of = |bench: &mut Bench| {
         let began = Instant::now();
         while began.elapsed() < LONGEST_WAIT {
-            time_ns += 33_000_000;
-            bench.send(&Shot { jpeg: shots[0].jpeg.clone(), time_ns });
-            if let Some(report) = next(&mut bench.reports, PERIOD) {
+            show(bench, at_rest.next().expect("a cycle"));
+            if let Some(report) = next(&mut bench.reports, Duration::ZERO) {
                 return report;
             }
         }
