@@ -17,12 +17,13 @@ use std::path::PathBuf;
 const BEGIN_NS: u64 = 1_700_000_000_000_000_000;
 
 /// What is simulated.
-const SCENE: &str = "shear?distance_mm=3&speed_mm_per_s=10&grid=fast&rest_frames=24&press_s=0.2&settle_s=0.1&jpeg_quality=75";
+const SCENE: &str =
+    "shear?distance_mm=3&speed_mm_per_s=10&grid=fast&rest_frames=24&press_s=0.2&settle_s=0.1&jpeg_quality=75";
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(std::env::args().nth(1).ok_or("expected a folder, got no argument")?);
     std::fs::create_dir_all(&folder)?;
-        let mut world = World::new(&Trial::parse(SCENE)?)?;
+    let mut world = World::new(&Trial::parse(SCENE)?)?;
     let (sensor, settings) = (world.sensor(), Settings::default());
     std::fs::write(folder.join("sensor.toml"), sensors::to_toml(&sensor)?)?;
     let mut lines = std::fs::File::create(folder.join("reports.jsonl"))?;

@@ -23,8 +23,9 @@ use std::sync::mpsc::{Receiver, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Pictures that may wait; older ones are passed over.
+/// Pictures that may wait; older ones are passed over. Who asks for every picture gets it, as long as it can be.
 const WAITING_COUNT: usize = 2;
+const WAITING_RELIABLE_COUNT: usize = 10;
 
 /// Longest wait for a picture before it is looked for the end and for tares.
 const LONGEST_WAIT: Duration = Duration::from_millis(20);
@@ -80,6 +81,7 @@ pub struct FingerThread {
     finger: Finger,
     pictures: Pictures,
     waiting: VecDeque<(Picture, u64)>,
+    waiting_most_count: usize,
     frame: FrameBuffer,
     frames_count: u64,
     reports: Publisher<SlipReport>,
@@ -115,9 +117,9 @@ impl FingerThread {
         joints: Joints,
     ) -> Result<Self, Error> {
         let name = config.finger.name.clone();
-        let qos = match image_qos {
-            ImageQos::SensorData => SENSOR_DATA,
-            ImageQos::Reliable => RELIABLE,
+        let (qos, waiting_most_count) = match image_qos {
+            ImageQos::SensorData => (SENSOR_DATA, WAITING_COUNT),
+            ImageQos::Reliable => (RELIABLE, WAITING_RELIABLE_COUNT),
         };
         let pictures = match config.image_type {
             ImageType::Compressed => Pictures::Compressed(ros.inbox(&config.image_topic, &qos)?),
@@ -132,6 +134,7 @@ impl FingerThread {
             finger: Finger::new(config.finger.sensor.clone(), settings.clone()),
             pictures,
             waiting: VecDeque::new(),
+            waiting_most_count,
             frame: FrameBuffer::default(),
             frames_count: 0,
             reports: ros.publisher(&format!("{name}/report"), &RELIABLE)?,
@@ -170,7 +173,7 @@ impl FingerThread {
                 Ok(Some((picture, seq))) => {
                     tally.received(seq);
                     self.waiting.push_back((picture, seq));
-                    if self.waiting.len() > WAITING_COUNT {
+                    if self.waiting.len() > self.waiting_most_count {
                         self.waiting.pop_front();
                         tally.passed_over_count += 1;
                     }

@@ -28,7 +28,8 @@ const PERIOD: Duration = Duration::from_millis(33);
 /// The first stamp, ns since 1970; pictures carry the simulated camera's time from there.
 const BEGIN_NS: u64 = 1_700_000_000_000_000_000;
 
-const SCENE: &str = "shear?distance_mm=3&speed_mm_per_s=10&grid=fast&rest_frames=24&press_s=0.2&settle_s=0.1&jpeg_quality=75";
+const SCENE: &str =
+    "shear?distance_mm=3&speed_mm_per_s=10&grid=fast&rest_frames=24&press_s=0.2&settle_s=0.1&jpeg_quality=75";
 
 /// Pictures from which the rest frame is chosen: `rest.window_count`.
 const REST_COUNT: usize = 20;
