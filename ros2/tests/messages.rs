@@ -1,9 +1,14 @@
 //! The `.msg` files, the Rust structs and the JSON report say the same: names, order, types.
 
 use serde::Deserialize;
+use serde_json::Value;
 use serde_reflection::{ContainerFormat, Format, Tracer, TracerConfig};
 use slipbound::hand::{FINGERS_MOST, Hand, Mounting, Side};
-use slipbound::monitor::SlipReport as CoreReport;
+use slipbound::monitor::{
+    ContactReport, Estimate, Estimates, EvidenceReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind,
+    SlipReport as CoreReport, SlipState, SlipSummary,
+};
+use slipbound::plane::Vec2;
 use slipbound_ros2::msg;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -152,4 +157,117 @@ fn words_are_constants_of_their_files() {
     assert_eq!(constants("SlipReport"), words("/$defs/frame/properties/state/enum"));
     assert_eq!(constants("Slip"), words("/$defs/frame/properties/slip/properties/kind/enum"));
     let _: fn(msg::Header, &str, u64, &CoreReport) -> msg::SlipReport = msg::SlipReport::of;
+}
+
+/// A report in which everything is known, and every number is another.
+fn full() -> CoreReport {
+    let v = |x: f64| Vec2::new(x, x + 0.5);
+    let estimate = |value: f64, age_frames| Some(Estimate { value, sd: value / 8.0, age_frames });
+    CoreReport {
+        seq: 7,
+        time_ns: Some(1_700_000_000_280_000_001),
+        state: SlipState::Incipient,
+        reason: Some(Reason::ContactQuality),
+        contact: ContactReport { area_px2: 31.0, area_mm2: Some(32.0), quality: 0.1234567890123 },
+        markers: MarkerCounts { detected: 65, matched: 64, lost: 1, inner: 20 },
+        reference_seq: 3,
+        grip_n: Some(10.5),
+        motion: Some(MotionReport {
+            reference_px: v(1.0),
+            translation_px: v(2.0),
+            translation_mm: Some(v(3.0)),
+            rotation_rad: 0.25,
+            icr_px: Some(v(4.0)),
+        }),
+        shear: Some(ShearReport { translation_px: v(5.0), translation_mm: Some(v(6.0)), rotation_rad: 0.125 }),
+        slip: SlipSummary {
+            markers_over: 9,
+            markers_needed: 8,
+            threshold_pitch: 0.29605,
+            max_pitch: 0.33336,
+            max_mm: Some(0.7),
+            kind: Some(SlipKind::Both),
+            direction_rad: Some(-1.5),
+        },
+        estimates: Estimates {
+            stick_ratio: estimate(0.1, 1),
+            margin: estimate(0.2, 2),
+            shear_n: estimate(0.3, 3),
+            torque_nmm: estimate(0.4, 4),
+            friction: estimate(0.6, 5),
+        },
+        evidence: Some(EvidenceReport {
+            reference_seq: 2,
+            relaxation: 0.75,
+            centre_rim_ratio: Some(0.8),
+            imprint_change: Some(0.55),
+            imprint_age_frames: 6,
+            slide_score: 0.85,
+            slide_px: v(8.0),
+            slide_rad: 0.01,
+            slides: true,
+            slide_pitch_per_s: Some(1.5),
+            slide_mm_per_s: Some(1.75),
+        }),
+    }
+}
+
+/// The same with nothing known that need not be.
+fn bare() -> CoreReport {
+    let (reason, contact) = (None, ContactReport { area_mm2: None, ..full().contact });
+    let slip = SlipSummary { max_mm: None, kind: None, direction_rad: None, ..full().slip };
+    let (time_ns, grip_n, motion, shear, evidence) = (None, None, None, None, None);
+    let estimates = Estimates::default();
+    CoreReport { time_ns, reason, contact, grip_n, motion, shear, slip, estimates, evidence, ..full() }
+}
+
+/// Whether a message says that it is not known.
+fn says_nothing(message: &Value) -> bool {
+    match message {
+        Value::Null => true,
+        Value::String(word) => word.is_empty(),
+        Value::Number(number) => number.as_u64() == Some(0),
+        Value::Bool(is_so) => !is_so,
+        Value::Array(values) => values.iter().all(says_nothing),
+        Value::Object(fields) => fields.values().all(says_nothing),
+    }
+}
+
+/// Where a message differs from the JSON of the library; NaN is written as null.
+fn compare(path: &str, message: &Value, json: &Value) {
+    match json {
+        Value::Null => assert!(says_nothing(message), "{path}: expected nothing, got {message}"),
+        Value::Object(fields) => {
+            for (name, value) in fields {
+                compare(&format!("{path}.{name}"), &message[name], value);
+            }
+        }
+        _ => assert_eq!(message, json, "{path}"),
+    }
+}
+
+#[test]
+fn values_are_those_of_the_library() {
+    for report in [full(), bare()] {
+        let message = msg::SlipReport::of(msg::Header::default(), "left", 41, &report);
+        assert_eq!((message.finger.as_str(), message.frame), ("left", 41));
+        let message = serde_json::to_value(message).expect("JSON");
+        compare("report", &message, &serde_json::to_value(report).expect("JSON"));
+    }
+}
+
+#[test]
+fn values_of_a_hand_are_those_of_the_library() {
+    let mut hand = Hand::new(&[Mounting::on(Side::Left), Mounting::on(Side::Right)]).expect("a hand");
+    for seen in [None, Some(full())] {
+        for (finger, report) in seen.iter().cycle().take(2 * usize::from(seen.is_some())).enumerate() {
+            hand.see(finger, &CoreReport { reason: None, ..*report });
+        }
+        let report = hand.report(1_000_000);
+        let message = msg::HandReport::of("hand", &report);
+        assert_eq!(message.header.stamp, msg::Time::from_ns(report.time_ns.unwrap_or(0)));
+        let message = serde_json::to_value(message).expect("JSON");
+        compare("hand", &message, &serde_json::to_value(report).expect("JSON"));
+        assert_eq!(report.slip.is_some(), seen.is_some(), "both cases are there");
+    }
 }
