@@ -7,6 +7,15 @@ mod layer;
 pub mod sensors;
 mod settings;
 
+use serde::de::DeserializeOwned;
+use std::path::Path;
+
 pub use error::Error;
 pub(crate) use layer::{Layer, blame, typed};
 pub use settings::{load_settings, load_task_settings, parse_settings, parse_task_settings, settings_to_toml};
+
+/// A TOML file of another program's own settings: the same reading, and the same words for a mistake.
+pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
+    let layer = Layer::read(path)?;
+    typed(layer.table.clone(), std::slice::from_ref(&layer))
+}

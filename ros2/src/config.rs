@@ -1,0 +1,221 @@
+//! The parameters of the node: a TOML file. `example.toml` is one with every key.
+
+use crate::error::Error;
+use serde::Deserialize;
+use slipbound::monitor::Settings;
+use slipbound::setting::SettingError;
+use slipbound_rig::config::hand::{FingerConfig, HandConfig};
+use slipbound_rig::config::{self, hand};
+use std::path::{Path, PathBuf};
+
+/// Largest ROS domain: beyond it ports run out (REP 2003 allows 232).
+const DOMAIN_MOST: u16 = 232;
+
+/// The parameters of a node, checked.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// Its name.
+    pub node: String,
+    /// Its namespace.
+    pub namespace: String,
+    /// Its domain.
+    pub domain_id: u16,
+    /// Name of the hand's frame of reference.
+    pub hand_frame: String,
+    /// Settings of the method.
+    pub settings: Settings,
+    /// How pictures are asked for.
+    pub image_qos: ImageQos,
+    /// Topic on which a gripper says its force; None: nobody tells.
+    pub gripper_state_topic: Option<String>,
+    /// Whether pictures of what was found are published.
+    pub overlay: bool,
+    /// The fingers with their topics, in the order of the hand file.
+    pub fingers: Vec<Finger>,
+}
+
+/// A finger and where its pictures come from.
+#[derive(Debug, Clone)]
+pub struct Finger {
+    /// What the hand file says of it.
+    pub finger: FingerConfig,
+    /// Topic of its pictures.
+    pub image_topic: String,
+    /// Their type.
+    pub image_type: ImageType,
+}
+
+/// How pictures are asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ImageQos {
+    /// As sensors send: best effort, the last five.
+    SensorData,
+    /// Lost pictures are sent again; the publisher must offer it.
+    Reliable,
+}
+
+/// The message that a picture is in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ImageType {
+    /// `sensor_msgs/CompressedImage`.
+    Compressed,
+    /// `sensor_msgs/Image`.
+    Raw,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ConfigFile {
+    #[serde(default = "node_name")]
+    node: String,
+    #[serde(default = "root")]
+    namespace: String,
+    domain_id: Option<u16>,
+    hand: PathBuf,
+    #[serde(default = "hand_frame")]
+    hand_frame: String,
+    settings: Option<String>,
+    #[serde(default = "sensor_data")]
+    image_qos: ImageQos,
+    gripper_state_topic: Option<String>,
+    #[serde(default)]
+    overlay: bool,
+    fingers: Vec<FingerFile>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FingerFile {
+    name: String,
+    image_topic: String,
+    #[serde(default = "compressed")]
+    image_type: ImageType,
+}
+
+fn node_name() -> String {
+    "slipbound".into()
+}
+
+fn root() -> String {
+    "/".into()
+}
+
+fn hand_frame() -> String {
+    "hand".into()
+}
+
+fn sensor_data() -> ImageQos {
+    ImageQos::SensorData
+}
+
+fn compressed() -> ImageType {
+    ImageType::Compressed
+}
+
+/// Reads the parameters and the files they name, which lie beside them. `domain_id`: what `ROS_DOMAIN_ID` says, which the
+/// file overrides. The error names file, key, expected and got.
+pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
+    let file: ConfigFile = config::load(path)?;
+    let refuse = |key: String, expected: String, got: String| {
+        let source = SettingError { key, expected, got };
+        Error::Config(config::Error::OutOfRange { file: path.display().to_string(), source })
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let HandConfig { fingers: known, .. } = hand::load(&folder.join(&file.hand))?;
+    let settings = match file.settings.as_deref() {
+        None => Settings::default(),
+        Some("paper") => Settings::paper(),
+        Some(name) => config::load_settings(&folder.join(name).display().to_string())?,
+    };
+    let domain = match (file.domain_id, domain_id) {
+        (Some(id), _) => id,
+        (None, Some(text)) => text.trim().parse().map_err(|_| {
+            Error::Setting(SettingError {
+                key: "ROS_DOMAIN_ID".into(),
+                expected: format!("a whole number from 0 to {DOMAIN_MOST}"),
+                got: format!("`{text}`"),
+            })
+        })?,
+        (None, None) => 0,
+    };
+    if domain > DOMAIN_MOST {
+        return Err(refuse("domain_id".into(), format!("at most {DOMAIN_MOST}"), domain.to_string()));
+    }
+    let names: Vec<String> = known.iter().map(|finger| format!("`{}`", finger.name)).collect();
+    let hand_fingers = format!("every finger of {} once: {}", file.hand.display(), names.join(", "));
+    for (i, finger) in file.fingers.iter().enumerate() {
+        let is_known = known.iter().any(|other| other.name == finger.name);
+        if !is_known || file.fingers[..i].iter().any(|other| other.name == finger.name) {
+            return Err(refuse(format!("fingers[{i}].name"), hand_fingers, format!("`{}`", finger.name)));
+        }
+    }
+    if file.fingers.len() < known.len() {
+        return Err(refuse("fingers".into(), hand_fingers, format!("{} fingers", file.fingers.len())));
+    }
+    let fingers = known.into_iter().filter_map(|finger| {
+        let topic = file.fingers.iter().find(|other| other.name == finger.name)?;
+        Some(Finger { finger, image_topic: topic.image_topic.clone(), image_type: topic.image_type })
+    });
+    Ok(Config {
+        fingers: fingers.collect(),
+        node: file.node,
+        namespace: file.namespace,
+        domain_id: domain,
+        hand_frame: file.hand_frame,
+        settings,
+        image_qos: file.image_qos,
+        gripper_state_topic: file.gripper_state_topic,
+        overlay: file.overlay,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HAND: &str = "name = \"two\"\n\
+        [[fingers]]\nname = \"left\"\nserial = \"A\"\nside = \"left\"\nsensor = \"gelslim\"\n\
+        [[fingers]]\nname = \"right\"\nserial = \"B\"\nside = \"right\"\nsensor = \"gelslim\"\n";
+    const NODE: &str = "hand = \"hand.toml\"\ndomain_id = 7\n\
+        [[fingers]]\nname = \"right\"\nimage_topic = \"/right/image\"\nimage_type = \"raw\"\n\
+        [[fingers]]\nname = \"left\"\nimage_topic = \"/left/image/compressed\"\n";
+
+    fn read(text: &str, domain_id: Option<&str>) -> Result<Config, Error> {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("hand.toml"), HAND).expect("writes");
+        let path = folder.path().join("node.toml");
+        std::fs::write(&path, text).expect("writes");
+        load(&path, domain_id)
+    }
+
+    #[test]
+    fn fingers_are_in_the_order_of_the_hand() {
+        let config = read(NODE, Some("9")).expect("valid");
+        let fingers: Vec<_> = config.fingers.iter().map(|f| (f.finger.name.as_str(), f.image_type)).collect();
+        assert_eq!(fingers, [("left", ImageType::Compressed), ("right", ImageType::Raw)]);
+        assert_eq!((config.node.as_str(), config.domain_id, config.overlay), ("slipbound", 7, false));
+        assert_eq!(read(&NODE.replace("domain_id = 7\n", ""), Some("9")).expect("valid").domain_id, 9);
+    }
+
+    #[test]
+    fn mistakes_name_file_key_expected_and_got() {
+        for (from, to, parts) in [
+            ("hand = ", "hnad = ", ["node.toml", "`hnad`", "did you mean `hand`?"]),
+            ("domain_id = 7", "domain_id = 240", ["node.toml: domain_id", "at most 232", "240"]),
+            ("domain_id = 7", "overlay = \"yes\"", ["node.toml: overlay", "yes", "expected a boolean"]),
+            ("\"raw\"", "\"png\"", ["node.toml: fingers[0].image_type", "png", "`compressed`"]),
+            ("name = \"left\"", "name = \"middle\"", ["fingers[1].name", "`left`, `right`", "`middle`"]),
+            ("name = \"left\"", "name = \"right\"", ["fingers[1].name", "once", "`right`"]),
+            ("\"hand.toml\"", "\"none.toml\"", ["none.toml", "cannot read", ""]),
+        ] {
+            let message = read(&NODE.replacen(from, to, 1), None).expect_err("refused").to_string();
+            for part in parts {
+                assert!(message.contains(part), "`{message}` lacks `{part}`");
+            }
+        }
+        let message = read(&NODE.replace("domain_id = 7\n", ""), Some("x")).expect_err("refused").to_string();
+        assert!(message.contains("ROS_DOMAIN_ID") && message.contains("`x`"), "{message}");
+    }
+}

@@ -1,0 +1,247 @@
+//! A finger on a thread of its own: pictures in, reports out.
+//!
+//! ```text
+//!   image topic --Inbox--> the two newest --decode--> Finger --> report, wrench topics; the hand, the tally
+//!                                                        '--> overlay thread, where it is free
+//! ```
+
+use crate::config::{Finger as FingerConfig, ImageQos, ImageType};
+use crate::error::Error;
+use crate::finger::{Finger, Seen};
+use crate::msg::{CompressedImage, Header, Image, SlipReport, WrenchStamped};
+use crate::overlay::OverlayThread;
+use crate::picture::Picture;
+use crate::ros::{Inbox, RELIABLE, Received, Ros, SENSOR_DATA, unix_ns};
+use crate::tally::Tally;
+use crate::wrench::wrench;
+use ros2_client::Publisher;
+use slipbound::monitor::{self, Settings};
+use slipbound::port::{FrameBuffer, GripSample};
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// Pictures that may wait; older ones are passed over. Who asks for every picture gets it, as long as it can be.
+const WAITING_COUNT: usize = 2;
+const WAITING_RELIABLE_COUNT: usize = 10;
+
+/// Longest wait for a picture before it is looked for the end and for tares.
+const LONGEST_WAIT: Duration = Duration::from_millis(20);
+
+/// What the threads of a node share.
+#[derive(Debug, Default)]
+pub struct Shared {
+    /// Whether all should end.
+    pub stop: AtomicBool,
+    /// The force per finger, where a gripper tells.
+    pub grip: Mutex<Option<GripSample>>,
+}
+
+/// What a finger tells the hand.
+#[derive(Debug, Clone)]
+pub enum Told {
+    /// A report.
+    Report(Box<monitor::SlipReport>),
+    /// The rest frame is known.
+    Active,
+    /// How a tare has ended.
+    Tared(Result<(), String>),
+}
+
+/// The topic of a finger's pictures.
+enum Pictures {
+    Compressed(Inbox<CompressedImage>),
+    Raw(Inbox<Image>),
+}
+
+impl Pictures {
+    fn wait(&mut self, longest: Duration) {
+        match self {
+            Pictures::Compressed(inbox) => inbox.wait(longest),
+            Pictures::Raw(inbox) => inbox.wait(longest),
+        }
+    }
+
+    fn take(&mut self) -> Result<Option<(Picture, u64)>, String> {
+        Ok(match self {
+            Pictures::Compressed(inbox) => {
+                inbox.take()?.map(|Received { message, seq }| (Picture::Compressed(message), seq))
+            }
+            Pictures::Raw(inbox) => inbox.take()?.map(|Received { message, seq }| (Picture::Raw(message), seq)),
+        })
+    }
+}
+
+/// A finger with its topics.
+pub struct FingerThread {
+    place: usize,
+    name: String,
+    finger: Finger,
+    pictures: Pictures,
+    waiting: VecDeque<(Picture, u64)>,
+    waiting_most_count: usize,
+    frame: FrameBuffer,
+    frames_count: u64,
+    reports: Publisher<SlipReport>,
+    wrenches: Publisher<WrenchStamped>,
+    overlay: Option<OverlayThread>,
+    tally: Arc<Mutex<Tally>>,
+    shared: Arc<Shared>,
+    tares: Receiver<()>,
+    hand: Sender<(usize, Told)>,
+}
+
+/// What a finger's thread is joined to.
+pub struct Joints {
+    /// What the threads share.
+    pub shared: Arc<Shared>,
+    /// Counts of this finger.
+    pub tally: Arc<Mutex<Tally>>,
+    /// Where it is told to be tared.
+    pub tares: Receiver<()>,
+    /// What it tells.
+    pub hand: Sender<(usize, Told)>,
+}
+
+impl FingerThread {
+    /// Makes the topics of finger number `place`.
+    pub fn new(
+        ros: &mut Ros,
+        place: usize,
+        config: &FingerConfig,
+        settings: &Settings,
+        image_qos: ImageQos,
+        has_overlay: bool,
+        joints: Joints,
+    ) -> Result<Self, Error> {
+        let name = config.finger.name.clone();
+        let (qos, waiting_most_count) = match image_qos {
+            ImageQos::SensorData => (SENSOR_DATA, WAITING_COUNT),
+            ImageQos::Reliable => (RELIABLE, WAITING_RELIABLE_COUNT),
+        };
+        let pictures = match config.image_type {
+            ImageType::Compressed => Pictures::Compressed(ros.inbox(&config.image_topic, &qos)?),
+            ImageType::Raw => Pictures::Raw(ros.inbox(&config.image_topic, &qos)?),
+        };
+        let overlay = has_overlay
+            .then(|| ros.publisher(&format!("{name}/overlay/compressed"), &SENSOR_DATA).map(OverlayThread::new))
+            .transpose()?;
+        let Joints { shared, tally, tares, hand } = joints;
+        Ok(FingerThread {
+            place,
+            finger: Finger::new(config.finger.sensor.clone(), settings.clone()),
+            pictures,
+            waiting: VecDeque::new(),
+            waiting_most_count,
+            frame: FrameBuffer::default(),
+            frames_count: 0,
+            reports: ros.publisher(&format!("{name}/report"), &RELIABLE)?,
+            wrenches: ros.publisher(&format!("{name}/wrench"), &SENSOR_DATA)?,
+            overlay,
+            tally,
+            shared,
+            tares,
+            hand,
+            name,
+        })
+    }
+
+    /// Runs until the node stops.
+    pub fn run(mut self) {
+        while !self.shared.stop.load(Ordering::Relaxed) {
+            self.take_all();
+            if self.tares.try_recv().is_ok()
+                && let Err(why) = self.finger.tare()
+            {
+                self.tell(Told::Tared(Err(why)));
+            }
+            match self.waiting.pop_front() {
+                Some((picture, seq)) => self.judge(picture, seq),
+                None => self.pictures.wait(LONGEST_WAIT),
+            }
+        }
+    }
+
+    /// Takes whatever has come in, and keeps the newest.
+    fn take_all(&mut self) {
+        loop {
+            let taken = self.pictures.take();
+            let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
+            match taken {
+                Ok(Some((picture, seq))) => {
+                    tally.received(seq);
+                    self.waiting.push_back((picture, seq));
+                    if self.waiting.len() > self.waiting_most_count {
+                        self.waiting.pop_front();
+                        tally.passed_over_count += 1;
+                    }
+                }
+                Ok(None) => return,
+                Err(why) => {
+                    tally.failed(why);
+                    return;
+                }
+            }
+        }
+    }
+
+    fn judge(&mut self, picture: Picture, seq: u64) {
+        let header = picture.header().clone();
+        let grip = *self.shared.grip.lock().unwrap_or_else(PoisonError::into_inner);
+        let report = match picture.decode(seq, &mut self.frame) {
+            Ok(()) => match self.finger.see(&self.frame, grip) {
+                Seen::Judged(report) => Some(report),
+                Seen::Tared(report, ended) => {
+                    self.tell(Told::Tared(ended));
+                    Some(report)
+                }
+                Seen::AtRest => None,
+                Seen::RestFound(_) => {
+                    self.tally.lock().unwrap_or_else(PoisonError::into_inner).is_active = true;
+                    self.tell(Told::Active);
+                    None
+                }
+                Seen::Refused(why) => {
+                    self.tally.lock().unwrap_or_else(PoisonError::into_inner).failed(why);
+                    None
+                }
+            },
+            Err(why) => {
+                let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
+                tally.torn_count += 1;
+                tally.last_failure = Some(why);
+                self.finger.torn(seq, self.frame.time_ns)
+            }
+        };
+        if let Some(report) = report {
+            self.publish(header, &report);
+        }
+    }
+
+    fn publish(&mut self, header: Header, report: &monitor::SlipReport) {
+        let message = SlipReport::of(header, &self.name, self.frames_count, report);
+        self.frames_count += 1;
+        let (header, state) = (message.header.clone(), message.state.clone());
+        let sent = self.reports.publish(message).map_err(|e| e.to_string());
+        {
+            let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
+            match sent {
+                Ok(()) => tally.published(unix_ns(), report.time_ns, &state),
+                Err(why) => tally.failed(why),
+            }
+        }
+        self.tell(Told::Report(Box::new(*report)));
+        if let Some(wrench) = wrench(&header, report) {
+            let _ = self.wrenches.publish(wrench); // best effort: the report has the same numbers
+        }
+        if let (Some(overlay), Some(monitor)) = (&mut self.overlay, self.finger.monitor()) {
+            overlay.show(header, &self.frame, report, monitor);
+        }
+    }
+
+    fn tell(&self, told: Told) {
+        let _ = self.hand.send((self.place, told)); // the node is ending: nobody listens
+    }
+}

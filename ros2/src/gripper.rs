@@ -1,0 +1,103 @@
+//! A gripper that is a node of its own, by a pair of topics.
+//!
+//! ```text
+//!   control loop --command--> BASE/command  slipbound_msgs/GripCommand   reliable, the last one
+//!                <--poll----- BASE/state    slipbound_msgs/GripperState  at least every 0.3 s
+//! ```
+//!
+//! A state that stays away is a lost link: the loop pauses the wrist and commands nothing, so the gripper keeps its force.
+//! The node at the other end must keep it, too, when it hears nothing.
+
+use crate::error::Error;
+use crate::heard::Heard;
+use crate::msg::{GripCommand as GripCommandMessage, GripperState as GripperStateMessage, Header};
+use crate::ros::{Inbox, LAST_RELIABLE, Ros, SENSOR_DATA, stamp};
+use ros2_client::Publisher;
+use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperError, GripperErrorKind, GripperState, Jaws};
+use slipbound_rig::link::now_ns;
+
+/// The gripper at a pair of topics.
+pub struct TopicGripper {
+    commands: Publisher<GripCommandMessage>,
+    states: Inbox<GripperStateMessage>,
+    heard: Heard,
+    state: Option<GripperState>,
+}
+
+impl TopicGripper {
+    /// The gripper whose topics are `base/command` and `base/state`. Waits for nothing.
+    pub fn new(ros: &mut Ros, base: &str) -> Result<Self, Error> {
+        let topic = format!("{base}/state");
+        Ok(TopicGripper {
+            commands: ros.publisher(&format!("{base}/command"), &LAST_RELIABLE)?,
+            states: ros.inbox(&topic, &SENSOR_DATA)?,
+            heard: Heard::new(&topic),
+            state: None,
+        })
+    }
+}
+
+/// A force that a gripper can take, N; what is none is refused.
+pub(crate) fn checked_force_n(force_n: f64) -> Result<f64, GripperError> {
+    match force_n.is_finite() && force_n >= 0.0 {
+        true => Ok(force_n),
+        false => {
+            let text = format!("force_n: expected a number not below 0, got {force_n}");
+            Err(GripperError::new(GripperErrorKind::Value, text))
+        }
+    }
+}
+
+impl Gripper for TopicGripper {
+    fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
+        let (jaws, force_n) = match command {
+            GripCommand::Hold { force_n } => ("hold", checked_force_n(force_n)?),
+            GripCommand::Release => ("release", f64::NAN),
+        };
+        self.poll_io();
+        let lost = |why: String| GripperError::new(GripperErrorKind::Link, why);
+        self.heard.check(now_ns()).map_err(lost)?;
+        let header = Header { stamp: stamp(), frame_id: String::new() };
+        let message = GripCommandMessage { header, jaws: jaws.into(), force_n };
+        self.commands.publish(message).map_err(|e| lost(e.to_string()))
+    }
+
+    fn poll(&mut self) -> Result<GripperState, GripperError> {
+        self.poll_io();
+        self.heard.check(now_ns()).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;
+        self.state.ok_or_else(|| GripperError::new(GripperErrorKind::NotReady, "expected a state, got none so far"))
+    }
+
+    fn poll_io(&mut self) {
+        if let Some(message) = self.states.newest() {
+            let now_ns = now_ns();
+            self.heard.heard(now_ns);
+            self.state = Some(state(now_ns, &message));
+        }
+    }
+
+    fn next_event(&mut self) -> Option<DriverEvent> {
+        self.heard.next_event()
+    }
+}
+
+/// The state as the loop takes it; what is not a number is not known.
+fn state(now_ns: u64, message: &GripperStateMessage) -> GripperState {
+    let known = |value: f64| value.is_finite().then_some(value);
+    GripperState {
+        time_ns: now_ns,
+        force_n: known(message.force_n),
+        force_error_n: known(message.force_error_n),
+        target_n: known(message.target_n),
+        opening_mm: known(message.opening_mm),
+        jaws: match message.jaws.as_str() {
+            "open" => Jaws::Open,
+            "closing" => Jaws::Closing,
+            "holding" => Jaws::Holding,
+            "nothing" => Jaws::Nothing,
+            "lost" => Jaws::Lost,
+            "stopped" => Jaws::Stopped,
+            _ => Jaws::Unknown,
+        },
+    }
+}

@@ -1,0 +1,70 @@
+//! Whether the node at the other end still says something.
+
+use slipbound::port::DriverEvent;
+
+/// Longest time without a state, ns: longer than that the link is lost.
+pub const SILENCE_NS: u64 = 300_000_000;
+
+/// When a node was heard last.
+#[derive(Debug)]
+pub struct Heard {
+    topic: String,
+    last_ns: Option<u64>,
+    is_linked: bool,
+    events: Vec<DriverEvent>,
+}
+
+impl Heard {
+    /// Of this topic nothing was heard yet.
+    pub fn new(topic: &str) -> Self {
+        Heard { topic: topic.into(), last_ns: None, is_linked: false, events: Vec::new() }
+    }
+
+    /// A state has come.
+    pub fn heard(&mut self, now_ns: u64) {
+        self.last_ns = Some(now_ns);
+        if !std::mem::replace(&mut self.is_linked, true) {
+            self.events.push(DriverEvent::Linked);
+        }
+    }
+
+    /// What is wrong with the link, if something is.
+    pub fn check(&mut self, now_ns: u64) -> Result<(), String> {
+        let expected = format!("{}: expected a state every {} ms, got", self.topic, SILENCE_NS / 1_000_000);
+        let why = match self.last_ns {
+            None => format!("{expected} none so far"),
+            Some(last_ns) => match now_ns.saturating_sub(last_ns) {
+                silent_ns if silent_ns <= SILENCE_NS => return Ok(()),
+                silent_ns => format!("{expected} none for {} ms", silent_ns / 1_000_000),
+            },
+        };
+        if std::mem::take(&mut self.is_linked) {
+            self.events.push(DriverEvent::Unlinked { why: why.clone() });
+        }
+        Err(why)
+    }
+
+    /// The next event, oldest first.
+    pub fn next_event(&mut self) -> Option<DriverEvent> {
+        (!self.events.is_empty()).then(|| self.events.remove(0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn silence_is_told_once_and_so_is_the_return() {
+        let mut heard = Heard::new("/gripper/state");
+        assert!(heard.check(0).expect_err("nothing yet").contains("/gripper/state: expected a state every 300 ms"));
+        heard.heard(1_000_000_000);
+        assert_eq!((heard.check(1_300_000_000), heard.next_event()), (Ok(()), Some(DriverEvent::Linked)));
+        assert!(heard.check(1_400_000_000).expect_err("silent").contains("none for 400 ms"));
+        assert!(heard.check(1_500_000_000).is_err());
+        assert!(matches!(heard.next_event(), Some(DriverEvent::Unlinked { .. })));
+        assert_eq!(heard.next_event(), None);
+        heard.heard(1_600_000_000);
+        assert_eq!((heard.check(1_600_000_000), heard.next_event()), (Ok(()), Some(DriverEvent::Linked)));
+    }
+}

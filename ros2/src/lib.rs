@@ -1,0 +1,28 @@
+//! Slipbound in ROS 2, without a ROS installation: RustDDS speaks to what others run.
+//!
+//! | what | where |
+//! |---|---|
+//! | the node: pictures in, reports, wrenches, overlays, diagnostics out | [`node`] |
+//! | its parameters | [`config`] |
+//! | a gripper and a wrist that are nodes of their own, for the library's control loop | [`gripper`], [`gripper_action`], [`wrist`] |
+//! | the messages | [`msg`] |
+//! | topics and services by name | [`ros`] |
+//!
+//! `docs/ros2.md` says how to use it, what was tried and what is not supported.
+
+pub mod config;
+pub mod error;
+pub mod finger;
+mod finger_thread;
+pub mod gripper;
+pub mod gripper_action;
+mod heard;
+pub mod msg;
+pub mod node;
+pub mod overlay;
+pub mod picture;
+pub mod ros;
+pub mod tally;
+mod tare;
+pub mod wrench;
+pub mod wrist;

@@ -1,0 +1,52 @@
+//! The command `slipbound-ros2`: the node, and what it takes to try and measure it without hardware.
+
+mod commands;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Slip of tactile fingers in ROS 2, without a ROS installation.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Judges the pictures of a hand's fingers: slip reports out, one a picture
+    Node(commands::node::Node),
+    /// Publishes the pictures of a simulated finger
+    Simulate(commands::simulate::Simulate),
+    /// A gripper and a wrist that are nodes, holding nothing but a block of steel
+    Emulate(commands::emulate::Emulate),
+    /// Rate, losses and latency of the node in a process of its own, and what becomes of it when either end goes away
+    Measure(commands::measure::Measure),
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let stop = Arc::new(AtomicBool::new(false));
+    let stops = stop.clone();
+    if let Err(e) = ctrlc::set_handler(move || stops.store(true, Ordering::Relaxed)) {
+        eprintln!("slipbound-ros2: {e}");
+        return ExitCode::FAILURE;
+    }
+    let done = match arguments.command {
+        Command::Node(node) => node.run(&stop),
+        Command::Simulate(simulate) => simulate.run(&stop),
+        Command::Emulate(emulate) => emulate.run(&stop),
+        Command::Measure(measure) => measure.run(&stop),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("slipbound-ros2: {e}");
+            let is_argument = e.downcast_ref::<slipbound_ros2::error::Error>().is_some_and(|e| e.is_argument());
+            ExitCode::from(if is_argument { 2 } else { 1 })
+        }
+    }
+}

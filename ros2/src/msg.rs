@@ -1,0 +1,37 @@
+//! Messages as they go over the wire: each struct has the fields of its `.msg` file in their order, so that serde's CDR is
+//! what ROS 2 expects. `tests/messages.rs` compares those of `slipbound_msgs` with the files.
+
+mod device;
+mod from_report;
+mod report;
+mod standard;
+
+pub use device::{GripCommand, GripperState, WristCommand, WristState};
+pub use report::{
+    Contact, Estimate, Evidence, HandReport, HandSlip, HandVector, Markers, Motion, Shear, Slip, SlipReport,
+};
+pub use standard::{
+    CompressedImage, DiagnosticArray, DiagnosticStatus, Empty, GetStateResponse, GripperCommandGoal,
+    GripperCommandResult, Header, Image, JointState, KeyValue, LifecycleState, Time, TriggerResponse, Vector3, Wrench,
+    WrenchStamped,
+};
+
+/// A message that has a topic type of its own.
+pub trait TopicType: ros2_client::Message + Clone + Send + 'static {
+    /// The package it is from.
+    const PACKAGE: &'static str;
+    /// Its name there.
+    const NAME: &'static str;
+}
+
+/// Says which topic type a struct is.
+macro_rules! topic_types {
+    ($($package:literal / $($message:ident)+;)+) => {$($(
+        impl ros2_client::Message for $message {}
+        impl crate::msg::TopicType for $message {
+            const PACKAGE: &'static str = $package;
+            const NAME: &'static str = stringify!($message);
+        }
+    )+)+};
+}
+pub(crate) use topic_types;

@@ -1,0 +1,251 @@
+//! The node `slipbound`: a thread a finger, and this one for the hand, the services and the diagnostics.
+
+use crate::config::Config;
+use crate::error::Error;
+use crate::finger_thread::{FingerThread, Joints, Shared, Told};
+use crate::msg::{
+    DiagnosticArray, Empty, GetStateResponse, GripperState, HandReport, Header, LifecycleState, TriggerResponse,
+};
+use crate::ros::{Inbox, LATCHED, RELIABLE, Ros, SENSOR_DATA, stamp, unix_ns};
+use crate::tally::Tally;
+use crate::tare::Tare;
+use ros2_client::{Publisher, Server};
+use slipbound::hand::{Hand, Mounting};
+use slipbound::port::GripSample;
+use slipbound_rig::link::now_ns;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+/// For how long the report of one finger waits for those of the others, ns.
+const LONGEST_WAIT_NS: u64 = 25_000_000;
+
+/// Longest time between two reports of the hand once it is active, ns: without pictures they say that it is blind.
+const LONGEST_SILENCE_NS: u64 = 100_000_000;
+
+/// Time between two diagnostics, ns.
+const DIAGNOSTICS_NS: u64 = 1_000_000_000;
+
+/// For how long a force that a gripper told counts, ns.
+const GRIP_AGE_NS: u64 = 500_000_000;
+
+/// Time between two looks at services and topics.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// The node, ready to run.
+pub struct SlipNode {
+    ros: Ros,
+    fingers: Vec<FingerOfNode>,
+    told: Receiver<(usize, Told)>,
+    shared: Arc<Shared>,
+    hand: Hand,
+    hand_frame: String,
+    /// Which fingers have reported since the last report of the hand.
+    is_fresh: Vec<bool>,
+    fresh_since_ns: Option<u64>,
+    hand_reported_ns: u64,
+    hand_reports: Publisher<HandReport>,
+    diagnostics: Publisher<DiagnosticArray>,
+    diagnosed_ns: u64,
+    states: Publisher<LifecycleState>,
+    get_state: Server<Empty, GetStateResponse>,
+    tare_service: Server<Empty, TriggerResponse>,
+    tare: Option<Tare>,
+    gripper: Option<Inbox<GripperState>>,
+    gripped_ns: u64,
+}
+
+struct FingerOfNode {
+    name: String,
+    serial: String,
+    tally: Arc<Mutex<Tally>>,
+    tares: Sender<()>,
+    is_active: bool,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl SlipNode {
+    /// Joins the network and starts the fingers' threads.
+    pub fn start(config: &Config) -> Result<Self, Error> {
+        let mut ros = Ros::new(&config.namespace, &config.node, config.domain_id)?;
+        let mountings: Vec<Mounting> = config.fingers.iter().map(|f| f.finger.mounting).collect();
+        let hand = Hand::new(&mountings)?;
+        let shared = Arc::new(Shared::default());
+        let (to_hand, told) = channel();
+        let mut threads = Vec::new();
+        let mut fingers = Vec::new();
+        for (place, finger) in config.fingers.iter().enumerate() {
+            let (tares, tared) = channel();
+            let tally = Arc::new(Mutex::new(Tally::default()));
+            let joints = Joints { shared: shared.clone(), tally: tally.clone(), tares: tared, hand: to_hand.clone() };
+            let (settings, qos, overlay) = (&config.settings, config.image_qos, config.overlay);
+            threads.push(FingerThread::new(&mut ros, place, finger, settings, qos, overlay, joints)?);
+            let (name, serial) = (finger.finger.name.clone(), finger.finger.serial.clone());
+            fingers.push(FingerOfNode { name, serial, tally, tares, is_active: false, thread: None });
+        }
+        let gripper = config.gripper_state_topic.as_deref().map(|topic| ros.inbox(topic, &SENSOR_DATA)).transpose()?;
+        let mut node = SlipNode {
+            hand_reports: ros.publisher("hand/report", &RELIABLE)?,
+            diagnostics: ros.publisher("/diagnostics", &RELIABLE)?,
+            states: ros.publisher("state", &LATCHED)?,
+            get_state: ros.server("get_state", "lifecycle_msgs", "GetState")?,
+            tare_service: ros.server("tare", "std_srvs", "Trigger")?,
+            is_fresh: vec![false; fingers.len()],
+            fresh_since_ns: None,
+            hand_reported_ns: now_ns(),
+            diagnosed_ns: now_ns(),
+            tare: None,
+            gripper,
+            gripped_ns: 0,
+            hand_frame: config.hand_frame.clone(),
+            hand,
+            shared,
+            told,
+            fingers,
+            ros,
+        };
+        for (finger, thread) in node.fingers.iter_mut().zip(threads) {
+            finger.thread = Some(thread::spawn(move || thread.run()));
+        }
+        node.say_state();
+        Ok(node)
+    }
+
+    /// Runs until `stop` is set.
+    pub fn run(mut self, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
+            match self.told.recv_timeout(LOOK) {
+                Ok((finger, told)) => self.hear(finger, told),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return, // every finger's thread has broken down
+            }
+            self.report_hand();
+            self.hear_gripper();
+            self.serve();
+            self.diagnose();
+        }
+    }
+
+    /// Its full name on the network.
+    pub fn full_name(&self) -> &str {
+        self.ros.full_name()
+    }
+
+    fn is_active(&self) -> bool {
+        self.fingers.iter().all(|finger| finger.is_active)
+    }
+
+    fn hear(&mut self, finger: usize, told: Told) {
+        match told {
+            Told::Report(report) => {
+                self.hand.see(finger, &report);
+                self.is_fresh[finger] = true;
+                self.fresh_since_ns.get_or_insert_with(now_ns);
+            }
+            Told::Active => {
+                self.fingers[finger].is_active = true;
+                if self.is_active() {
+                    self.say_state();
+                }
+            }
+            Told::Tared(ended) => {
+                if let Some(tare) = &mut self.tare {
+                    tare.ended(finger, ended);
+                }
+            }
+        }
+    }
+
+    /// Reports the hand when all fingers have reported, or have been waited for.
+    fn report_hand(&mut self) {
+        let now_ns = now_ns();
+        let waited = self.fresh_since_ns.is_some_and(|since_ns| now_ns - since_ns >= LONGEST_WAIT_NS);
+        let is_silent = now_ns - self.hand_reported_ns >= LONGEST_SILENCE_NS;
+        if !self.is_active() || !(waited || is_silent || self.is_fresh.iter().all(|fresh| *fresh)) {
+            return;
+        }
+        for (place, fresh) in self.is_fresh.iter_mut().enumerate() {
+            // Who has only missed its turn is not blind: the hand knows how old a frame may be.
+            if !std::mem::take(fresh) && is_silent {
+                self.hand.missed(place);
+            }
+        }
+        (self.fresh_since_ns, self.hand_reported_ns) = (None, now_ns);
+        let report = self.hand.report(now_ns);
+        // A reader that does not keep up loses reports; the next one is newer.
+        let _ = self.hand_reports.publish(HandReport::of(&self.hand_frame, &report));
+    }
+
+    fn hear_gripper(&mut self) {
+        let Some(inbox) = &mut self.gripper else { return };
+        let now_ns = now_ns();
+        let told = inbox.newest().map(|state| [state.force_n, state.target_n].into_iter().find(|n| n.is_finite()));
+        let is_old = now_ns - self.gripped_ns > GRIP_AGE_NS;
+        let grip = match told {
+            Some(force_n) => force_n.map(|force_n| GripSample { force_n }),
+            None if is_old => None,
+            None => return,
+        };
+        self.gripped_ns = if told.is_some() { now_ns } else { self.gripped_ns };
+        *self.shared.grip.lock().unwrap_or_else(PoisonError::into_inner) = grip;
+    }
+
+    fn state(&self) -> LifecycleState {
+        match self.is_active() {
+            true => LifecycleState { id: 3, label: "active".into() },
+            false => LifecycleState { id: 1, label: "unconfigured".into() },
+        }
+    }
+
+    fn say_state(&mut self) {
+        let _ = self.states.publish(self.state()); // also answered on request, and in the diagnostics
+    }
+
+    fn serve(&mut self) {
+        while let Ok(Some((id, _))) = self.get_state.receive_request() {
+            let _ = self.get_state.send_response(id, GetStateResponse { current_state: self.state() }); // who asked is gone
+        }
+        while let Ok(Some((id, _))) = self.tare_service.receive_request() {
+            if self.tare.is_some() {
+                let message = "the fingers are being tared already".into();
+                let _ = self.tare_service.send_response(id, TriggerResponse { success: false, message });
+                continue;
+            }
+            let names = self.fingers.iter().map(|finger| finger.name.clone()).collect();
+            self.tare = Some(Tare::new(id, names, now_ns()));
+            for finger in &self.fingers {
+                let _ = finger.tares.send(()); // a thread that has broken down does not answer: that is told
+            }
+        }
+        if let Some((id, answer)) = self.tare.as_ref().and_then(|tare| tare.answer(now_ns())) {
+            let _ = self.tare_service.send_response(id, answer); // who asked is gone
+            self.tare = None;
+        }
+    }
+
+    fn diagnose(&mut self) {
+        let now_ns = now_ns();
+        if now_ns - self.diagnosed_ns < DIAGNOSTICS_NS {
+            return;
+        }
+        self.diagnosed_ns = now_ns;
+        let node = self.ros.full_name().trim_start_matches('/').to_owned();
+        let status = self.fingers.iter().map(|finger| {
+            let mut tally = finger.tally.lock().unwrap_or_else(PoisonError::into_inner);
+            tally.status(unix_ns(), &node, &finger.name, &finger.serial)
+        });
+        let header = Header { stamp: stamp(), frame_id: String::new() };
+        let _ = self.diagnostics.publish(DiagnosticArray { header, status: status.collect() }); // the next one is newer
+    }
+}
+
+impl Drop for SlipNode {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        for thread in self.fingers.iter_mut().filter_map(|finger| finger.thread.take()) {
+            let _ = thread.join(); // it has broken down: that was said when it did
+        }
+    }
+}

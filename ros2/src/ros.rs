@@ -1,0 +1,176 @@
+//! A node on the network: topics and services by their ROS names, received without waiting or with a limit.
+
+use crate::error::Error;
+use crate::msg::{Time, TopicType};
+use ros2_client::qos::{Durability, History, WhenFull};
+use ros2_client::{
+    Context, ContextOptions, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
+    Server, ServiceMapping, ServiceTypeName, Subscription,
+};
+use rustdds::mio1::{Events, Interest, Poll, Token};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// As sensors send: best effort, the last five.
+pub const SENSOR_DATA: QosProfile =
+    QosProfile::subscription_default().reliability_best_effort().history(History::KeepLast { depth: 5 });
+
+/// What must arrive: reliable, the last ten. A reader that is slow does not make the writer wait.
+pub const RELIABLE: QosProfile =
+    QosProfile::publisher_default().reliability_reliable(WhenFull::Fail).history(History::KeepLast { depth: 10 });
+
+/// Commands, of which only the newest counts: reliable, the last one.
+pub const LAST_RELIABLE: QosProfile =
+    QosProfile::publisher_default().reliability_reliable(WhenFull::Fail).history(History::KeepLast { depth: 1 });
+
+/// What also those hear who come later: reliable, the last one is kept.
+pub const LATCHED: QosProfile = QosProfile::publisher_default()
+    .reliability_reliable(WhenFull::Fail)
+    .durability(Durability::TransientLocal)
+    .history(History::KeepLast { depth: 1 });
+
+/// Now, ns since 1970: the clock of header stamps.
+pub fn unix_ns() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Now, as a stamp.
+pub fn stamp() -> Time {
+    Time::from_ns(unix_ns())
+}
+
+/// A node on the network.
+pub struct Ros {
+    context: Context,
+    node: Node,
+    namespace: String,
+}
+
+impl Ros {
+    /// A node of this name in this domain.
+    pub fn new(namespace: &str, name: &str, domain_id: u16) -> Result<Self, Error> {
+        let node_name = NodeName::new(namespace, name).map_err(|e| Error::Name {
+            key: "node".into(),
+            name: name.into(),
+            why: format!("{e:?}"),
+        })?;
+        let context = Context::with_options(ContextOptions::new().domain_id(domain_id))
+            .map_err(|e| Error::middleware(format!("domain {domain_id}"), e))?;
+        // Parameters are those of the file: none can be set while the node runs.
+        let options = NodeOptions::new().enable_rosout(true).start_parameter_services(false);
+        let node = context
+            .new_node(node_name.clone(), options)
+            .map_err(|e| Error::middleware(format!("node `{name}`"), format!("{e:?}")))?;
+        Ok(Ros { context, node, namespace: node_name.fully_qualified_name() })
+    }
+
+    /// The node's full name: what its own topics begin with.
+    pub fn full_name(&self) -> &str {
+        &self.namespace
+    }
+
+    /// The topic `name`; one that does not begin with `/` is the node's own.
+    fn name(&self, name: &str) -> Result<Name, Error> {
+        let full = if name.starts_with('/') { name.to_owned() } else { format!("{}/{name}", self.namespace) };
+        Name::parse(&full).map_err(|e| Error::Name { key: "topic".into(), name: name.into(), why: format!("{e:?}") })
+    }
+
+    /// Publishes on a topic.
+    pub fn publisher<M: TopicType>(&mut self, topic: &str, qos: &QosProfile) -> Result<Publisher<M>, Error> {
+        let name = self.name(topic)?;
+        let refused = |e| Error::middleware(format!("publisher of {topic}"), e);
+        let topic = self.node.create_topic(&name, MessageTypeName::new(M::PACKAGE, M::NAME), qos).map_err(refused)?;
+        self.node.create_publisher(&topic, Some(qos.clone())).map_err(refused)
+    }
+
+    /// Subscribes to a topic.
+    pub fn inbox<M: TopicType>(&mut self, topic: &str, qos: &QosProfile) -> Result<Inbox<M>, Error> {
+        let name = self.name(topic)?;
+        let what = format!("subscription of {topic}");
+        let refused = |e| Error::middleware(what.as_str(), e);
+        let topic = self.node.create_topic(&name, MessageTypeName::new(M::PACKAGE, M::NAME), qos).map_err(refused)?;
+        let mut subscription = self.node.create_subscription(&topic, Some(qos.clone())).map_err(refused)?;
+        let failed = |e: std::io::Error| Error::middleware(what.as_str(), e);
+        let poll = Poll::new().map_err(failed)?;
+        poll.registry().register(&mut subscription, Token(0), Interest::READABLE).map_err(failed)?;
+        Ok(Inbox { subscription, poll, events: Events::with_capacity(4), writer: None, offset: 0, last_seq: 0 })
+    }
+
+    /// Offers a service.
+    pub fn server<Request, Response>(
+        &mut self,
+        service: &str,
+        package: &str,
+        kind: &str,
+    ) -> Result<Server<Request, Response>, Error>
+    where
+        Request: Message + Clone + 'static,
+        Response: Message + 'static,
+    {
+        let name = self.name(service)?;
+        let kind = ServiceTypeName::new(package, kind);
+        self.node
+            .create_server(ServiceMapping::Enhanced, &name, &kind, RELIABLE, RELIABLE)
+            .map_err(|e| Error::middleware(format!("service {service}"), e))
+    }
+
+    /// The node itself, for what is not wrapped here.
+    pub fn node(&mut self) -> &mut Node {
+        &mut self.node
+    }
+
+    /// The participant it is part of.
+    pub fn context(&self) -> &Context {
+        &self.context
+    }
+}
+
+/// A message and its number.
+#[derive(Debug, Clone)]
+pub struct Received<M> {
+    /// What was received.
+    pub message: M,
+    /// The writer's running number, from 0; a gap means messages that never arrived. Goes on where another writer begins.
+    pub seq: u64,
+}
+
+/// What comes in on a topic.
+pub struct Inbox<M: TopicType> {
+    subscription: Subscription<M>,
+    poll: Poll,
+    events: Events,
+    writer: Option<ros2_client::gid::Gid>,
+    offset: i64,
+    last_seq: i64,
+}
+
+impl<M: TopicType> Inbox<M> {
+    /// Waits until something has come in, at most so long. To be called when [`Inbox::take`] has nothing more.
+    pub fn wait(&mut self, longest: Duration) {
+        // A signal that interrupts it is as good as nothing that came.
+        let _ = self.poll.poll(&mut self.events, Some(longest));
+    }
+
+    /// The next message; None when there is none. What cannot be read is passed over, with its reason in the error.
+    pub fn take(&mut self) -> Result<Option<Received<M>>, String> {
+        let Some((message, info)) = self.subscription.take().map_err(|e| e.to_string())? else { return Ok(None) };
+        if self.writer.replace(info.publisher_gid()).is_none_or(|last| last != info.publisher_gid()) {
+            // The first message of a writer: whoever joins late has missed nothing.
+            self.offset = self.last_seq + 1 - info.sequence_number();
+        }
+        self.last_seq = info.sequence_number() + self.offset;
+        Ok(Some(Received { message, seq: u64::try_from(self.last_seq - 1).unwrap_or(0) }))
+    }
+
+    /// The newest message; None when none came since the last call.
+    pub fn newest(&mut self) -> Option<M> {
+        let mut newest = None;
+        loop {
+            match self.take() {
+                Ok(Some(received)) => newest = Some(received.message),
+                Ok(None) => return newest,
+                Err(_) => {} // it could not be read: it is passed over
+            }
+        }
+    }
+}

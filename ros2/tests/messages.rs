@@ -1,0 +1,273 @@
+//! The `.msg` files, the Rust structs and the JSON report say the same: names, order, types.
+
+use serde::Deserialize;
+use serde_json::Value;
+use serde_reflection::{ContainerFormat, Format, Tracer, TracerConfig};
+use slipbound::hand::{FINGERS_MOST, Hand, Mounting, Side};
+use slipbound::monitor::{
+    ContactReport, Estimate, Estimates, EvidenceReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind,
+    SlipReport as CoreReport, SlipState, SlipSummary,
+};
+use slipbound::plane::Vec2;
+use slipbound_ros2::msg;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// Name and type of every field, in order, as a `.msg` file writes them.
+type Fields = Vec<(String, String)>;
+
+fn files() -> BTreeMap<String, Fields> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("slipbound_msgs/msg");
+    let mut files = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let name = path.file_stem().and_then(|stem| stem.to_str()).expect("UTF-8").to_owned();
+        let text = std::fs::read_to_string(&path).expect("text");
+        files.insert(name, fields(&text));
+    }
+    files
+}
+
+fn fields(text: &str) -> Fields {
+    let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
+    // A name with `=` after it is a constant.
+    let of = |line: &str| {
+        let (kind, name) = line.split_once(char::is_whitespace)?;
+        let is_constant = line.contains('=');
+        (!is_constant).then(|| (name.trim().to_owned(), kind.trim_start_matches("std_msgs/").to_owned()))
+    };
+    lines.filter_map(of).collect()
+}
+
+fn kind(format: &Format) -> String {
+    match format {
+        Format::TypeName(name) => name.clone(),
+        Format::Bool => "bool".into(),
+        Format::U32 => "uint32".into(),
+        Format::U64 => "uint64".into(),
+        Format::F64 => "float64".into(),
+        Format::Str => "string".into(),
+        Format::TupleArray { content, size } => format!("{}[{size}]", kind(content)),
+        Format::Tuple(parts) if parts.iter().all(|part| part == &parts[0]) => {
+            format!("{}[{}]", kind(&parts[0]), parts.len())
+        }
+        other => panic!("no such field in a .msg file: {other:?}"),
+    }
+}
+
+fn structs() -> BTreeMap<String, Fields> {
+    let mut tracer = Tracer::new(TracerConfig::default());
+    fn trace<T: for<'a> Deserialize<'a>>(tracer: &mut Tracer) {
+        tracer.trace_simple_type::<T>().expect("a struct");
+    }
+    trace::<msg::SlipReport>(&mut tracer);
+    trace::<msg::HandReport>(&mut tracer);
+    trace::<msg::GripCommand>(&mut tracer);
+    trace::<msg::GripperState>(&mut tracer);
+    trace::<msg::WristCommand>(&mut tracer);
+    trace::<msg::WristState>(&mut tracer);
+    let mut registry = tracer.registry().expect("whole");
+    for of_others in ["Header", "Time"] {
+        registry.remove(of_others).expect("it is used");
+    }
+    let fields = |format| match format {
+        ContainerFormat::Struct(fields) => {
+            fields.into_iter().map(|field| (field.name, kind(&field.value))).collect::<Fields>()
+        }
+        other => panic!("expected a struct, got {other:?}"),
+    };
+    registry.into_iter().map(|(name, format)| (name, fields(format))).collect()
+}
+
+#[test]
+fn structs_are_as_their_files() {
+    let (files, structs) = (files(), structs());
+    let names = |of: &BTreeMap<String, Fields>| of.keys().cloned().collect::<BTreeSet<_>>();
+    assert_eq!(names(&files), names(&structs));
+    for (name, fields) in &files {
+        assert_eq!(fields, &structs[name], "{name}.msg and the struct");
+    }
+    assert!(files["SlipReport"].contains(&("reference_seq".into(), "uint64".into())), "the files were read");
+}
+
+#[test]
+fn the_package_builds_every_file() {
+    let cmake = include_str!("../slipbound_msgs/CMakeLists.txt");
+    for name in files().keys() {
+        assert!(cmake.contains(&format!("\"msg/{name}.msg\"")), "{name}");
+    }
+}
+
+/// A report's keys in the JSON and its fields here, in order; `field` and `lost_ids` are not in every line and not here.
+#[test]
+fn fields_are_the_keys_of_the_json_report() {
+    let schema: serde_json::Value = serde_json::from_str(include_str!("../../docs/report.schema.json")).expect("JSON");
+    let keys = |at: &str| {
+        let properties = schema.pointer(at).and_then(|p| p.as_object()).unwrap_or_else(|| panic!("{at}"));
+        properties.keys().cloned().collect::<BTreeSet<_>>()
+    };
+    let files = files();
+    let names = |message: &str, apart: &[&str]| {
+        let names = files[message].iter().map(|(name, _)| name.clone());
+        names.filter(|name| !apart.contains(&name.as_str())).collect::<BTreeSet<_>>()
+    };
+    let mut report = keys("/$defs/frame/properties");
+    for apart in ["field", "lost_ids"] {
+        assert!(report.remove(apart));
+    }
+    assert_eq!(names("SlipReport", &["header"]), report);
+    for (message, at) in [
+        ("Contact", "/$defs/frame/properties/contact/properties"),
+        ("Markers", "/$defs/frame/properties/markers/properties"),
+        ("Motion", "/$defs/frame/properties/motion/oneOf/1/properties"),
+        ("Shear", "/$defs/frame/properties/shear/oneOf/1/properties"),
+        ("Slip", "/$defs/frame/properties/slip/properties"),
+        ("Estimate", "/$defs/estimate/oneOf/1/properties"),
+        ("Evidence", "/$defs/frame/properties/evidence/oneOf/1/properties"),
+    ] {
+        assert_eq!(names(message, &[]), keys(at), "{message}");
+    }
+}
+
+#[test]
+fn a_hand_report_has_the_fields_of_the_library() {
+    let mut hand = Hand::new(&[Mounting::on(Side::Left)]).expect("a hand");
+    let json = serde_json::to_value(hand.report(0)).expect("JSON");
+    let keys: BTreeSet<String> = json.as_object().expect("an object").keys().cloned().collect();
+    let mut names: BTreeSet<String> = files()["HandReport"].iter().map(|(name, _)| name.clone()).collect();
+    assert!(names.remove("header"));
+    assert_eq!(names, keys);
+    assert_eq!(msg::HandReport::of("hand", &hand.report(1)).health.len(), FINGERS_MOST);
+}
+
+/// Every verdict and kind is a constant of its message.
+#[test]
+fn words_are_constants_of_their_files() {
+    let constants = |name: &str| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("slipbound_msgs/msg/{name}.msg"));
+        let text = std::fs::read_to_string(path).expect("text");
+        let words = text.lines().filter_map(|line| line.split_once("=\"")?.1.split('"').next().map(str::to_owned));
+        words.collect::<BTreeSet<_>>()
+    };
+    let schema: serde_json::Value = serde_json::from_str(include_str!("../../docs/report.schema.json")).expect("JSON");
+    let words = |at: &str| {
+        let words = schema.pointer(at).and_then(|words| words.as_array()).expect("an array");
+        words.iter().filter_map(|word| word.as_str().map(str::to_owned)).collect::<BTreeSet<_>>()
+    };
+    assert_eq!(constants("SlipReport"), words("/$defs/frame/properties/state/enum"));
+    assert_eq!(constants("Slip"), words("/$defs/frame/properties/slip/properties/kind/enum"));
+    let _: fn(msg::Header, &str, u64, &CoreReport) -> msg::SlipReport = msg::SlipReport::of;
+}
+
+/// A report in which everything is known, and every number is another.
+fn full() -> CoreReport {
+    let v = |x: f64| Vec2::new(x, x + 0.5);
+    let estimate = |value: f64, age_frames| Some(Estimate { value, sd: value / 8.0, age_frames });
+    CoreReport {
+        seq: 7,
+        time_ns: Some(1_700_000_000_280_000_001),
+        state: SlipState::Incipient,
+        reason: Some(Reason::ContactQuality),
+        contact: ContactReport { area_px2: 31.0, area_mm2: Some(32.0), quality: 0.1234567890123 },
+        markers: MarkerCounts { detected: 65, matched: 64, lost: 1, inner: 20 },
+        reference_seq: 3,
+        grip_n: Some(10.5),
+        motion: Some(MotionReport {
+            reference_px: v(1.0),
+            translation_px: v(2.0),
+            translation_mm: Some(v(3.0)),
+            rotation_rad: 0.25,
+            icr_px: Some(v(4.0)),
+        }),
+        shear: Some(ShearReport { translation_px: v(5.0), translation_mm: Some(v(6.0)), rotation_rad: 0.125 }),
+        slip: SlipSummary {
+            markers_over: 9,
+            markers_needed: 8,
+            threshold_pitch: 0.29605,
+            max_pitch: 0.33336,
+            max_mm: Some(0.7),
+            kind: Some(SlipKind::Both),
+            direction_rad: Some(-1.5),
+        },
+        estimates: Estimates {
+            stick_ratio: estimate(0.1, 1),
+            margin: estimate(0.2, 2),
+            shear_n: estimate(0.3, 3),
+            torque_nmm: estimate(0.4, 4),
+            friction: estimate(0.6, 5),
+        },
+        evidence: Some(EvidenceReport {
+            reference_seq: 2,
+            relaxation: 0.75,
+            centre_rim_ratio: Some(0.8),
+            imprint_change: Some(0.55),
+            imprint_age_frames: 6,
+            slide_score: 0.85,
+            slide_px: v(8.0),
+            slide_rad: 0.01,
+            slides: true,
+            slide_pitch_per_s: Some(1.5),
+            slide_mm_per_s: Some(1.75),
+        }),
+    }
+}
+
+/// The same with nothing known that need not be.
+fn bare() -> CoreReport {
+    let (reason, contact) = (None, ContactReport { area_mm2: None, ..full().contact });
+    let slip = SlipSummary { max_mm: None, kind: None, direction_rad: None, ..full().slip };
+    let (time_ns, grip_n, motion, shear, evidence) = (None, None, None, None, None);
+    let estimates = Estimates::default();
+    CoreReport { time_ns, reason, contact, grip_n, motion, shear, slip, estimates, evidence, ..full() }
+}
+
+/// Whether a message says that it is not known.
+fn says_nothing(message: &Value) -> bool {
+    match message {
+        Value::Null => true,
+        Value::String(word) => word.is_empty(),
+        Value::Number(number) => number.as_u64() == Some(0),
+        Value::Bool(is_so) => !is_so,
+        Value::Array(values) => values.iter().all(says_nothing),
+        Value::Object(fields) => fields.values().all(says_nothing),
+    }
+}
+
+/// Where a message differs from the JSON of the library; NaN is written as null.
+fn compare(path: &str, message: &Value, json: &Value) {
+    match json {
+        Value::Null => assert!(says_nothing(message), "{path}: expected nothing, got {message}"),
+        Value::Object(fields) => {
+            for (name, value) in fields {
+                compare(&format!("{path}.{name}"), &message[name], value);
+            }
+        }
+        _ => assert_eq!(message, json, "{path}"),
+    }
+}
+
+#[test]
+fn values_are_those_of_the_library() {
+    for report in [full(), bare()] {
+        let message = msg::SlipReport::of(msg::Header::default(), "left", 41, &report);
+        assert_eq!((message.finger.as_str(), message.frame), ("left", 41));
+        let message = serde_json::to_value(message).expect("JSON");
+        compare("report", &message, &serde_json::to_value(report).expect("JSON"));
+    }
+}
+
+#[test]
+fn values_of_a_hand_are_those_of_the_library() {
+    let mut hand = Hand::new(&[Mounting::on(Side::Left), Mounting::on(Side::Right)]).expect("a hand");
+    for seen in [None, Some(full())] {
+        for (finger, report) in seen.iter().cycle().take(2 * usize::from(seen.is_some())).enumerate() {
+            hand.see(finger, &CoreReport { reason: None, ..*report });
+        }
+        let report = hand.report(1_000_000);
+        let message = msg::HandReport::of("hand", &report);
+        assert_eq!(message.header.stamp, msg::Time::from_ns(report.time_ns.unwrap_or(0)));
+        let message = serde_json::to_value(message).expect("JSON");
+        compare("hand", &message, &serde_json::to_value(report).expect("JSON"));
+        assert_eq!(report.slip.is_some(), seen.is_some(), "both cases are there");
+    }
+}

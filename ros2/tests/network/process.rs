@@ -1,0 +1,53 @@
+//! Processes of the node, and what is received from them.
+
+use slipbound_ros2::msg::TopicType;
+use slipbound_ros2::ros::Inbox;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Longest wait for anything: a busy computer's discovery takes seconds.
+pub const LONGEST_WAIT: Duration = Duration::from_secs(40);
+
+/// A process of `slipbound-ros2`; killed when dropped.
+pub struct Process(Child);
+
+impl Process {
+    pub fn start(args: &[&str], domain_id: u16) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound-ros2"));
+        let child = command.args(args).env("ROS_DOMAIN_ID", domain_id.to_string()).stdout(Stdio::null()).spawn();
+        Process(child.expect("starts"))
+    }
+
+    pub fn node(config: &Path, domain_id: u16) -> Self {
+        Process::start(&["node", config.to_str().expect("UTF-8")], domain_id)
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Waits for the next message.
+pub fn next<M: TopicType>(inbox: &mut Inbox<M>, longest: Duration) -> Option<M> {
+    let until = Instant::now() + longest;
+    loop {
+        if let Some(received) = inbox.take().expect("readable") {
+            return Some(received.message);
+        }
+        let left = until.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return None;
+        }
+        inbox.wait(left);
+    }
+}
+
+/// Every process of tests and every test its own domain, so that nobody hears another: 1 to 96, whose ports lie below those
+/// that the system gives away.
+pub fn domain_id(test: u16) -> u16 {
+    1 + (std::process::id() % 12) as u16 * 8 + test % 8
+}
