@@ -3,7 +3,17 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
+
+/// A program that does not outlive the test, however that ends.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
 
 #[test]
 fn a_hand_on_this_computer_shows_pictures_and_answers_its_gripper() {
@@ -13,8 +23,8 @@ fn a_hand_on_this_computer_shows_pictures_and_answers_its_gripper() {
         command.current_dir(scratch.path()).args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     };
-    let mut hand = slipbound(&["emulate", "hand", "--task", "lift", "-o", "hand"]).spawn().expect("starts");
-    let mut said = BufReader::new(hand.stdout.take().expect("piped")).lines().map_while(Result::ok);
+    let mut hand = slipbound(&["emulate", "hand", "--task", "lift", "-o", "hand"]).spawn().map(Running).expect("starts");
+    let mut said = BufReader::new(hand.0.stdout.take().expect("piped")).lines().map_while(Result::ok);
     let mut address = |name: &str| {
         let line = said.next().expect("a line");
         line.strip_prefix(name).unwrap_or_else(|| panic!("expected {name}, got {line}")).trim().to_owned()
@@ -46,10 +56,10 @@ fn a_hand_on_this_computer_shows_pictures_and_answers_its_gripper() {
     let refused = slipbound(&["emulate"]).output().expect("runs");
     assert_eq!(refused.status.code(), Some(2), "neither a gripper nor a hand");
 
-    Command::new("kill").args(["-INT", &hand.id().to_string()]).status().expect("kill runs");
+    Command::new("kill").args(["-INT", &hand.0.id().to_string()]).status().expect("kill runs");
     let rest: Vec<String> = said.collect();
     assert!(rest.iter().any(|line| line.contains("at the end: slid 0.00 mm")), "{rest:?}");
     let mut errors = String::new();
-    hand.stderr.take().expect("piped").read_to_string(&mut errors).expect("UTF-8");
-    assert_eq!(hand.wait().expect("ends").code(), Some(0), "{errors}");
+    hand.0.stderr.take().expect("piped").read_to_string(&mut errors).expect("UTF-8");
+    assert_eq!(hand.0.wait().expect("ends").code(), Some(0), "{errors}");
 }
