@@ -23,7 +23,8 @@ fn a_hand_on_this_computer_shows_pictures_and_answers_its_gripper() {
         command.current_dir(scratch.path()).args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     };
-    let mut hand = slipbound(&["emulate", "hand", "--task", "lift", "-o", "hand"]).spawn().map(Running).expect("starts");
+    let mut hand =
+        slipbound(&["emulate", "hand", "--task", "lift", "-o", "hand"]).spawn().map(Running).expect("starts");
     let mut said = BufReader::new(hand.0.stdout.take().expect("piped")).lines().map_while(Result::ok);
     let mut address = |name: &str| {
         let line = said.next().expect("a line");
