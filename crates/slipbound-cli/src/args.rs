@@ -75,7 +75,7 @@ pub enum Command {
     /// Try a gripper by hand
     Gripper(Gripper),
     /// Be a gripper that is not there, to try a driver without hardware
-    Emulate(Emulate),
+    Emulate(Box<Emulate>),
     /// Measure the time from a frame to the bytes of a grip command
     Latency(Latency),
     /// Print a script with which a shell completes the arguments

@@ -160,8 +160,11 @@ fn bag(topics: &[&str], count: u32) -> Vec<u8> {
     pages.concat()
 }
 
+/// A frame's number, time and first byte.
+type Drained = (u64, Option<u64>, u8);
+
 /// Number, time and first pixel of every frame, and why others are torn.
-fn drain(uri: &str) -> (Vec<(u64, Option<u64>, u8)>, Vec<String>) {
+fn drain(uri: &str) -> (Vec<Drained>, Vec<String>) {
     let mut source = source::open(uri).expect("opens");
     let (mut frame, mut frames, mut torn) = (FrameBuffer::default(), Vec::new(), Vec::new());
     loop {

@@ -148,10 +148,10 @@ impl Pattern {
             let places = &mut self.places;
             self.gel.places_of_row(y, &self.columns_px, self.rows_px[y], &mut places.x_px, &mut places.y_px);
             self.picture.locate(places);
-            for x in 0..n {
+            for (x, free) in free.iter().enumerate() {
                 let cell = y * n + x;
                 let seen =
-                    free[x] & places.inside[x] != 0 && in_view(self.view.as_ref(), [places.x_px[x], places.y_px[x]]);
+                    free & places.inside[x] != 0 && in_view(self.view.as_ref(), [places.x_px[x], places.y_px[x]]);
                 let shade = if seen { self.picture.at(places, x) } else { [0.0; 2] };
                 self.now.shades.iter_mut().zip(shade).for_each(|(plane, shade)| plane[cell] = shade);
                 self.now.seen[cell] = if seen { 1.0 } else { 0.0 };

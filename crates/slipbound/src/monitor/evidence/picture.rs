@@ -113,9 +113,7 @@ impl Picture {
 
     /// Finds between which cells the places of a row lie.
     pub(super) fn locate(&self, places: &mut Places) {
-        let Places { x_px, y_px, inside, corner, right, down } = places;
-        let per_px = self.cells_per_px;
-        locate(x_px, y_px, per_px, [self.columns, self.rows], inside, corner, right, down);
+        locate(places, self.cells_per_px, [self.columns, self.rows]);
     }
 
     /// The shade at the place `i` of a row that has been located and lies inside, between four cells.
@@ -179,19 +177,11 @@ impl Places {
 }
 
 wide! {
-    fn locate(
-        x_px: &[f32],
-        y_px: &[f32],
-        cells_per_px: f32,
-        cells: [usize; 2],
-        inside: &mut [u8],
-        corner: &mut [u32],
-        right: &mut [f32],
-        down: &mut [f32],
-    ) {
-        let n = x_px.len();
-        let (y_px, inside, corner) = (&y_px[..n], &mut inside[..n], &mut corner[..n]);
-        let (right, down) = (&mut right[..n], &mut down[..n]);
+    fn locate(places: &mut Places, cells_per_px: f32, cells: [usize; 2]) {
+        let n = places.x_px.len();
+        let (x_px, y_px) = (&places.x_px[..n], &places.y_px[..n]);
+        let (inside, corner) = (&mut places.inside[..n], &mut places.corner[..n]);
+        let (right, down) = (&mut places.right[..n], &mut places.down[..n]);
         let (columns, last_column, last_row) = (cells[0] as i32, (cells[0] - 1) as f32, (cells[1] - 1) as f32);
         for i in 0..n {
             let (x, y) = ((x_px[i] + 0.5) * cells_per_px - 0.5, (y_px[i] + 0.5) * cells_per_px - 0.5);
