@@ -83,7 +83,7 @@ impl Element {
         }
     }
 
-    /// Whether [`Morphology::erode`] by this element would set the pixel (x, y) of `mask`: whether the element, laid there, holds
+    /// Whether [`erode`](crate::pixels::morphology::Morphology::erode) by this element would set the pixel (x, y) of `mask`: whether the element, laid there, holds
     /// only set pixels as far as it lies inside the image. False outside the image.
     pub fn fits(&self, mask: &Mask, x: isize, y: isize) -> bool {
         if !mask.get(x, y) {
