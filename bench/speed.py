@@ -160,7 +160,7 @@ def main():
     opencv_ms = sum(ms for _, _, ms in opencv_steps(painted_frame()))
     others = peers()
     growth = {finger: bench(program, "growth", finger) for finger in FINGERS}
-    fingers = bench(program, "fingers", "smooth", 10)
+    fingers = bench(program, "fingers", "smooth", 5)
     memory = {finger: bench(program, "memory", finger)["monitor_mib"] for finger in FINGERS}
     for finger in FINGERS:
         result[finger]["opencv_ratio"] = 1000 * opencv_ms / result[finger]["step_us_median"]

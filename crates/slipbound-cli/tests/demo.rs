@@ -183,6 +183,12 @@ fn a_run_folder_and_a_recording_hold_the_same_and_each_becomes_the_other() {
     let at = bytes.windows(13).position(|name| name == b"settings.toml").expect("an attachment");
     let mut outside = bytes;
     outside[at..at + 13].copy_from_slice(b"../outside.js");
+    // After the name: media type, data, checksum; 0 stands for none.
+    let number =
+        |at: usize, bytes: usize| outside[at..at + bytes].iter().rev().fold(0, |n, &byte| n << 8 | usize::from(byte));
+    let data = at + 13 + 4 + number(at + 13, 4);
+    let checksum = data + 8 + number(data, 8);
+    outside[checksum..checksum + 4].fill(0);
     fs::write(path("outside.mcap"), &outside).expect("writes");
     let refused = slipbound(&["convert", &path("outside.mcap"), "-o", &path("inside")]);
     assert_eq!(refused.status.code(), Some(1), "{}", told(&refused));

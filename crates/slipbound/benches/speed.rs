@@ -22,6 +22,7 @@ use slipbound::plane::{Homography, Vec2};
 use slipbound::port::GripSample;
 use slipbound::sensor::{Rectification, Shear, Skin};
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 const SIZE: SizePx = SizePx::new(640, 480);
@@ -30,15 +31,16 @@ const FRAME_NS: u64 = 1_000_000_000 / 90;
 const WARM_UP_FRAMES: usize = 200;
 
 /// A finger and some frames of it, to be judged over and over.
+#[derive(Clone)]
 struct Recording {
     size: SizePx,
-    frames: Vec<Vec<u8>>,
+    frames: Arc<Vec<Vec<u8>>>,
     monitor: SlipMonitor,
     seq: u64,
 }
 
 impl Recording {
-    fn new(finger: &str, size: SizePx, pitch_px: f64) -> Self {
+    fn new(finger: &str, size: SizePx, pitch_px: f64, frames_count: usize) -> Self {
         let skin = match finger {
             "smooth" => Skin::Smooth,
             "fabric" | "rectified" => Skin::Fabric,
@@ -58,7 +60,7 @@ impl Recording {
             radii_px: Vec2::new(0.33 * width, 0.375 * height),
             strength_levels: 32.0,
         };
-        let frames = (0..12)
+        let frames = (0..frames_count as i32)
             .map(|i| {
                 let shift = Vec2::new(0.7, 0.2) * f64::from(6 - (i - 6i32).abs()) * (pitch_px / PITCH_PX);
                 let moved = |&p: &Vec2| if touch.depth(p) < 0.8 { p + shift } else { p };
@@ -72,7 +74,7 @@ impl Recording {
         builder.add(&picture::frame(&rest, size, 0)).expect("bright");
         let rest = builder.build(RestKind::Unloaded).expect("markers");
         let monitor = SlipMonitor::new(&painter.sensor, &settings, rest).expect("valid");
-        Recording { size, frames, monitor, seq: 0 }
+        Recording { size, frames: Arc::new(frames), monitor, seq: 0 }
     }
 
     fn judge(&mut self, probe: &mut dyn Probe) {
@@ -113,7 +115,7 @@ fn timed_us(work: impl FnOnce()) -> f64 {
 }
 
 fn measure(finger: &str, frames_count: usize) -> Value {
-    let mut recording = Recording::new(finger, SIZE, PITCH_PX);
+    let mut recording = Recording::new(finger, SIZE, PITCH_PX, 12);
     let mut target = recording.frames[0].clone();
     (0..WARM_UP_FRAMES).for_each(|_| recording.judge(&mut ()));
     // The copies go through the same frames as the monitor, in the same run; each in a stretch of its own, so that neither
@@ -149,9 +151,9 @@ fn measure(finger: &str, frames_count: usize) -> Value {
 
 fn growth(finger: &str) -> Value {
     let median_us = |size: SizePx, pitch_px: f64| {
-        let mut recording = Recording::new(finger, size, pitch_px);
-        (0..50).for_each(|_| recording.judge(&mut ()));
-        let mut times: Vec<f64> = (0..300).map(|_| timed_us(|| recording.judge(&mut ()))).collect();
+        let mut recording = Recording::new(finger, size, pitch_px, 3);
+        (0..30).for_each(|_| recording.judge(&mut ()));
+        let mut times: Vec<f64> = (0..150).map(|_| timed_us(|| recording.judge(&mut ()))).collect();
         (recording.monitor.markers().len(), quantile_us(&mut times, 0.5))
     };
     let pixels: Vec<Value> = [(320, 240), (640, 480), (960, 720), (1280, 960), (1600, 1200), (1920, 1440)]
@@ -175,7 +177,7 @@ fn memory(finger: &str) -> Value {
         let pages = std::fs::read_to_string("/proc/self/statm").ok()?;
         pages.split(' ').nth(1)?.parse::<f64>().ok().map(|pages| pages * 4096.0 / 1048576.0)
     };
-    let mut recording = Recording::new(finger, SIZE, PITCH_PX);
+    let mut recording = Recording::new(finger, SIZE, PITCH_PX, 12);
     recording.judge(&mut ());
     let before = resident_mib();
     let mut others = Vec::new();
@@ -192,12 +194,13 @@ fn memory(finger: &str) -> Value {
 fn fingers(finger: &str, seconds: f64) -> Value {
     let cores_count = std::thread::available_parallelism().map_or(1, usize::from);
     let period = Duration::from_nanos(FRAME_NS);
+    let one = Recording::new(finger, SIZE, PITCH_PX, 12);
     let rows: Vec<Value> = [1, 2, 4, 8, 12, 16]
         .map(|monitors_count: usize| {
-            let start = Instant::now() + Duration::from_millis(20 + 120 * monitors_count as u64);
+            let start = Instant::now() + Duration::from_millis(300);
             let share = |thread: usize| {
                 let own = (thread..monitors_count).step_by(cores_count).count();
-                let mut recordings: Vec<_> = (0..own).map(|_| Recording::new(finger, SIZE, PITCH_PX)).collect();
+                let mut recordings = vec![one.clone(); own];
                 let (mut late_count, mut judged_count, mut busy) = (0u64, 0u64, Duration::ZERO);
                 for tick in 0..(seconds * 90.0) as u32 {
                     let due = start + period * tick;
@@ -235,7 +238,7 @@ fn main() {
     let number = |text: &str| text.parse::<f64>().unwrap_or_else(|_| panic!("{text:?}: expected a number"));
     let result = match args[..] {
         ["judge", finger, frames_count] => {
-            let mut recording = Recording::new(finger, SIZE, PITCH_PX);
+            let mut recording = Recording::new(finger, SIZE, PITCH_PX, 12);
             (0..number(frames_count) as usize).for_each(|_| recording.judge(&mut ()));
             return;
         }

@@ -4,9 +4,11 @@
 //!   chunk bytes -> units (a frame's head, a block) -> one unit unpacked at a time -> the reader, up to the size in the chunk's head
 //! ```
 
+mod format;
 mod lz4;
 mod zstd;
 
+use format::Format;
 pub use lz4::Lz4;
 pub use zstd::Zstd;
 
@@ -26,21 +28,6 @@ pub trait Unpacker: Send {
     /// Unpacks a little of `src` into `dst`; does nothing when it needs more input. Holds at most a block and what later blocks
     /// may refer to.
     fn step(&mut self, src: &[u8], dst: &mut [u8]) -> Result<Step, String>;
-}
-
-/// A compressed format as units, of which the first bytes say how long they are.
-pub trait Format: Send + Default {
-    /// Length of the next unit, bytes, as far as its first bytes say it: more than `first` has, or final. Never zero.
-    fn unit_bytes(&self, first: &[u8]) -> usize;
-
-    /// Unpacks a whole unit to the end of `out`; what was expected and got where it is none.
-    fn unpack(&mut self, unit: &[u8], out: &mut Vec<u8>) -> Result<(), String>;
-
-    /// Drops from `out`, of which so much was given, what no later unit refers to; how much of the rest was given.
-    fn forget(&mut self, out: &mut Vec<u8>, given: usize) -> usize {
-        out.drain(..given);
-        0
-    }
 }
 
 /// A chunk of a format.

@@ -4,7 +4,7 @@
 //!   magic 4 | flags, size of blocks, [content size 8] [dictionary 4] check 1 | blocks: size 4, data, [check 4] | 0 4 [check 4]
 //! ```
 
-use super::Format;
+use super::format::Format;
 use lz4_flex::block::decompress_into_with_dict;
 
 const MAGIC: u32 = 0x184D_2204;

@@ -1,6 +1,6 @@
 //! Zstandard frames (RFC 8878), block by block.
 
-use super::Format;
+use super::format::Format;
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 
 const MAGIC: u32 = 0xFD2F_B528;
