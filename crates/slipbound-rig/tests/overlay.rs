@@ -107,6 +107,12 @@ fn every_sign_is_drawn_in_its_panel() {
     let again = overlay.rgb();
     overlay.draw(Some(&frame(&pixels, report.seq)), &report, &monitor);
     assert_eq!(overlay.rgb(), again, "nothing of the picture before shows through");
+
+    // Made of the sensor file, which states another size than the frames have: the size of the frames counts.
+    let stated = monitor.sensor().at_size(SizePx::new(2 * SIZE.width, 2 * SIZE.height)).expect("twice the size");
+    let mut overlay = Overlay::new(&stated);
+    overlay.draw(Some(&frame(&pixels, report.seq)), &report, &monitor);
+    assert_eq!(overlay.rgb(), again);
 }
 
 #[test]

@@ -41,7 +41,7 @@ pub struct Overlay {
 }
 
 impl Overlay {
-    /// For frames of this finger, at the size that its sensor states.
+    /// For frames of this finger, at the size that its sensor states; at another, the first one drawn changes the size of the pictures.
     pub fn new(sensor: &Sensor) -> Self {
         let rectified = sensor.rectified_px();
         let shorter = rectified.width.min(rectified.height) as f64;
@@ -77,6 +77,10 @@ impl Overlay {
     /// arrive whole.
     pub fn draw<'a>(&mut self, frame: Option<&Frame<'_>>, report: &SlipReport, found: impl Into<Seen<'a>>) {
         let found = found.into();
+        if found.sensor.rectified_px() != self.eroded.size() {
+            // Frames of another size than the sensor file states: the monitor knows the finger at theirs.
+            *self = Overlay::new(found.sensor);
+        }
         let seen = frame.filter(|f| f.pixels.size() == found.sensor.image_px);
         let judged = seen.is_some() && report.state != SlipState::Unjudged;
         self.canvas.fill(BACKGROUND);
