@@ -134,7 +134,7 @@ struct Loop {
 
 impl Loop {
     fn start(mut gripper: impl Gripper + Send + 'static, mut wrist: TopicWrist) -> Self {
-        let mut settings = TaskSettings { controller: ControllerKind::Constant, ..TaskSettings::default() };
+        let mut settings = TaskSettings::default().with_controller(ControllerKind::Constant);
         settings.grip.start_n = FORCE_N;
         (settings.lift.lift_mm, settings.lift.rate_mm_per_s) = (1000.0, 2.0);
         let holds = Arc::new(AtomicBool::new(false));
