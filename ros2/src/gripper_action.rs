@@ -144,7 +144,13 @@ impl ActionGripper {
     fn hear_answer(&mut self, now_ns: u64) {
         let Some((id, goal, sent_ns)) = self.pending else { return };
         match self.client.receive_goal_response(id) {
-            Ok(Some(answer)) if answer.accepted => (self.pending, self.taken) = (None, Some(goal)),
+            Ok(Some(answer)) if answer.accepted => {
+                // The jaws stood until now: that they stand says nothing yet of what they hold.
+                if self.taken.is_none_or(|taken| taken.is_hold != goal.is_hold) {
+                    self.still = Some((self.position, now_ns));
+                }
+                (self.pending, self.taken) = (None, Some(goal));
+            }
             Ok(Some(_)) => {
                 let text = format!("{}: expected goal {goal:?} to be taken, got a refusal", self.config.action);
                 (self.pending, self.fault) = (None, Some(GripperError::new(GripperErrorKind::Refused, text)));
@@ -170,7 +176,7 @@ impl ActionGripper {
                 _ if self.has_held && (from_closed <= END_FRACTION || from_closed >= 1.0 - END_FRACTION) => Jaws::Lost,
                 _ if from_closed <= END_FRACTION => Jaws::Nothing,
                 // It goes on holding while the force changes, also where the joint gives a little.
-                _ if stands || self.has_held => Jaws::Holding,
+                _ if self.has_held || (stands && from_closed < 1.0 - END_FRACTION) => Jaws::Holding,
                 _ => Jaws::Closing,
             },
             Some(_) => Jaws::Open,
