@@ -11,6 +11,8 @@
 //! Shapes, anchor (w/2, h/2) and border are those of cv2.getStructuringElement, cv2.dilate and cv2.erode: pixels
 //! outside the image neither grow nor shrink anything, and an even element is not mirrored between the two.
 
+pub use super::element::Element;
+
 use super::wide::wide;
 use crate::image::{Mask, SizePx};
 
@@ -18,8 +20,6 @@ use crate::image::{Mask, SizePx};
 const MAX_PAD_WORDS: usize = 8;
 /// Up to so many neighbouring rows of one chord are laid by doubling.
 const MOST_DOUBLED_ROWS: usize = 64;
-
-pub use super::element::Element;
 
 /// The scratch of the four operations.
 #[derive(Debug, Clone)]

@@ -46,6 +46,20 @@ pub(super) struct Panel {
     pub lines: Vec<Line>,
 }
 
+impl Panel {
+    /// A plot whose axis follows its values and always shows zero.
+    pub(super) fn new(
+        title: &'static str,
+        unit: &'static str,
+        height_px: f64,
+        decimals: usize,
+        lines: Vec<Line>,
+    ) -> Self {
+        let bounds = (f64::NEG_INFINITY, f64::INFINITY);
+        Panel { title, unit, height_px, bounds, shown: (0.0, 0.0), decimals, lines }
+    }
+}
+
 /// The plots of these cycles. A line without a value is left out, and a plot without a line.
 pub(super) fn of(cycles: &[Cycle]) -> Vec<Panel> {
     let line = |name, colour, stroke, value: &dyn Fn(&Cycle) -> Option<f64>| Line {
@@ -57,15 +71,7 @@ pub(super) fn of(cycles: &[Cycle]) -> Vec<Panel> {
     let truth = |name, colour, stroke, value: &dyn Fn(&PlantTruth) -> Option<f64>| {
         line(name, colour, stroke, &|c: &Cycle| c.truth.as_ref().and_then(value))
     };
-    let panel = |title, unit, height_px, decimals, lines| Panel {
-        title,
-        unit,
-        height_px,
-        bounds: (f64::NEG_INFINITY, f64::INFINITY),
-        shown: (0.0, 0.0),
-        decimals,
-        lines,
-    };
+    let panel = Panel::new;
     use Stroke::{Area, Dashed, Solid, Step};
     let shear = |part: fn(HandVector) -> f64, separated: bool| {
         move |c: &Cycle| c.hand.shear_mm.filter(|_| c.hand.separated == separated).map(part)

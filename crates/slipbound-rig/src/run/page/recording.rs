@@ -136,15 +136,7 @@ impl RecordingPage {
             let values = self.reports.iter().map(|report| value(report).filter(|value| value.is_finite()));
             Line { name, colour, stroke, values: values.collect() }
         };
-        let panel = |title, unit, height_px, decimals, lines| Panel {
-            title,
-            unit,
-            height_px,
-            bounds: (f64::NEG_INFINITY, f64::INFINITY),
-            shown: (0.0, 0.0),
-            decimals,
-            lines,
-        };
+        let panel = Panel::new;
         let moved = |part: fn(Vec2) -> f64| {
             move |r: &SlipReport| r.motion.as_ref().map(|motion| scale * part(motion.translation_px))
         };
