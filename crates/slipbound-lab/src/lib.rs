@@ -45,6 +45,7 @@
 //! Two such fingers on a gripper and a wrist, holding a cap, a bottle or a tool, are a [`hand`] that
 //! takes commands; [`score`] rates what a run did.
 
+pub mod clairvoyant;
 pub mod contact;
 pub mod eval;
 pub mod faults;

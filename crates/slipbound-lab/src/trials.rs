@@ -1,14 +1,53 @@
 //! The tasks over friction, objects, seeds, controllers and fingers, on all cores, as a table.
 
-use crate::hand::HandScene;
+use crate::clairvoyant::Clairvoyant;
+use crate::hand::{HandScene, SimHand};
 use crate::lockstep::{LockStep, LockStepError};
 use crate::score::RunScore;
+use slipbound::grip::Guard;
 use slipbound::monitor::Settings;
 use slipbound::setting::SettingError;
 use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
+use std::fmt;
+use std::str::FromStr;
 use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Who controls the grip in a trial.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Controls {
+    /// A controller that feels.
+    Feeling(ControllerKind),
+    /// One that knows load and friction from the simulation: [`Clairvoyant`].
+    Clairvoyant,
+}
+
+/// Name of [`Controls::Clairvoyant`].
+const CLAIRVOYANT: &str = "clairvoyant";
+
+impl fmt::Display for Controls {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Controls::Feeling(kind) => kind.fmt(f),
+            Controls::Clairvoyant => f.write_str(CLAIRVOYANT),
+        }
+    }
+}
+
+impl FromStr for Controls {
+    type Err = SettingError;
+
+    fn from_str(name: &str) -> Result<Self, SettingError> {
+        match name {
+            CLAIRVOYANT => Ok(Controls::Clairvoyant),
+            name => name.parse().map(Controls::Feeling).map_err(|error: SettingError| SettingError {
+                expected: format!("{} or {CLAIRVOYANT}", error.expected),
+                ..error
+            }),
+        }
+    }
+}
 
 /// What is varied: every combination is a cell of the table, every seed a run in it.
 #[derive(Debug, Clone)]
@@ -20,7 +59,7 @@ pub struct TrialGrid {
     /// Friction coefficients, or `object`.
     pub mu: Vec<String>,
     /// Controllers.
-    pub controllers: Vec<ControllerKind>,
+    pub controllers: Vec<Controls>,
     /// Fingers with a camera.
     pub fingers: Vec<u8>,
     /// The seeds.
@@ -35,7 +74,7 @@ pub struct TrialCell {
     /// Object and friction, as they were named.
     names: [String; 2],
     task: TaskKind,
-    controller: ControllerKind,
+    controller: Controls,
     fingers: u8,
     scenes: Vec<HandScene>,
 }
@@ -117,8 +156,7 @@ pub fn run(
                 while !stop() {
                     let job = next.fetch_add(1, Ordering::Relaxed);
                     let Some(&(c, s)) = jobs.get(job) else { return };
-                    let settings = settings.with_controller(cells[c].controller);
-                    let result = score(&cells[c].scenes[s], &settings, stop);
+                    let result = score(&cells[c].scenes[s], cells[c].controller, settings, stop);
                     results.lock().unwrap_or_else(PoisonError::into_inner)[job] = Some(result);
                     progress();
                 }
@@ -137,8 +175,22 @@ pub fn run(
 }
 
 /// One run without pictures or folder.
-fn score(scene: &HandScene, settings: &TaskSettings, stop: &dyn Fn() -> bool) -> Result<RunScore, LockStepError> {
-    let mut lockstep = LockStep::new(scene, settings, &Settings::default(), None)?;
+fn score(
+    scene: &HandScene,
+    controls: Controls,
+    settings: &TaskSettings,
+    stop: &dyn Fn() -> bool,
+) -> Result<RunScore, LockStepError> {
+    let mut lockstep = match controls {
+        Controls::Feeling(kind) => LockStep::new(scene, &settings.with_controller(kind), &Settings::default(), None)?,
+        Controls::Clairvoyant => {
+            let hand = SimHand::new(scene)?;
+            let grip = Guard::new(Box::new(Clairvoyant::new(hand.clone(), &settings.grip)), settings.grip);
+            let stiffness = hand.sensor(0).shear_stiffness_mpa_per_mm();
+            let task = settings.task_with(scene.task_name().parse()?, grip, stiffness)?;
+            LockStep::around(scene, hand, task, &Settings::default(), None)?
+        }
+    };
     lockstep.run(stop, &mut ())?;
     Ok(lockstep.score().clone())
 }

@@ -5,6 +5,7 @@ mod contact;
 mod estimate;
 mod evidence;
 mod gap;
+mod gross;
 mod imprint;
 mod markers;
 mod motion;
@@ -60,11 +61,6 @@ impl Probe for () {
     fn after(&mut self, _: Step, _: &SlipMonitor) {}
 }
 
-/// An object whose estimated margin is larger does not slide: the estimate is off by 0.09 in the mean where grip and
-/// stiffness are known, by 0.14 and sometimes much more from the picture alone.
-const MOST_GROSS_MARGIN: f64 = 0.35;
-const MOST_GROSS_MARGIN_ALONE: f64 = 0.6;
-
 /// Judges the frames of one finger. All memory is made by [`SlipMonitor::new`].
 #[derive(Debug, Clone)]
 pub struct SlipMonitor {
@@ -86,6 +82,9 @@ pub struct SlipMonitor {
     /// Rule `margin`: whether slip is said, and how many frames in a row had a small margin.
     alarmed: bool,
     small_margin_frames_count: u32,
+    gross: gross::GrossWatch,
+    /// Whether the object slides as a whole.
+    slides: bool,
 }
 
 impl SlipMonitor {
@@ -112,6 +111,8 @@ impl SlipMonitor {
             in_contact_count: 0,
             alarmed: false,
             small_margin_frames_count: 0,
+            gross: gross::GrossWatch::default(),
+            slides: false,
             imprint,
             settings: settings.clone(),
             sensor,
@@ -176,11 +177,14 @@ impl SlipMonitor {
     fn estimate(&mut self, frame: &Frame<'_>, grip: Option<GripSample>, area_px2: f64) {
         if !self.contact.touches {
             self.estimator.clear();
-            (self.alarmed, self.small_margin_frames_count) = (false, 0);
+            self.gross.clear();
+            (self.alarmed, self.small_margin_frames_count, self.slides) = (false, 0, false);
             return;
         }
         let had_reference = self.estimator.has_reference();
         self.estimator.see(frame.time_ns, grip, area_px2, &self.markers.all);
+        self.slides = self.settings.evidence.used
+            && self.gross.see(&self.estimator.estimates, self.evidence.slides());
         let settings = &self.settings.slip;
         if settings.rule == SlipRule::Markers {
             return;
@@ -297,9 +301,6 @@ impl SlipMonitor {
             SlipRule::Margin => self.alarmed,
             SlipRule::Markers => self.slip.slips,
         };
-        // An imprint that seems to move while much of the friction is left is the contact changing its shape.
-        let most = if self.estimator.knows_grip() { MOST_GROSS_MARGIN } else { MOST_GROSS_MARGIN_ALONE };
-        let holds = self.estimator.estimates.margin.is_some_and(|margin| margin.value > most);
         // Load over grip needs no contact region: a patch too small or weak for the rest of the method hides no slip.
         let sure = slips && self.estimator.knows_grip() && self.settings.slip.rule == SlipRule::Margin;
         let (state, reason) = match () {
@@ -307,7 +308,7 @@ impl SlipMonitor {
             _ if half_lost => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             _ if !self.contact.touches => (SlipState::NoContact, None),
             // A slide of the whole contact is said whatever the quality of the contact.
-            _ if self.evidence.slides() && !holds => (SlipState::Gross, None),
+            _ if self.slides => (SlipState::Gross, None),
             // Deviation: D11 unsure
             _ if unsure && !sure => (SlipState::Unsure, Some(Reason::ContactQuality)),
             _ if slips => (SlipState::Incipient, None),

@@ -33,8 +33,8 @@ pub struct Eval {
     /// What the trials are drawn from
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Judge with this detector alone; may be given several times [default: all]
-    #[arg(long, value_name = "NAME", value_parser = DETECTORS.map(|entry| entry.name))]
+    /// Judge with these detectors alone, by commas or several times [default: all]
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = DETECTORS.map(|entry| entry.name))]
     detector: Vec<String>,
     /// How many trials instead of the protocol's own number; a different number is another sweep
     #[arg(long, value_name = "N")]

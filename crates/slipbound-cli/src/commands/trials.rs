@@ -3,8 +3,8 @@
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
-use slipbound::task::{ControllerKind, Ending, TaskKind};
-use slipbound_lab::trials::{self, TrialError, TrialGrid};
+use slipbound::task::{Ending, TaskKind};
+use slipbound_lab::trials::{self, Controls, TrialError, TrialGrid};
 use slipbound_rig::config;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -15,9 +15,9 @@ pub struct Trials {
     /// Tasks
     #[arg(long, value_delimiter = ',', default_value = "screw,unscrew")]
     task: Vec<TaskKind>,
-    /// Controllers
+    /// Controllers, or `clairvoyant`: one that knows load and friction from the simulation
     #[arg(long, value_delimiter = ',', default_value = "paper,on_slip,margin")]
-    controller: Vec<ControllerKind>,
+    controller: Vec<Controls>,
     /// Friction coefficients, or `object`
     #[arg(long, value_delimiter = ',', default_value = "0.4,0.6,0.9")]
     mu: Vec<String>,

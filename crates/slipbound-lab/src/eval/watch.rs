@@ -40,7 +40,7 @@ const READING_STEP_N: f64 = 0.1;
 
 impl Reading {
     /// What it tells of a force; never below 0.
-    fn of(&self, force_n: f64, random: &mut Random) -> GripSample {
+    pub(crate) fn of(&self, force_n: f64, random: &mut Random) -> GripSample {
         let read_n = self.scale * force_n + self.offset_n + random.between(-self.noise_n, self.noise_n);
         GripSample { force_n: ((read_n / READING_STEP_N).round() * READING_STEP_N).max(0.0) }
     }

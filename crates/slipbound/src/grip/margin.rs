@@ -4,7 +4,7 @@
 //! ```text
 //!   used         f = 1 - margin, the largest among the fingers: load over the load at which the object slides
 //!   f > target         : P -> P f / target        at most `raise_n_per_s`
-//!   f < target - slack : P falls by `release_n_per_s`, not below the floor
+//!   f < target - slack : P falls by `release_n_per_s`, not below the floor, once the load has stood for half a second
 //! ```
 //!
 //! A finger that touches but cannot be judged while it is loaded is a reason to grip harder, slowly and by so much at most: see
@@ -24,6 +24,12 @@ use serde::{Deserialize, Serialize};
 
 /// A contact whose margin was smaller when last known is loaded.
 const LOADED_MARGIN: f64 = 0.8;
+
+/// The least force that holds has grown, and grip is not let go, while it is above its mean over this time by this share and
+/// force. How much friction there is shows late: what is let go under a growing load would be missing then.
+const STANDS_S: f64 = 0.5;
+const GROWN_FRACTION: f64 = 0.03;
+const GROWN_N: f64 = 0.1;
 
 /// Settings of [`Margin`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -110,6 +116,8 @@ pub struct Margin {
     last_ns: Option<u64>,
     /// Average of the least force that holds, N: the one at which the object would slide.
     least_n: Option<f64>,
+    /// The same over [`STANDS_S`], N.
+    before_n: f64,
     margin: Option<f64>,
     /// Grip when the margin of a loaded contact was lost, N.
     unsure_from_n: Option<f64>,
@@ -129,6 +137,7 @@ impl Margin {
             force_n: limits.start_n,
             last_ns: None,
             least_n: None,
+            before_n: 0.0,
             margin: None,
             unsure_from_n: None,
             alarms_count: 0,
@@ -189,10 +198,12 @@ impl GripController for Margin {
         let used = least_n / pressed_n;
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
         let wanted_n = least_n / target;
+        let grows = least_n > (1.0 + GROWN_FRACTION) * self.before_n + GROWN_N;
+        self.before_n += (1.0 - libm::exp(-seconds / STANDS_S)) * (least_n - self.before_n);
         let release_n = self.settings.release_n_per_s * seconds;
         if wanted_n > self.force_n {
             self.force_n = wanted_n.min(self.force_n + self.settings.raise_n_per_s * seconds);
-        } else if least_n < (target - self.settings.slack_fraction) * self.force_n {
+        } else if !grows && least_n < (target - self.settings.slack_fraction) * self.force_n {
             self.force_n = wanted_n.max(self.force_n - release_n);
         }
         self.force_n = self.force_n.clamp(self.limits.least_n, self.limits.most_n);

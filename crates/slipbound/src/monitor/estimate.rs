@@ -78,6 +78,9 @@ pub(super) struct Estimator {
     pub(super) load_px3: (Vec2, f64),
 }
 
+/// Weight of a frame that tells of more friction than is known, after the grip has grown.
+const MORE_FRICTION_WEIGHT: f64 = 0.1;
+
 /// Friction pooled over the frames of a contact: the object and the gel stay the same.
 #[derive(Debug, Clone, Copy, Default)]
 struct Pool {
@@ -170,7 +173,9 @@ impl Estimator {
                 let loaded = stiffness_over_grip.is_some_and(|k| k * self.load.sum_px3.length() > LOADED_FRACTION);
                 self.reference.follow(seconds_s, &self.window, loaded, markers);
                 if self.reference.is_taken() {
-                    self.load.tare(self.grip_n, stiffness_over_grip);
+                    let (reference, grip_n) = (&self.reference, self.reference.taken_grip_n());
+                    let per_grip = self.stiffness_n_per_px3.zip(grip_n).map(|(k, grip_n)| k / grip_n);
+                    self.load.tare(|m| reference.squeeze(m), markers, grip_n, per_grip);
                 }
             }
         }
@@ -295,10 +300,10 @@ impl Pool {
             // The last dozen of equally good frames count: what the first ones said is soon outweighed.
             let kept = (self.weight * 0.92).min(12.0 * weight);
             let log = libm::log(per_grip / used.value);
-            // A contact that is gripped anew shows less slip than its load has made: it can tell of less friction, not of
-            // more.
-            let weight = if self.remembered && log * self.weight > self.log_sum { 0.0 } else { weight };
-            let kept = if weight > 0.0 { kept } else { self.weight };
+            // A contact that is gripped anew shows less slip than its load has made: of more friction it tells little.
+            let doubtful = self.remembered && log * self.weight > self.log_sum;
+            let (weight, kept) = if doubtful { (MORE_FRICTION_WEIGHT * weight, self.weight) } else { (weight, kept) };
+            let kept = kept.min(12.0 * weight / if doubtful { MORE_FRICTION_WEIGHT } else { 1.0 });
             let mean = if self.weight > 0.0 { self.log_sum / self.weight } else { 0.0 };
             self.log_sum = mean * kept + log * weight;
             self.weight = kept + weight;

@@ -51,13 +51,20 @@ impl Load {
         self.sum_px3 = self.seen(markers).fold(Vec2::ZERO, |sum, (m, area)| sum + m.now_from_rest() * area);
     }
 
-    /// Nothing pulls yet: what is read comes from the squeeze alone.
-    pub fn tare(&mut self, grip_n: Option<f64>, stiffness_over_grip: Option<f64>) {
+    /// Nothing pulled when the markers were moved so from rest: that sum comes from the squeeze alone.
+    pub fn tare(
+        &mut self,
+        from_rest: impl Fn(&Marker) -> Vec2,
+        markers: &[Marker],
+        grip_n: Option<f64>,
+        stiffness_over_grip: Option<f64>,
+    ) {
         self.per_newton = grip_n.is_some_and(|n| n > 0.0);
         let most = stiffness_over_grip.map_or(f64::MAX, |k| MOST_TARE_FRACTION / k);
-        let length = self.sum_px3.length();
+        let sum_px3 = self.seen(markers).fold(Vec2::ZERO, |sum, (m, area)| sum + from_rest(m) * area);
+        let length = sum_px3.length();
         let kept = if length > most { most / length } else { 1.0 };
-        self.tare_px3 = self.sum_px3 * kept / grip_n.filter(|n| *n > 0.0).unwrap_or(1.0);
+        self.tare_px3 = sum_px3 * kept / grip_n.filter(|n| *n > 0.0).unwrap_or(1.0);
     }
 
     /// Load in the plane, px3.

@@ -1,0 +1,55 @@
+//! A controller that knows what no finger can feel: load and friction, from the simulation itself. What it cannot hold with the
+//! same gripper, or holds only by sliding, no controller is blamed for.
+
+use crate::hand::SimHand;
+use slipbound::grip::{ArmMotion, GripController, GripDecision, GripLimits};
+use slipbound::hand::HandReport;
+use slipbound::port::GripperState;
+
+/// Force over the least that holds: room for the ripple of the load.
+const OVER: f64 = 1.15;
+
+/// How far ahead the load is reckoned, s: the gripper's delay, lag and one period of the loop.
+const AHEAD_S: f64 = 0.15;
+
+/// Holds with the least force that will be required when the gripper has got there. Lets go at the rate of the controller
+/// `margin`, so that the two differ in what they know alone.
+pub struct Clairvoyant {
+    hand: SimHand,
+    limits: GripLimits,
+    force_n: f64,
+    /// Time, ns, and required force, N, of the last cycle.
+    last: Option<(u64, f64)>,
+}
+
+/// Rate of letting go, N per finger and second.
+const RELEASE_N_PER_S: f64 = 5.0;
+
+impl Clairvoyant {
+    /// Looks into the simulation of this hand.
+    pub fn new(hand: SimHand, limits: &GripLimits) -> Self {
+        Clairvoyant { hand, limits: *limits, force_n: limits.start_n, last: None }
+    }
+}
+
+impl GripController for Clairvoyant {
+    fn decide(&mut self, now_ns: u64, _: &HandReport, _: &GripperState) -> GripDecision {
+        let truth = self.hand.truth();
+        let (then_ns, then_n) = self.last.replace((now_ns, truth.required_n)).unwrap_or((now_ns, truth.required_n));
+        let seconds = now_ns.saturating_sub(then_ns) as f64 * 1e-9;
+        let growth_n_per_s = if seconds > 0.0 { (truth.required_n - then_n) / seconds } else { 0.0 };
+        let wanted_n = OVER * (truth.required_n + AHEAD_S * growth_n_per_s.max(0.0));
+        self.force_n = wanted_n.max(self.force_n - RELEASE_N_PER_S * seconds);
+        self.force_n = self.force_n.clamp(self.limits.least_n, self.limits.most_n);
+        let behind = truth.required_n > truth.grip_force_n && self.force_n < self.limits.most_n;
+        GripDecision { force_n: self.force_n, arm: if behind { ArmMotion::Pause } else { ArmMotion::Go } }
+    }
+
+    fn alarms_count(&self) -> u32 {
+        0
+    }
+
+    fn wants_more(&self) -> bool {
+        self.force_n >= self.limits.most_n
+    }
+}
