@@ -9,6 +9,7 @@ use super::view::View;
 use super::{CameraSettings, Texture};
 use crate::contact::Grid;
 use slipbound::image::SizePx;
+use slipbound::pixels::wide::wide;
 use slipbound::plane::Vec2;
 
 /// Nodes are at most this far apart on the gel, in mm: a cell of the contact.
@@ -182,12 +183,14 @@ impl Nodes {
     }
 }
 
-/// Straight lines between nodes, N pixels each.
-fn between<const N: usize>(nodes: &[f32], out: &mut [f32]) {
-    for (pair, out) in nodes.windows(2).zip(out.chunks_exact_mut(N)) {
-        let (a, step) = (pair[0], (pair[1] - pair[0]) * (1.0 / N as f32));
-        for (i, out) in out.iter_mut().enumerate() {
-            *out = a + step * i as f32;
+wide! {
+    /// Straight lines between nodes, N pixels each.
+    fn between<const N: usize>(nodes: &[f32], out: &mut [f32]) {
+        for (pair, out) in nodes.windows(2).zip(out.chunks_exact_mut(N)) {
+            let (a, step) = (pair[0], (pair[1] - pair[0]) * (1.0 / N as f32));
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = a + step * i as f32;
+            }
         }
     }
 }
@@ -235,17 +238,16 @@ impl<'a> Field<'a> {
         let mut at = [px + off[0], py + off[1]];
         for _ in 0..STEPS_COUNT {
             let ([a, b, c, d], [fx, fy]) = self.around(at);
-            let value = |k: usize| {
-                let (upper, lower) = (a[k] + (b[k] - a[k]) * fx, c[k] + (d[k] - c[k]) * fx);
-                (upper, lower, upper + (lower - upper) * fy)
-            };
+            // x, y and depth; the fourth lane, which is not asked for, makes whole vectors of them.
             let along = |k: usize| ((b[k] - a[k]) * (1.0 - fy) + (d[k] - c[k]) * fy) * self.per_mm;
-            let ((ux, lx, sx), (uy, ly, sy), (uz, lz, sz)) = (value(0), value(1), value(2));
-            let across = |upper: f32, lower: f32| (lower - upper) * self.per_mm;
+            let upper: [f32; 4] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * fx);
+            let lower: [f32; 4] = std::array::from_fn(|k| c[k] + (d[k] - c[k]) * fx);
+            let [sx, sy, sz, _]: [f32; 4] = std::array::from_fn(|k| upper[k] + (lower[k] - upper[k]) * fy);
+            let [along_x, along_y, zx, _]: [f32; 4] = std::array::from_fn(along);
+            let [across_x, across_y, zy, _]: [f32; 4] = std::array::from_fn(|k| (lower[k] - upper[k]) * self.per_mm);
             let miss = [at[0] + sx + kx * sz - px, at[1] + sy + ky * sz - py];
-            let (zx, zy) = (along(2), across(uz, lz));
-            let (xx, xy) = (1.0 + along(0) + kx * zx, across(ux, lx) + kx * zy);
-            let (yx, yy) = (along(1) + ky * zx, 1.0 + across(uy, ly) + ky * zy);
+            let (xx, xy) = (1.0 + along_x + kx * zx, across_x + kx * zy);
+            let (yx, yy) = (along_y + ky * zx, 1.0 + across_y + ky * zy);
             let det = xx * yy - xy * yx;
             // Where the linear gel would fold over itself, a plain step.
             let (dx, dy) = if det > 0.1 {
