@@ -199,10 +199,9 @@ impl Renderer {
     fn shine(&mut self, y: usize) {
         let width = self.size().width;
         let light_levels = &self.light_levels[3 * y * width..][..3 * width];
-        self.ideal.copy_from_slice(light_levels);
         let span = self.spans[y].clone();
         if span.is_empty() {
-            return;
+            return self.ideal.copy_from_slice(light_levels);
         }
         self.nodes.spread(y, span.clone(), &mut self.seen);
         let [x_mm, y_mm, slope_x, slope_y, contrast] = self.seen.each_ref().map(|lane| &lane[span.clone()]);
@@ -215,6 +214,8 @@ impl Renderer {
         let colours = self.ideal.chunks_exact_mut(width).zip(light_levels.chunks_exact(width));
         for ((ideal, light), toward) in colours.zip(toward) {
             let toward = toward.map(|t| (shade * t) as f32);
+            ideal[..span.start].copy_from_slice(&light[..span.start]);
+            ideal[span.end..].copy_from_slice(&light[span.end..]);
             rows::lit(skin, toward, darkness, &light[span.clone()], &mut ideal[span.clone()]);
         }
     }

@@ -66,10 +66,8 @@ impl Atlas {
         texel_at(x_mm, half_x, last_x, share_x);
         texel_at(y_mm, half_y, last_y, share_y);
         number_of(share_x, share_y, stride, place);
-        let (texels, next_row) = (&self.texels[..], &self.texels[2 * self.columns..]);
-        for ((upper, lower), &mut place) in upper.iter_mut().zip(lower.iter_mut()).zip(place) {
-            (*upper, *lower) = (pair_at(texels, place), pair_at(next_row, place));
-        }
+        look_up(&self.texels, place, upper);
+        look_up(&self.texels[2 * self.columns..], place, lower);
         mixed(&upper[..count], &lower[..count], share_x, share_y, dots, threads);
     }
 
@@ -156,6 +154,14 @@ wide! {
             let (column, row) = (whole(*x), whole(*y));
             (*x, *y) = (*x - column, *y - row);
             *number = (row * stride + column + WHOLE).to_bits() & WHOLE_MASK;
+        }
+    }
+
+    /// Texels by their numbers, each with its right neighbour. A loop of its own, for short ones have more loads under way: what they
+    /// load is rarely in a near cache.
+    fn look_up(texels: &[u8], numbers: &[u32], pairs: &mut [u32]) {
+        for (pair, number) in pairs.iter_mut().zip(numbers) {
+            *pair = pair_at(texels, *number);
         }
     }
 

@@ -21,6 +21,9 @@ const NEAR_MM: f32 = 1e-4;
 /// How far the gel may be stretched into view from beyond its border, in mm.
 pub(super) const BEYOND_MM: f64 = 2.0;
 
+/// Rows of nodes that are looked at side by side.
+const ROWS: usize = 4;
+
 /// What a pixel is made from: place of the piece seen on the gel at rest (x, y in mm), slope of its depth along x and
 /// along y, contrast of the texture.
 pub(super) const LANES: usize = 5;
@@ -33,6 +36,21 @@ type Cell = [f32; 8];
 struct Site {
     plane_mm: [f32; 2],
     parallax: [f32; 2],
+}
+
+/// Contrast of the texture, which grows with the pressure.
+#[derive(Debug, Clone, Copy)]
+struct Contrast {
+    per_mpa: f32,
+    rest: f32,
+    gain: f32,
+}
+
+/// Where the last node of a row found its piece of gel, from the node, and how that changed from the one before it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Track {
+    off: [f32; 2],
+    change: [f32; 2],
 }
 
 /// A lattice over the camera image.
@@ -117,20 +135,14 @@ impl Nodes {
             return false;
         }
         let field = Field::new(surface, &self.cells);
-        let per_mpa = -1.0 / texture.p_ref_mpa as f32;
-        let (rest, gain) = (texture.rest_fraction as f32, texture.gain_fraction as f32);
-        for (row, used) in self.used.iter().enumerate() {
-            // The first guess goes on as the last two nodes did.
-            let (mut off, mut change) = ([0.0f32; 2], [0.0f32; 2]);
-            for i in used.clone().map(|column| row * self.columns + column) {
-                let site = &self.sites[i];
-                let (piece, cell) = field.seen(site, [off[0] + change[0], off[1] + change[1]]);
-                let now = [piece[0] - site.plane_mm[0], piece[1] - site.plane_mm[1]];
-                (change, off) = ([now[0] - off[0], now[1] - off[1]], now);
-                let pressed = if cell[5] > 0.0 { 1.0 - (cell[5] * per_mpa).exp() } else { 0.0 };
-                let values = [piece[0], piece[1], cell[3], cell[4], rest + gain * pressed];
-                self.lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[i] = value);
-            }
+        let contrast = Contrast {
+            per_mpa: -1.0 / texture.p_ref_mpa as f32,
+            rest: texture.rest_fraction as f32,
+            gain: texture.gain_fraction as f32,
+        };
+        for (group, used) in self.used.chunks(ROWS).enumerate() {
+            let first = group * ROWS * self.columns;
+            look_along(&field, contrast, &self.sites[first..], used, first, self.columns, &mut self.lanes);
         }
         true
     }
@@ -184,6 +196,40 @@ impl Nodes {
 }
 
 wide! {
+    /// Looks at some rows of nodes, `sites` from their first on, which is number `first`. A node waits for the one before it in
+    /// its row, where its first guess comes from, but not for those of other rows: so they take turns.
+    #[allow(clippy::too_many_arguments)] // parts of the nodes
+    fn look_along(
+        field: &Field<'_>,
+        contrast: Contrast,
+        sites: &[Site],
+        used: &[std::ops::Range<usize>],
+        first: usize,
+        columns: usize,
+        lanes: &mut [Vec<f32>; LANES],
+    ) {
+        let mut tracks = [Track::default(); ROWS];
+        let seen = used.iter().filter(|used| !used.is_empty());
+        let start = seen.clone().map(|used| used.start).min().unwrap_or(0);
+        let end = seen.map(|used| used.end).max().unwrap_or(0);
+        for column in start..end {
+            for ((row, used), track) in used.iter().enumerate().zip(&mut tracks) {
+                if column < used.start || column >= used.end {
+                    continue;
+                }
+                let i = row * columns + column;
+                let (site, Track { off, change }) = (&sites[i], *track);
+                let (piece, cell) = field.seen(site, [off[0] + change[0], off[1] + change[1]]);
+                let now = [piece[0] - site.plane_mm[0], piece[1] - site.plane_mm[1]];
+                // The first guess goes on as the last two nodes did.
+                *track = Track { off: now, change: [now[0] - off[0], now[1] - off[1]] };
+                let pressed = if cell[5] > 0.0 { 1.0 - (cell[5] * contrast.per_mpa).exp() } else { 0.0 };
+                let values = [piece[0], piece[1], cell[3], cell[4], contrast.rest + contrast.gain * pressed];
+                lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[first + i] = value);
+            }
+        }
+    }
+
     /// Straight lines between nodes, N pixels each.
     fn between<const N: usize>(nodes: &[f32], out: &mut [f32]) {
         for (pair, out) in nodes.windows(2).zip(out.chunks_exact_mut(N)) {
@@ -233,6 +279,7 @@ impl<'a> Field<'a> {
 
     /// The piece of gel that seems to be at a site, and what the cells say there. The seen place of a piece is
     /// `X + shift + parallax depth`; Newton's method from the site, shifted as the node before was.
+    #[inline(always)]
     fn seen(&self, site: &Site, off: [f32; 2]) -> ([f32; 2], Cell) {
         let ([px, py], [kx, ky]) = (site.plane_mm, site.parallax);
         let mut at = [px + off[0], py + off[1]];

@@ -40,8 +40,9 @@ wide! {
     /// Blurs a row along itself by five taps; its outermost two pixels are left as they are.
     pub(super) fn blurred_along(from: &[f32], taps: [f32; 3], to: &mut [f32]) {
         let [middle, near, far] = taps;
-        to.copy_from_slice(from);
         let inner = from.len() - 4;
+        to[..2].copy_from_slice(&from[..2]);
+        to[2 + inner..].copy_from_slice(&from[2 + inner..]);
         let (a, b, c, d, e) = (&from[..inner], &from[1..], &from[2..], &from[3..], &from[4..]);
         let taps = a.iter().zip(b).zip(c).zip(d).zip(e);
         for (out, ((((a, b), c), d), e)) in to[2..2 + inner].iter_mut().zip(taps) {
