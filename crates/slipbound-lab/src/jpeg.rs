@@ -2,6 +2,7 @@
 
 use jpeg_encoder::{ImageBuffer, JpegColorType, SamplingFactor};
 use slipbound::image::SizePx;
+use slipbound::pixels::wide::wide;
 use slipbound::port::{FrameBuffer, PixelFormat, SourceError, SourceErrorKind};
 use zune_core::bytestream::ZCursor;
 use zune_core::colorspace::ColorSpace;
@@ -62,8 +63,8 @@ struct Paired<'a> {
     height: u16,
 }
 
-/// Pixels converted at a time.
-const CHUNK_PX: usize = 32;
+/// Pixels converted at a time; an even number.
+const CHUNK_PX: usize = 256;
 
 impl ImageBuffer for Paired<'_> {
     fn get_jpeg_color_type(&self) -> JpegColorType {
@@ -81,46 +82,45 @@ impl ImageBuffer for Paired<'_> {
     fn fill_buffers(&self, y: u16, buffers: &mut [Vec<u8>; 4]) {
         let line = 3 * usize::from(self.width);
         let row = &self.rgb[usize::from(y) * line..][..line];
-        let whole = row.chunks_exact(3 * CHUNK_PX);
-        let rest = whole.remainder();
-        whole.for_each(|pixels| convert(pixels, CHUNK_PX, buffers));
-        if !rest.is_empty() {
-            // Beyond the border, the last pixel once more.
-            let mut pixels = [0; 3 * CHUNK_PX];
-            let last = [rest[rest.len() - 3], rest[rest.len() - 2], rest[rest.len() - 1]];
-            pixels.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(&last));
-            pixels[..rest.len()].copy_from_slice(rest);
-            convert(&pixels, rest.len() / 3, buffers);
+        let mut converted = [[0; CHUNK_PX]; 3];
+        for pixels in row.chunks(3 * CHUNK_PX) {
+            convert(pixels, &mut converted);
+            for (buffer, converted) in buffers.iter_mut().zip(&converted) {
+                buffer.extend_from_slice(&converted[..pixels.len() / 3]);
+            }
         }
     }
 }
 
-/// JFIF's Y, Cb and Cr of the first `count` of some pixels, rounded to the nearest.
-#[inline(always)]
-fn convert(pixels: &[u8], count: usize, [luma, blue, red, _]: &mut [Vec<u8>; 4]) {
-    // Added to a number from 0 to 255.5, this leaves the nearest whole number in the lowest bits of the sum.
-    const WHOLE: f32 = (1 << 23) as f32;
-    let mut planes = [[0.0f32; CHUNK_PX]; 3];
-    for (i, pixel) in pixels[..3 * CHUNK_PX].chunks_exact(3).enumerate() {
-        for c in 0..3 {
-            planes[c][i] = f32::from(pixel[c]);
+wide! {
+    /// JFIF's Y, Cb and Cr of at most `CHUNK_PX` pixels, rounded to the nearest. The last of an odd number makes a pair with itself.
+    fn convert(pixels: &[u8], converted: &mut [[u8; CHUNK_PX]; 3]) {
+        // Added to a number from 0 to 255.5, this leaves the nearest whole number in the lowest bits of the sum.
+        const WHOLE: f32 = (1 << 23) as f32;
+        let ([mut red, mut green, mut blue], count) = ([[0u8; CHUNK_PX]; 3], pixels.len() / 3);
+        let planes = red.iter_mut().zip(&mut green).zip(&mut blue);
+        for (((r, g), b), pixel) in planes.zip(pixels.chunks_exact(3)) {
+            (*r, *g, *b) = (pixel[0], pixel[1], pixel[2]);
+        }
+        if count % 2 == 1 {
+            (red[count], green[count], blue[count]) = (red[count - 1], green[count - 1], blue[count - 1]);
+        }
+        let [luma, blues, reds] = converted;
+        for (y, ((&r, &g), &b)) in luma[..count].iter_mut().zip(red.iter().zip(&green).zip(&blue)) {
+            *y = (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b) + WHOLE).to_bits() as u8;
+        }
+        let even = count.next_multiple_of(2);
+        let pairs = red.chunks_exact(2).zip(green.chunks_exact(2)).zip(blue.chunks_exact(2));
+        let out = blues[..even].chunks_exact_mut(2).zip(reds[..even].chunks_exact_mut(2));
+        for ((blues, reds), ((r, g), b)) in out.zip(pairs) {
+            // Of two pixels. 255.5, of pure blue or red, would be rounded up.
+            let both = |pair: &[u8]| f32::from(u16::from(pair[0]) + u16::from(pair[1]));
+            let (r, g, b) = (both(r), both(g), both(b));
+            let blue = 128.0 - 0.084_368 * r - 0.165_632 * g + 0.25 * b;
+            let red = 128.0 + 0.25 * r - 0.209_344 * g - 0.040_656 * b;
+            let held = |level: f32| if level < 255.0 { level } else { 255.0 };
+            let (blue, red) = ((held(blue) + WHOLE).to_bits() as u8, (held(red) + WHOLE).to_bits() as u8);
+            (blues[0], blues[1], reds[0], reds[1]) = (blue, blue, red, red);
         }
     }
-    let [r, g, b] = planes;
-    let (mut y, mut cb, mut cr) = ([0u8; CHUNK_PX], [0u8; CHUNK_PX], [0u8; CHUNK_PX]);
-    for i in 0..CHUNK_PX {
-        y[i] = (0.299 * r[i] + 0.587 * g[i] + 0.114 * b[i] + WHOLE).to_bits() as u8;
-    }
-    for i in (0..CHUNK_PX).step_by(2) {
-        // Of two pixels. 255.5, of pure blue or red, would be rounded up.
-        let (r, g, b) = (r[i] + r[i + 1], g[i] + g[i + 1], b[i] + b[i + 1]);
-        let blue = 128.0 - 0.084_368 * r - 0.165_632 * g + 0.25 * b;
-        let red = 128.0 + 0.25 * r - 0.209_344 * g - 0.040_656 * b;
-        let held = |level: f32| if level < 255.0 { level } else { 255.0 };
-        (cb[i], cr[i]) = ((held(blue) + WHOLE).to_bits() as u8, (held(red) + WHOLE).to_bits() as u8);
-        (cb[i + 1], cr[i + 1]) = (cb[i], cr[i]);
-    }
-    luma.extend_from_slice(&y[..count]);
-    blue.extend_from_slice(&cb[..count]);
-    red.extend_from_slice(&cr[..count]);
 }

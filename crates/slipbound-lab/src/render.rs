@@ -11,6 +11,7 @@
 
 mod atlas;
 mod nodes;
+mod rows;
 mod settings;
 mod surface;
 mod surroundings;
@@ -25,6 +26,7 @@ pub use surroundings_kind::Surroundings;
 use crate::random::Random;
 use atlas::Atlas;
 use nodes::{LANES, Nodes};
+use rows::Skin;
 use slipbound::image::SizePx;
 use slipbound::plane::Vec2;
 use slipbound::sensor::Sensor;
@@ -45,7 +47,7 @@ pub struct Renderer {
     view: View,
     atlas: Atlas,
     nodes: Nodes,
-    /// Light of every pixel by red, green and blue, levels; glare included.
+    /// Light of every pixel, levels; glare included. Of each row the red, then the green, then the blue, as all rows below.
     light_levels: Vec<f32>,
     /// How much of every pixel is gel: 0 beyond it, 1 on it.
     gel: Vec<f32>,
@@ -59,7 +61,11 @@ pub struct Renderer {
     /// The last five rows, blurred along themselves.
     softened: [Vec<f32>; 5],
     blur: [f32; 3],
-    noise: Vec<f32>,
+    /// A row of levels before noise, and of bytes after it.
+    levels: Vec<f32>,
+    bytes: Vec<u8>,
+    /// Every third number of the noise, from the first, the second and the third on: a colour of a row is one run of it.
+    noise: [Vec<f32>; 3],
     stuck: Vec<(usize, u8)>,
     /// The levels of the last frame without noise, once a second frame in a row shows the gel unmoved; else empty.
     still_levels: Vec<f32>,
@@ -83,12 +89,14 @@ impl Renderer {
         let size = settings.sensor.image_px;
         let atlas = Atlas::new(&settings, &mut random);
         let backdrop = Backdrop::new(&settings, seed);
-        let mut light_levels = Vec::with_capacity(3 * size.area());
+        let mut light_levels = vec![0.0; 3 * size.area()];
         let mut gel = Vec::with_capacity(size.area());
-        for i in 0..size.area() {
-            let (levels, share) = pixel(&settings, &view, &backdrop, i);
-            light_levels.extend(levels);
-            gel.push(share);
+        for (y, row) in light_levels.chunks_exact_mut(3 * size.width).enumerate() {
+            for x in 0..size.width {
+                let (levels, share) = pixel(&settings, &view, &backdrop, y * size.width + x);
+                levels.iter().enumerate().for_each(|(c, level)| row[c * size.width + x] = *level);
+                gel.push(share);
+            }
         }
         let on = |share: &f32| *share > 0.0;
         let span = |row: &[f32]| match (row.iter().position(on), row.iter().rposition(on)) {
@@ -103,8 +111,9 @@ impl Renderer {
             .map(|i| ((random.next_u64() % size.area() as u64) as usize, if i % 2 == 0 { 250 } else { 2 }))
             .collect();
         let normal = |r: &mut Random| ((0..12).map(|_| r.fraction()).sum::<f64>() - 6.0) as f32;
+        let noise: Vec<f32> = (0..NOISE_COUNT).map(|_| normal(&mut random)).collect();
         Renderer {
-            noise: (0..NOISE_COUNT).map(|_| normal(&mut random)).collect(),
+            noise: [0, 1, 2].map(|first| noise[first..].iter().copied().step_by(3).collect()),
             nodes: Nodes::new(&settings, &view, &spans),
             light_levels,
             gel,
@@ -114,6 +123,8 @@ impl Renderer {
             threads: vec![0.0; size.width],
             ideal: vec![0.0; 3 * size.width],
             softened: std::array::from_fn(|_| vec![0.0; 3 * size.width]),
+            levels: vec![0.0; 3 * size.width],
+            bytes: vec![0; 3 * size.width],
             blur,
             stuck,
             still_levels: Vec::new(),
@@ -188,30 +199,24 @@ impl Renderer {
     fn shine(&mut self, y: usize) {
         let width = self.size().width;
         let light_levels = &self.light_levels[3 * y * width..][..3 * width];
-        self.ideal.copy_from_slice(light_levels);
         let span = self.spans[y].clone();
         if span.is_empty() {
-            return;
+            return self.ideal.copy_from_slice(light_levels);
         }
         self.nodes.spread(y, span.clone(), &mut self.seen);
-        let count = span.len();
         let [x_mm, y_mm, slope_x, slope_y, contrast] = self.seen.each_ref().map(|lane| &lane[span.clone()]);
-        let (dots, threads) = (&mut self.dots[..count], &mut self.threads[..count]);
+        let (dots, threads) = (&mut self.dots[..span.len()], &mut self.threads[..span.len()]);
         self.atlas.fetch([x_mm, y_mm], dots, threads);
-        let Light { toward, shade, .. } = &self.settings.light;
-        let toward = toward.map(|t| t.map(|t| (shade * t) as f32));
-        let darkness = self.settings.dots.darkness_fraction as f32;
         let gel = &self.gel[y * width..][span.clone()];
-        let light = light_levels[3 * span.start..3 * span.end].chunks_exact(3);
-        let out = self.ideal[3 * span.start..3 * span.end].chunks_exact_mut(3);
-        let skin = dots.iter().zip(&*threads).zip(gel);
-        let shape = slope_x.iter().zip(slope_y).zip(contrast);
-        for (((out, light), ((dot, thread), gel)), ((sx, sy), contrast)) in out.zip(light).zip(skin).zip(shape) {
-            let left_over = 1.0 - darkness * dot * gel;
-            let texture = contrast * thread;
-            for ((out, light), toward) in out.iter_mut().zip(light).zip(toward) {
-                *out = light * (1.0 + (toward[0] * sx + toward[1] * sy + texture) * gel) * left_over;
-            }
+        let skin = Skin { slope: [slope_x, slope_y], contrast, threads, dots, gel };
+        let Light { toward, shade, .. } = &self.settings.light;
+        let darkness = self.settings.dots.darkness_fraction as f32;
+        let colours = self.ideal.chunks_exact_mut(width).zip(light_levels.chunks_exact(width));
+        for ((ideal, light), toward) in colours.zip(toward) {
+            let toward = toward.map(|t| (shade * t) as f32);
+            ideal[..span.start].copy_from_slice(&light[..span.start]);
+            ideal[span.end..].copy_from_slice(&light[span.end..]);
+            rows::lit(skin, toward, darkness, &light[span.clone()], &mut ideal[span.clone()]);
         }
     }
 
@@ -221,25 +226,23 @@ impl Renderer {
         let mut random = Random::of(frame_seed, NOISE);
         let SizePx { width, height } = self.size();
         let line = 3 * width;
-        let noise_levels = self.settings.noise_levels as f32;
         for below in 0..height + 2 {
             if below < height {
                 self.shine(below);
-                soften(&self.ideal, self.blur, &mut self.softened[below % 5]);
+                let softened = self.softened[below % 5].chunks_exact_mut(width);
+                for (ideal, softened) in self.ideal.chunks_exact(width).zip(softened) {
+                    rows::blurred_along(ideal, self.blur, softened);
+                }
             }
             let Some(y) = below.checked_sub(2) else { continue };
             // Beyond the border, the outermost rows once more.
             let row = |y: usize| &self.softened[y.min(height - 1) % 5][..line];
-            let rows = [row(y.saturating_sub(2)), row(y.saturating_sub(1)), row(y), row(y + 1), row(y + 2)];
-            let start = noise_start(&mut random, line);
-            let (noise, out) = (&self.noise[start..start + line], &mut rgb[y * line..][..line]);
+            let five = [row(y.saturating_sub(2)), row(y.saturating_sub(1)), row(y), row(y + 1), row(y + 2)];
+            rows::blurred_across(five, self.blur, &mut self.levels);
             if keep {
-                let levels = &mut self.still_levels[y * line..][..line];
-                blur_across(rows, self.blur, levels);
-                add_noise(levels, noise, noise_levels, out);
-            } else {
-                expose_row(rows, self.blur, noise, noise_levels, out);
+                self.still_levels[y * line..][..line].copy_from_slice(&self.levels);
             }
+            self.read_out(&mut random, &mut rgb[y * line..][..line]);
         }
         self.stick(rgb);
     }
@@ -248,12 +251,25 @@ impl Renderer {
     fn expose_again(&mut self, frame_seed: u64, rgb: &mut [u8]) {
         let mut random = Random::of(frame_seed, NOISE);
         let line = 3 * self.size().width;
-        let noise_levels = self.settings.noise_levels as f32;
-        for (levels, out) in self.still_levels.chunks_exact(line).zip(rgb.chunks_exact_mut(line)) {
-            let start = noise_start(&mut random, line);
-            add_noise(levels, &self.noise[start..start + line], noise_levels, out);
+        for (y, out) in rgb.chunks_exact_mut(line).enumerate() {
+            self.levels.copy_from_slice(&self.still_levels[y * line..][..line]);
+            self.read_out(&mut random, out);
         }
         self.stick(rgb);
+    }
+
+    /// The row of `levels` with the noise of the sensor.
+    fn read_out(&mut self, random: &mut Random, rgb: &mut [u8]) {
+        let (width, noise_levels) = (self.size().width, self.settings.noise_levels as f32);
+        let start = random.next_u64() as usize % (NOISE_COUNT - 3 * width);
+        let colours = self.levels.chunks_exact(width).zip(self.bytes.chunks_exact_mut(width));
+        for (c, (levels, bytes)) in colours.enumerate() {
+            let noise = &self.noise[(start + c) % 3][(start + c) / 3..][..width];
+            rows::noisy(levels, noise, noise_levels, bytes);
+        }
+        let (red, rest) = self.bytes.split_at(width);
+        let (green, blue) = rest.split_at(width);
+        rows::woven(red, green, blue, rgb);
     }
 
     fn stick(&self, rgb: &mut [u8]) {
@@ -261,62 +277,6 @@ impl Renderer {
             rgb[3 * pixel..3 * pixel + 3].fill(level);
         }
     }
-}
-
-/// Where the noise of the next row begins.
-fn noise_start(random: &mut Random, line: usize) -> usize {
-    random.next_u64() as usize % (NOISE_COUNT - line)
-}
-
-/// Blurs a row of interleaved colours along itself; its outermost two pixels are left as they are.
-fn soften(from: &[f32], [middle, near, far]: [f32; 3], to: &mut [f32]) {
-    to.copy_from_slice(from);
-    let inner = from.len() - 12;
-    let (a, b, c, d, e) = (&from[..inner], &from[3..], &from[6..], &from[9..], &from[12..]);
-    let taps = a.iter().zip(b).zip(c).zip(d).zip(e);
-    for (out, ((((a, b), c), d), e)) in to[6..6 + inner].iter_mut().zip(taps) {
-        *out = far * (a + e) + near * (b + d) + middle * c;
-    }
-}
-
-/// Blurs five rows across, adds noise that grows as the root of the level, and rounds.
-fn expose_row(rows: [&[f32]; 5], blur: [f32; 3], noise: &[f32], noise_levels: f32, out: &mut [u8]) {
-    let [a, b, c, d, e] = rows;
-    let taps = a.iter().zip(b).zip(c).zip(d).zip(e).zip(noise);
-    for (out, (((((a, b), c), d), e), n)) in out.iter_mut().zip(taps) {
-        *out = noisy(across([a, b, c, d, e], blur), *n, noise_levels);
-    }
-}
-
-/// The first half of [`expose_row`].
-fn blur_across(rows: [&[f32]; 5], blur: [f32; 3], levels: &mut [f32]) {
-    let [a, b, c, d, e] = rows;
-    let taps = a.iter().zip(b).zip(c).zip(d).zip(e);
-    for (level, ((((a, b), c), d), e)) in levels.iter_mut().zip(taps) {
-        *level = across([a, b, c, d, e], blur);
-    }
-}
-
-/// The second half of [`expose_row`].
-fn add_noise(levels: &[f32], noise: &[f32], noise_levels: f32, out: &mut [u8]) {
-    for (out, (level, n)) in out.iter_mut().zip(levels.iter().zip(noise)) {
-        *out = noisy(*level, *n, noise_levels);
-    }
-}
-
-#[inline(always)]
-fn across([a, b, c, d, e]: [&f32; 5], [middle, near, far]: [f32; 3]) -> f32 {
-    far * (a + e) + near * (b + d) + middle * c
-}
-
-#[inline(always)]
-fn noisy(level: f32, noise: f32, noise_levels: f32) -> u8 {
-    let lit = if level > 4.0 { level } else { 4.0 };
-    let noisy = level + noise_levels * (lit * (1.0 / 128.0)).sqrt() * noise;
-    let held = if noisy > 0.0 { noisy } else { 0.0 };
-    let held = if held < 255.0 { held } else { 255.0 };
-    // The sum has the nearest whole number in its lowest bits.
-    (held + (1 << 23) as f32).to_bits() as u8
 }
 
 /// Light of red, green and blue at pixel `i`, in levels, and how much of it is gel.

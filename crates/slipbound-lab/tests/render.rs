@@ -1,7 +1,8 @@
 //! The pictures of the simulated GelSlim, judged by the method: contact where there is contact, markers where they are.
 
-use slipbound::image::{Frame, Mask, Pixels, Rgb};
+use slipbound::image::{Frame, Mask, Pixels, Rgb, SizePx};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
+use slipbound::pixels::wide::without_wide_vectors;
 use slipbound::plane::Vec2;
 use slipbound::port::FrameBuffer;
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
@@ -76,6 +77,36 @@ fn a_still_gel_is_drawn_as_if_it_were_seen_anew() {
         camera.render(&gel.surface(), seed, &mut seen);
         Renderer::gelslim(3).render(&gel.surface(), seed, &mut anew);
         assert!(seen == anew, "frame of seed {seed}");
+    }
+}
+
+/// Kernels compiled for wide vectors and for the baseline draw and encode the same bytes.
+#[test]
+fn wide_and_plain_kernels_give_the_same_pictures() {
+    let pressed = Pressed::by(Sphere { radius_mm: 15.0 }, 20.0, Vec2::new(0.3, 0.2));
+    let seen = || {
+        let both = [Renderer::gelslim(3), Renderer::gelsight_mini(3)];
+        both.map(|mut camera| {
+            let mut rgb = vec![0; 3 * camera.size().area()];
+            // As it moves, as it stands, and as it stands on.
+            [1, 2, 3].map(|seed| {
+                camera.render(&pressed.surface(), seed, &mut rgb);
+                rgb.clone()
+            })
+        })
+    };
+    let (wide, plain) = (seen(), without_wide_vectors(seen));
+    assert!(wide == plain, "pictures differ");
+    // Widths of whole vectors and of others, even and odd, in one piece and in two.
+    for width in [16, 33, 256, 257, 301, 640] {
+        let size = SizePx::new(width, 16);
+        let rgb = &wide[0][0][..3 * size.area()];
+        let encode = || {
+            let mut encoded = Vec::new();
+            Codec::new(size, 85).encode(rgb, &mut encoded).expect("encodes");
+            encoded
+        };
+        assert!(encode() == without_wide_vectors(encode), "{width} px");
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::CameraSettings;
 use crate::random::Random;
+use slipbound::pixels::wide::wide;
 use slipbound::plane::Vec2;
 
 /// Distance of the texels in mm: a quarter of the edge of a dot and finer than any pixel.
@@ -11,12 +12,14 @@ const TEXEL_MM: f32 = 0.025;
 const WHOLE: f32 = (1 << 23) as f32;
 const WHOLE_MASK: u32 = (1 << 23) - 1;
 
-/// What is looked up for a row of pixels: number of the texel, shares of the ones right and below, four texels.
+/// What is looked up for a row of pixels: number of the texel, shares of the ones right and below, the texel and the one to its
+/// right, and the two below these.
 #[derive(Debug, Clone)]
 struct Row {
     place: Vec<u32>,
     share: [Vec<f32>; 2],
-    texels: Vec<[u32; 2]>,
+    upper: Vec<u32>,
+    lower: Vec<u32>,
 }
 
 /// The skin, point by point.
@@ -39,8 +42,8 @@ impl Atlas {
         let [columns, rows] = half_mm.map(|half| (2.0 * half / TEXEL_MM).ceil() as usize + 1);
         assert!(columns * rows < 1 << 23, "a skin of {columns} x {rows} texels");
         let width = settings.sensor.image_px.width + 8; // whole steps of the nodes
-        let row =
-            Row { place: vec![0; width], share: [vec![0.0; width], vec![0.0; width]], texels: vec![[0; 2]; width] };
+        let share = [vec![0.0; width], vec![0.0; width]];
+        let row = Row { place: vec![0; width], share, upper: vec![0; width], lower: vec![0; width] };
         let mut atlas = Atlas { half_mm, columns, rows, texels: Vec::new(), row, markers_mm: Vec::new() };
         atlas.weave(settings, random);
         atlas.print(settings, random);
@@ -57,32 +60,15 @@ impl Atlas {
         let count = dots.len();
         let (half, stride) = (self.half_mm, self.columns as f32);
         let last = [self.columns, self.rows].map(|count| (count - 2) as f32);
-        let Row { place, share, texels } = &mut self.row;
-        let [share_x, share_y] = share;
-        let points = x_mm[..count].iter().zip(&y_mm[..count]);
-        let rows = place.iter_mut().zip(share_x.iter_mut()).zip(share_y.iter_mut());
-        for (((place, share_x), share_y), (&x, &y)) in rows.zip(points) {
-            let x = bounded((x + half[0]) * (1.0 / TEXEL_MM), last[0]);
-            let y = bounded((y + half[1]) * (1.0 / TEXEL_MM), last[1]);
-            let (column, row) = (whole(x), whole(y));
-            (*share_x, *share_y) = (x - column, y - row);
-            *place = (row * stride + column + WHOLE).to_bits() & WHOLE_MASK;
-        }
-        let (upper, lower) = (&self.texels[..], &self.texels[2 * self.columns..]);
-        for (out, &place) in texels[..count].iter_mut().zip(place.iter()) {
-            *out = [pair_at(upper, place), pair_at(lower, place)];
-        }
-        let shares = share_x.iter().zip(share_y.iter());
-        for (((dot, thread), &[upper, lower]), (fx, fy)) in dots.iter_mut().zip(threads).zip(&*texels).zip(shares) {
-            let lane = |shift: u32| {
-                let level = |four: u32, at: u32| ((four >> (at + shift)) & 255) as i32 as f32;
-                let a = level(upper, 0) + (level(upper, 16) - level(upper, 0)) * fx;
-                let b = level(lower, 0) + (level(lower, 16) - level(lower, 0)) * fx;
-                a + (b - a) * fy
-            };
-            *dot = lane(0) * (1.0 / 255.0);
-            *thread = (lane(8) - 128.0) * (1.0 / 127.0);
-        }
+        let Row { place, share: [share_x, share_y], upper, lower } = &mut self.row;
+        let (place, share_x, share_y) = (&mut place[..count], &mut share_x[..count], &mut share_y[..count]);
+        let ([half_x, half_y], [last_x, last_y]) = (half, last);
+        texel_at(x_mm, half_x, last_x, share_x);
+        texel_at(y_mm, half_y, last_y, share_y);
+        number_of(share_x, share_y, stride, place);
+        look_up(&self.texels, place, upper);
+        look_up(&self.texels[2 * self.columns..], place, lower);
+        mixed(&upper[..count], &lower[..count], share_x, share_y, dots, threads);
     }
 
     fn place_mm(&self, texel: usize) -> Vec2 {
@@ -152,6 +138,51 @@ impl Atlas {
             }
         }
     }
+}
+
+wide! {
+    /// Where points lie along one side of the skin, in texels.
+    fn texel_at(at_mm: &[f32], half_mm: f32, last: f32, texel: &mut [f32]) {
+        for (texel, at_mm) in texel.iter_mut().zip(at_mm) {
+            *texel = bounded((at_mm + half_mm) * (1.0 / TEXEL_MM), last);
+        }
+    }
+
+    /// The numbers of texels, of which their places keep what is left over.
+    fn number_of(x: &mut [f32], y: &mut [f32], stride: f32, number: &mut [u32]) {
+        for (number, (x, y)) in number.iter_mut().zip(x.iter_mut().zip(y)) {
+            let (column, row) = (whole(*x), whole(*y));
+            (*x, *y) = (*x - column, *y - row);
+            *number = (row * stride + column + WHOLE).to_bits() & WHOLE_MASK;
+        }
+    }
+
+    /// Texels by their numbers, each with its right neighbour. A loop of its own, for short ones have more loads under way: what they
+    /// load is rarely in a near cache.
+    fn look_up(texels: &[u8], numbers: &[u32], pairs: &mut [u32]) {
+        for (pair, number) in pairs.iter_mut().zip(numbers) {
+            *pair = pair_at(texels, *number);
+        }
+    }
+
+    /// Dots and threads between four texels each.
+    #[allow(clippy::too_many_arguments)] // slices of one length
+    fn mixed(upper: &[u32], lower: &[u32], x: &[f32], y: &[f32], dots: &mut [f32], threads: &mut [f32]) {
+        let four = upper.iter().zip(lower).zip(x.iter().zip(y));
+        for ((dot, thread), ((&upper, &lower), (fx, fy))) in dots.iter_mut().zip(threads).zip(four) {
+            *dot = between(upper, lower, 0, *fx, *fy) * (1.0 / 255.0);
+            *thread = (between(upper, lower, 8, *fx, *fy) - 128.0) * (1.0 / 127.0);
+        }
+    }
+}
+
+/// What lies `shift` bits from the bottom of two pairs of texels, mixed.
+#[inline(always)]
+fn between(upper: u32, lower: u32, shift: u32, fx: f32, fy: f32) -> f32 {
+    let level = |pair: u32, at: u32| ((pair >> (at + shift)) & 255) as i32 as f32;
+    let a = level(upper, 0) + (level(upper, 16) - level(upper, 0)) * fx;
+    let b = level(lower, 0) + (level(lower, 16) - level(lower, 0)) * fx;
+    a + (b - a) * fy
 }
 
 /// The nearest whole number, a half away from 0, as `f64::round` says, which without the instruction for it is a call.

@@ -9,6 +9,7 @@ use super::view::View;
 use super::{CameraSettings, Texture};
 use crate::contact::Grid;
 use slipbound::image::SizePx;
+use slipbound::pixels::wide::wide;
 use slipbound::plane::Vec2;
 
 /// Nodes are at most this far apart on the gel, in mm: a cell of the contact.
@@ -19,6 +20,9 @@ const STEPS_COUNT: usize = 12;
 const NEAR_MM: f32 = 1e-4;
 /// How far the gel may be stretched into view from beyond its border, in mm.
 pub(super) const BEYOND_MM: f64 = 2.0;
+
+/// Rows of nodes that are looked at side by side.
+const ROWS: usize = 4;
 
 /// What a pixel is made from: place of the piece seen on the gel at rest (x, y in mm), slope of its depth along x and
 /// along y, contrast of the texture.
@@ -32,6 +36,21 @@ type Cell = [f32; 8];
 struct Site {
     plane_mm: [f32; 2],
     parallax: [f32; 2],
+}
+
+/// Contrast of the texture, which grows with the pressure.
+#[derive(Debug, Clone, Copy)]
+struct Contrast {
+    per_mpa: f32,
+    rest: f32,
+    gain: f32,
+}
+
+/// Where the last node of a row found its piece of gel, from the node, and how that changed from the one before it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Track {
+    off: [f32; 2],
+    change: [f32; 2],
 }
 
 /// A lattice over the camera image.
@@ -116,20 +135,14 @@ impl Nodes {
             return false;
         }
         let field = Field::new(surface, &self.cells);
-        let per_mpa = -1.0 / texture.p_ref_mpa as f32;
-        let (rest, gain) = (texture.rest_fraction as f32, texture.gain_fraction as f32);
-        for (row, used) in self.used.iter().enumerate() {
-            // The first guess goes on as the last two nodes did.
-            let (mut off, mut change) = ([0.0f32; 2], [0.0f32; 2]);
-            for i in used.clone().map(|column| row * self.columns + column) {
-                let site = &self.sites[i];
-                let (piece, cell) = field.seen(site, [off[0] + change[0], off[1] + change[1]]);
-                let now = [piece[0] - site.plane_mm[0], piece[1] - site.plane_mm[1]];
-                (change, off) = ([now[0] - off[0], now[1] - off[1]], now);
-                let pressed = if cell[5] > 0.0 { 1.0 - (cell[5] * per_mpa).exp() } else { 0.0 };
-                let values = [piece[0], piece[1], cell[3], cell[4], rest + gain * pressed];
-                self.lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[i] = value);
-            }
+        let contrast = Contrast {
+            per_mpa: -1.0 / texture.p_ref_mpa as f32,
+            rest: texture.rest_fraction as f32,
+            gain: texture.gain_fraction as f32,
+        };
+        for (group, used) in self.used.chunks(ROWS).enumerate() {
+            let first = group * ROWS * self.columns;
+            look_along(&field, contrast, &self.sites[first..], used, first, self.columns, &mut self.lanes);
         }
         true
     }
@@ -182,12 +195,48 @@ impl Nodes {
     }
 }
 
-/// Straight lines between nodes, N pixels each.
-fn between<const N: usize>(nodes: &[f32], out: &mut [f32]) {
-    for (pair, out) in nodes.windows(2).zip(out.chunks_exact_mut(N)) {
-        let (a, step) = (pair[0], (pair[1] - pair[0]) * (1.0 / N as f32));
-        for (i, out) in out.iter_mut().enumerate() {
-            *out = a + step * i as f32;
+wide! {
+    /// Looks at some rows of nodes, `sites` from their first on, which is number `first`. A node waits for the one before it in
+    /// its row, where its first guess comes from, but not for those of other rows: so they take turns.
+    #[allow(clippy::too_many_arguments)] // parts of the nodes
+    fn look_along(
+        field: &Field<'_>,
+        contrast: Contrast,
+        sites: &[Site],
+        used: &[std::ops::Range<usize>],
+        first: usize,
+        columns: usize,
+        lanes: &mut [Vec<f32>; LANES],
+    ) {
+        let mut tracks = [Track::default(); ROWS];
+        let seen = used.iter().filter(|used| !used.is_empty());
+        let start = seen.clone().map(|used| used.start).min().unwrap_or(0);
+        let end = seen.map(|used| used.end).max().unwrap_or(0);
+        for column in start..end {
+            for ((row, used), track) in used.iter().enumerate().zip(&mut tracks) {
+                if column < used.start || column >= used.end {
+                    continue;
+                }
+                let i = row * columns + column;
+                let (site, Track { off, change }) = (&sites[i], *track);
+                let (piece, cell) = field.seen(site, [off[0] + change[0], off[1] + change[1]]);
+                let now = [piece[0] - site.plane_mm[0], piece[1] - site.plane_mm[1]];
+                // The first guess goes on as the last two nodes did.
+                *track = Track { off: now, change: [now[0] - off[0], now[1] - off[1]] };
+                let pressed = if cell[5] > 0.0 { 1.0 - (cell[5] * contrast.per_mpa).exp() } else { 0.0 };
+                let values = [piece[0], piece[1], cell[3], cell[4], contrast.rest + contrast.gain * pressed];
+                lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[first + i] = value);
+            }
+        }
+    }
+
+    /// Straight lines between nodes, N pixels each.
+    fn between<const N: usize>(nodes: &[f32], out: &mut [f32]) {
+        for (pair, out) in nodes.windows(2).zip(out.chunks_exact_mut(N)) {
+            let (a, step) = (pair[0], (pair[1] - pair[0]) * (1.0 / N as f32));
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = a + step * i as f32;
+            }
         }
     }
 }
@@ -230,22 +279,22 @@ impl<'a> Field<'a> {
 
     /// The piece of gel that seems to be at a site, and what the cells say there. The seen place of a piece is
     /// `X + shift + parallax depth`; Newton's method from the site, shifted as the node before was.
+    #[inline(always)]
     fn seen(&self, site: &Site, off: [f32; 2]) -> ([f32; 2], Cell) {
         let ([px, py], [kx, ky]) = (site.plane_mm, site.parallax);
         let mut at = [px + off[0], py + off[1]];
         for _ in 0..STEPS_COUNT {
             let ([a, b, c, d], [fx, fy]) = self.around(at);
-            let value = |k: usize| {
-                let (upper, lower) = (a[k] + (b[k] - a[k]) * fx, c[k] + (d[k] - c[k]) * fx);
-                (upper, lower, upper + (lower - upper) * fy)
-            };
+            // x, y and depth; the fourth lane, which is not asked for, makes whole vectors of them.
             let along = |k: usize| ((b[k] - a[k]) * (1.0 - fy) + (d[k] - c[k]) * fy) * self.per_mm;
-            let ((ux, lx, sx), (uy, ly, sy), (uz, lz, sz)) = (value(0), value(1), value(2));
-            let across = |upper: f32, lower: f32| (lower - upper) * self.per_mm;
+            let upper: [f32; 4] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * fx);
+            let lower: [f32; 4] = std::array::from_fn(|k| c[k] + (d[k] - c[k]) * fx);
+            let [sx, sy, sz, _]: [f32; 4] = std::array::from_fn(|k| upper[k] + (lower[k] - upper[k]) * fy);
+            let [along_x, along_y, zx, _]: [f32; 4] = std::array::from_fn(along);
+            let [across_x, across_y, zy, _]: [f32; 4] = std::array::from_fn(|k| (lower[k] - upper[k]) * self.per_mm);
             let miss = [at[0] + sx + kx * sz - px, at[1] + sy + ky * sz - py];
-            let (zx, zy) = (along(2), across(uz, lz));
-            let (xx, xy) = (1.0 + along(0) + kx * zx, across(ux, lx) + kx * zy);
-            let (yx, yy) = (along(1) + ky * zx, 1.0 + across(uy, ly) + ky * zy);
+            let (xx, xy) = (1.0 + along_x + kx * zx, across_x + kx * zy);
+            let (yx, yy) = (along_y + ky * zx, 1.0 + across_y + ky * zy);
             let det = xx * yy - xy * yx;
             // Where the linear gel would fold over itself, a plain step.
             let (dx, dy) = if det > 0.1 {

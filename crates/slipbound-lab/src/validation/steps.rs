@@ -2,7 +2,7 @@
 
 use super::row::Row;
 use crate::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
-use crate::contact::{Finger, FingerSettings, Friction, Law, Leg, Path, Stop};
+use crate::contact::{Finger, FingerSettings, Friction, Law, Leg, Path, Pose, Stop};
 use crate::layer::{Creep, Gel, SoftObject};
 use slipbound::plane::Vec2;
 
@@ -39,20 +39,49 @@ fn settings() -> Vec<(&'static str, FingerSettings)> {
     ]
 }
 
-fn every_step(settings: FingerSettings, mut look: impl FnMut(&Finger, &Finger)) {
+/// What is looked at of a finger before a step; a clone of the finger would take its transforms along.
+#[derive(Debug, Default)]
+struct Before {
+    pose: Pose,
+    contact: Vec<bool>,
+    slipped_mm: Vec<f64>,
+    bound_mpa: Vec<f64>,
+    friction_mpa: Vec<Vec2>,
+    shift_mm: Vec<Vec2>,
+}
+
+impl Before {
+    fn take(&mut self, finger: &Finger) {
+        let cells = 0..finger.contact().len();
+        self.pose = finger.truth().pose;
+        self.contact.clear();
+        self.contact.extend_from_slice(finger.contact());
+        self.slipped_mm.clear();
+        self.slipped_mm.extend(cells.clone().map(|cell| finger.slipped_mm(cell)));
+        self.bound_mpa.clear();
+        self.bound_mpa.extend_from_slice(finger.bound_mpa());
+        self.friction_mpa.clear();
+        self.friction_mpa.extend(cells.clone().map(|cell| finger.friction_mpa(cell)));
+        self.shift_mm.clear();
+        self.shift_mm.extend(cells.map(|cell| finger.displacement(cell).shift_mm));
+    }
+}
+
+fn every_step(settings: FingerSettings, mut look: impl FnMut(&Before, &Finger)) {
     fn run(
         settings: FingerSettings,
         shape: impl Shape + 'static,
         path: &Path,
-        look: &mut impl FnMut(&Finger, &Finger),
+        look: &mut impl FnMut(&Before, &Finger),
     ) {
         let mut finger = Finger::new(settings, shape).expect("sound settings");
-        let mut before = finger.clone();
+        let mut before = Before::default();
+        before.take(&finger);
         for command in path.commands(settings.substep_s) {
             let truth = finger.step(&command).expect("a sound command");
             assert!(truth.converged, "{truth:?}");
             look(&before, &finger);
-            before.clone_from(&finger);
+            before.take(&finger);
         }
     }
     let paths = paths();
@@ -70,10 +99,10 @@ pub fn friction_bound() -> Vec<Row> {
             every_step(settings, |before, after| {
                 for (cell, &pressure_mpa) in after.pressure_mpa().iter().enumerate() {
                     // From the law itself, with the slip known at the beginning of the step.
-                    let stayed = before.contact()[cell];
-                    let slipped_mm = if stayed { before.slipped_mm(cell) } else { 0.0 };
-                    let used = match before.bound_mpa()[cell] {
-                        bound_mpa if bound_mpa > 0.0 => before.friction_mpa(cell) / bound_mpa,
+                    let stayed = before.contact[cell];
+                    let slipped_mm = if stayed { before.slipped_mm[cell] } else { 0.0 };
+                    let used = match before.bound_mpa[cell] {
+                        bound_mpa if bound_mpa > 0.0 => before.friction_mpa[cell] / bound_mpa,
                         _ => Vec2::ZERO,
                     };
                     let slope = after.slope(cell);
@@ -99,11 +128,11 @@ pub fn friction_work() -> Vec<Row> {
             let settings = FingerSettings { tangential_stop: stop, ..settings };
             let (mut put_in, mut taken_out) = (0.0f64, 0.0f64);
             every_step(settings, |before, after| {
-                let (from, to) = (before.truth().pose, after.truth().pose);
+                let (from, to) = (before.pose, after.truth().pose);
                 for cell in (0..settings.grid.cells_count()).filter(|&cell| after.contact()[cell]) {
-                    let at = settings.grid.centre_mm(cell) + before.displacement(cell).shift_mm - from.position_mm;
+                    let at = settings.grid.centre_mm(cell) + before.shift_mm[cell] - from.position_mm;
                     let carried = to.position_mm - from.position_mm + at.turned() * (to.turn_rad - from.turn_rad);
-                    let moved = after.displacement(cell).shift_mm - before.displacement(cell).shift_mm;
+                    let moved = after.displacement(cell).shift_mm - before.shift_mm[cell];
                     let work = after.friction_mpa(cell).dot(carried - moved);
                     if work < 0.0 {
                         put_in -= work;

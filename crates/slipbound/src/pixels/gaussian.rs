@@ -7,6 +7,7 @@
 //! mirrored about the centres of its border pixels. For a smooth much wider than its details, `background` is faster.
 
 use super::border::reflect_101;
+use super::wide::wide;
 use crate::image::SizePx;
 
 /// Pixels summed side by side.
@@ -108,44 +109,46 @@ fn pad(row: &[u8], radius: usize, padded: &mut [f32]) {
     }
 }
 
-fn smooth_along(padded: &[f32], taps: &[f32], out: &mut [f32]) {
-    let radius = taps.len() - 1;
-    for (i, out) in out.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
-        let span = &padded[i * BLOCK..][..BLOCK + 2 * radius];
-        let mut sum = [0.0; BLOCK];
-        add(&mut sum, taps[0], block(span, radius));
-        for (k, &tap) in taps.iter().enumerate().skip(1) {
-            add_pair(&mut sum, tap, block(span, radius - k), block(span, radius + k));
+wide! {
+    fn smooth_along(padded: &[f32], taps: &[f32], out: &mut [f32]) {
+        let radius = taps.len() - 1;
+        for (i, out) in out.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
+            let span = &padded[i * BLOCK..][..BLOCK + 2 * radius];
+            let mut sum = [0.0; BLOCK];
+            add(&mut sum, taps[0], block(span, radius));
+            for (k, &tap) in taps.iter().enumerate().skip(1) {
+                add_pair(&mut sum, tap, block(span, radius - k), block(span, radius + k));
+            }
+            *out = sum;
         }
-        *out = sum;
+    }
+
+    fn smooth_across(rows: &[f32], middle: usize, pairs: &[[usize; 2]], taps: &[f32], out: &mut [f32]) {
+        for (i, out) in out.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
+            let x = i * BLOCK;
+            let mut sum = [0.0; BLOCK];
+            add(&mut sum, taps[0], block(rows, middle + x));
+            for (&tap, &[above, below]) in taps[1..].iter().zip(pairs) {
+                add_pair(&mut sum, tap, block(rows, above + x), block(rows, below + x));
+            }
+            *out = sum;
+        }
     }
 }
 
-fn smooth_across(rows: &[f32], middle: usize, pairs: &[[usize; 2]], taps: &[f32], out: &mut [f32]) {
-    for (i, out) in out.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
-        let x = i * BLOCK;
-        let mut sum = [0.0; BLOCK];
-        add(&mut sum, taps[0], block(rows, middle + x));
-        for (&tap, &[above, below]) in taps[1..].iter().zip(pairs) {
-            add_pair(&mut sum, tap, block(rows, above + x), block(rows, below + x));
-        }
-        *out = sum;
-    }
-}
-
-#[inline]
+#[inline(always)]
 fn block(values: &[f32], at: usize) -> &[f32; BLOCK] {
     values[at..].first_chunk().expect("a block fits")
 }
 
-#[inline]
+#[inline(always)]
 fn add(sum: &mut [f32; BLOCK], tap: f32, values: &[f32; BLOCK]) {
     for (sum, value) in sum.iter_mut().zip(values) {
         *sum += tap * value;
     }
 }
 
-#[inline]
+#[inline(always)]
 fn add_pair(sum: &mut [f32; BLOCK], tap: f32, before: &[f32; BLOCK], after: &[f32; BLOCK]) {
     for ((sum, before), after) in sum.iter_mut().zip(before).zip(after) {
         *sum += tap * (before + after);

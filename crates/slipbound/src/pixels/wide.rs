@@ -5,7 +5,8 @@
 //!                                                                        no:  the body, compiled for the baseline
 //! ```
 //! Both are one body in Rust, in integers or in floats whose order it fixes (nothing is contracted or reordered), so they give the same
-//! bits; [`without_wide_vectors`] lets tests see that. On other architectures than x86-64 there is the one body only.
+//! bits; [`without_wide_vectors`] lets tests see that. On other architectures than x86-64 there is the one body only. The simulator
+//! draws its pictures by such kernels, too.
 
 use std::cell::Cell;
 
@@ -15,8 +16,9 @@ thread_local! {
 
 /// Whether kernels may use AVX2 on this machine.
 #[cfg(target_arch = "x86_64")]
+#[doc(hidden)]
 #[inline]
-pub(crate) fn has_avx2() -> bool {
+pub fn has_avx2() -> bool {
     std::arch::is_x86_feature_detected!("avx2") && !FORBIDDEN.get()
 }
 
@@ -32,6 +34,8 @@ pub fn without_wide_vectors<T>(work: impl FnOnce() -> T) -> T {
 
 /// Declares kernels that are compiled twice, see [`crate::pixels::wide`]. What they call must be `#[inline(always)]` or small, or it
 /// is compiled for the baseline.
+#[doc(hidden)]
+#[macro_export]
 macro_rules! wide {
     ($($(#[$meta:meta])* $vis:vis fn $name:ident $(<const $constant:ident: $kind:ty>)? (
         $($argument:ident: $type:ty),* $(,)?
@@ -57,4 +61,5 @@ macro_rules! wide {
         }
     )+};
 }
-pub(crate) use wide;
+#[doc(hidden)]
+pub use wide;
