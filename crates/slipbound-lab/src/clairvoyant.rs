@@ -53,3 +53,27 @@ impl GripController for Clairvoyant {
         self.force_n >= self.limits.most_n
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hand::HandScene;
+    use crate::lockstep::LockStep;
+    use slipbound::grip::Guard;
+    use slipbound::monitor::Settings;
+    use slipbound::task::{TaskKind, TaskSettings};
+
+    #[test]
+    fn it_holds_a_slippery_bottle_with_little_more_than_it_takes() {
+        let scene = HandScene::parse("lift?seed=2&mu=0.25&fingers=2&camera=none").expect("a scene");
+        let hand = SimHand::new(&scene).expect("a hand");
+        let settings = TaskSettings::default();
+        let grip = Guard::new(Box::new(Clairvoyant::new(hand.clone(), &settings.grip)), settings.grip);
+        let task = settings.task_with(TaskKind::Lift, grip, None).expect("a task");
+        let mut lockstep = LockStep::around(&scene, hand, task, &Settings::default(), None).expect("a loop");
+        lockstep.run(&|| false, &mut ()).expect("it runs");
+        let score = lockstep.score();
+        let over = score.over_squeeze_ratio().expect("more than the least was required");
+        assert!(score.last.slid_mm < 1.0 && over < 1.6, "slid {} mm, {over}", score.last.slid_mm);
+    }
+}

@@ -137,6 +137,24 @@ fn a_margin_follows_the_load_at_once_and_lets_go_slowly() {
 }
 
 #[test]
+fn nothing_is_let_go_while_the_load_grows() {
+    // 10 N hold 1 N: far too much. Then the load grows by 1 N/s, and little of the friction seems to be used for long.
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    let hands = |growth_per_s: f64| -> Vec<HandReport> {
+        let used = |i: u32| 0.2 + growth_per_s * f64::from(i) / 30.0;
+        (0..60).map(|i| HandReport { margin: Some(1.0 - used(i)), ..hand(SlipState::Stick) }).collect()
+    };
+    let last_n = |growth| {
+        let told = commands(Law::Margin(settings), GripLimits::default(), &hands(growth));
+        (told[15].force_n, told[59].force_n)
+    };
+    let (before_n, after_n) = last_n(0.0);
+    assert!(after_n < before_n - 3.0, "a load that stands: {before_n} to {after_n}");
+    let (before_n, after_n) = last_n(0.1);
+    assert_eq!(after_n, before_n, "one that grows");
+}
+
+#[test]
 fn a_loaded_contact_that_cannot_be_judged_is_gripped_harder_within_bounds_and_one_that_nobody_sees_is_not() {
     let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
     let forces = |margin: f64, then: SlipState| {

@@ -73,6 +73,12 @@ impl Load {
         self.sum_px3 - self.tare_px3 * times
     }
 
+    /// Area that all markers stand for, px2.
+    #[cfg(test)]
+    pub fn area_px2(&self) -> f64 {
+        self.areas_px2.iter().sum()
+    }
+
     /// Moment about a point, positive from x to y, px4.
     pub fn moment_px4(&self, markers: &[Marker], about: Vec2, under_load: impl Fn(&Marker) -> Vec2) -> f64 {
         self.seen(markers).map(|(m, area)| area * (m.rest - about).cross(under_load(m))).sum()

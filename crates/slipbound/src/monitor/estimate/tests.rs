@@ -86,6 +86,28 @@ fn the_load_is_the_sum_over_all_markers() {
 }
 
 #[test]
+fn a_load_that_begins_before_the_reading_of_the_grip_has_settled_is_no_squeeze() {
+    let (sensor, mut markers) = finger(1.0);
+    let mut estimator = Estimator::new(&sensor, &markers, false);
+    for frame in 0..30u64 {
+        // Squeezed and settled from frame 4 on, by what the gripper says from frame 6 on; loaded from frame 9 on.
+        let pressed = (frame as f64 / 4.0).min(1.0);
+        let force_n = 10.0 * (frame as f64 / 6.0).min(1.0);
+        let shear_pitch = 0.02 * (frame.max(9) - 9) as f64;
+        for m in &mut markers {
+            let from_middle = m.rest - Vec2::new(180.0, 135.0);
+            m.in_contact = from_middle.length() < 90.0;
+            m.now = m.rest + from_middle * (0.01 * pressed) + Vec2::new(shear_pitch * 30.0, 0.0);
+        }
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n }), AREA_PX2, &markers);
+    }
+    let shear_n = estimator.estimates.shear_n.expect("stiffness known").value;
+    // Markers at the border stand for the gel beyond it as well.
+    let all_n = estimator.stiffness_n_per_px3.expect("known") * 0.4 * 30.0 * estimator.load.area_px2();
+    assert!((shear_n / all_n - 1.0).abs() < 0.01, "{shear_n} of {all_n} N");
+}
+
+#[test]
 fn more_load_leaves_less_margin() {
     let margin = |far_pitch| push(1.0, Some(10.0), far_pitch, 0.7).estimates.margin.expect("a contact").value;
     let (light, heavy) = (margin(0.4), margin(1.2));
