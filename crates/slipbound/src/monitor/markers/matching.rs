@@ -323,6 +323,21 @@ impl Matching {
         Some(Vec2::new(x, y))
     }
 
+    /// How far the neighbours' spots are from where these markers were in the last frame: the median along each axis, the
+    /// marker itself among them. None with fewer than three.
+    pub(super) fn step_of_neighbours(&self, before: &[Vec2], i: usize) -> Option<Vec2> {
+        let (mut xs, mut ys, mut count) = ([0.0; NEIGHBOURS + 1], [0.0; NEIGHBOURS + 1], 0);
+        let neighbours = self.neighbours[i][..self.neighbours_count[i]].iter().map(|&n| n as usize);
+        for n in neighbours.chain([i]) {
+            let Some(spot) = self.spot_of(n) else { continue };
+            let step = spot.position - before[n];
+            (xs[count], ys[count]) = (step.x, step.y);
+            count += 1;
+        }
+        let middle = |values: &mut [f64]| *values.select_nth_unstable_by(count / 2, f64::total_cmp).1;
+        (count >= 3).then(|| Vec2::new(middle(&mut xs[..count]), middle(&mut ys[..count])))
+    }
+
     /// Rest position plus the displacement of the neighbours whose place is known, carried over by a plane fitted to it; None
     /// with fewer than three of them.
     fn predicted_by_neighbours(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
