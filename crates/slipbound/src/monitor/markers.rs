@@ -194,7 +194,8 @@ impl Markers {
                 None => (Seen::Unknown, None),
                 Some(looks) => {
                     let inferred = inferred();
-                    (looks.look(imprint, i, spot.map(|s| s.position), inferred), inferred)
+                    let stretch = self.matching.stretch(&self.all, &self.before, i);
+                    (looks.look(imprint, i, spot.map(|s| s.position), inferred, stretch), inferred)
                 }
             };
             let whole = match seen {

@@ -49,6 +49,8 @@ pub struct Template {
     weights: [Vec<i16>; PATTERNS],
     scale: [f64; PATTERNS],
     gram: [[f64; PATTERNS]; PATTERNS],
+    /// What each pattern sees of a stretch of dot and of weave: x and y times their slopes along x, then along y.
+    stretched: [[[f64; 4]; 2]; PATTERNS],
 }
 
 /// Where a template was found.
@@ -170,12 +172,23 @@ impl Window {
         let weave: Vec<f64> = seen.iter().zip(&dot).map(|(v, d)| v - d).collect();
         let mut patterns =
             [inner(&dot), inner(&weave), slope(&dot, 1), slope(&weave, 1), slope(&dot, wide), slope(&weave, wide)];
+        let bare = patterns.clone();
         patterns.iter_mut().for_each(|p| self.level(p));
         let gram = std::array::from_fn(|j| std::array::from_fn(|k| product(&patterns[j], &patterns[k])));
+        let stretched = std::array::from_fn(|k| {
+            std::array::from_fn(|of| {
+                std::array::from_fn(|part| {
+                    let slope = &bare[2 * (1 + part / 2) + of];
+                    let arms = (0..side * side).map(|i| if part % 2 == 0 { i % side } else { i / side } as f64 - middle);
+                    let moved: Vec<f64> = slope.iter().zip(arms).map(|(v, arm)| v * arm).collect();
+                    product(&patterns[k], &moved)
+                })
+            })
+        });
         let highest = |p: &[f64]| p.iter().zip(share).fold(1e-9f64, |m, (v, s)| m.max((v * s).abs()));
         let scale: [f64; PATTERNS] = std::array::from_fn(|k| FULL_WEIGHT / highest(&patterns[k]));
         let weights = std::array::from_fn(|k| whole(patterns[k].iter().zip(share).map(|(v, s)| v * s), scale[k]));
-        Some(Template { weights, scale: scale.map(|s| s * STEPS_PER_LEVEL), gram })
+        Some(Template { weights, scale: scale.map(|s| s * STEPS_PER_LEVEL), gram, stretched })
     }
 
     /// The best fit of a template near `start`, within `reach_px` of it; None at the border or when it leaves that reach.
@@ -186,6 +199,7 @@ impl Window {
         size: SizePx,
         start: Vec2,
         weave: f64,
+        stretch: [Vec2; 2],
         reach_px: f64,
     ) -> Option<Fit> {
         let g = &template.gram;
@@ -198,6 +212,14 @@ impl Window {
             let at = self.sample(grey, size, place);
             let b: [f64; PATTERNS] =
                 std::array::from_fn(|k| product(&self.samples, &template.weights[k]) as f64 / template.scale[k]);
+            // Seen through the stretch, what lies at q was at q - stretch q.
+            let stretch = [stretch[0].x, stretch[1].x, stretch[0].y, stretch[1].y];
+            let full = b;
+            let b: [f64; PATTERNS] = std::array::from_fn(|k| {
+                let [of_dot, of_weave] = &template.stretched[k];
+                let seen = of_dot.iter().zip(of_weave).zip(&stretch);
+                b[k] + seen.map(|((d, w), e)| (dot * d + weave * w) * e).sum::<f64>()
+            });
             // The weave is held to what it was where it hardly shows.
             let hold = HOLD_LEVELS * HOLD_LEVELS * self.plane[0][0].powi(-2);
             // Of dot, weave, and minus the slopes of their sum along x and along y.
@@ -221,7 +243,7 @@ impl Window {
             }
             if length < DONE_PX || pass == 5 {
                 // Explained by all four at the solution.
-                let solved = new_dot * b[0]
+                let _ = full; let solved = new_dot * b[0]
                     + new_weave * b[1]
                     + dx * shift_of(&b, dot, weave, 1)
                     + dy * shift_of(&b, dot, weave, 2);

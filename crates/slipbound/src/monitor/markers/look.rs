@@ -54,14 +54,14 @@ impl Looks {
     }
 
     /// Looks for marker `i` at its spot and where its neighbours went.
-    pub(super) fn look(&mut self, imprint: &Imprint, i: usize, spot: Option<Vec2>, inferred: Option<Vec2>) -> Seen {
+    pub(super) fn look(&mut self, imprint: &Imprint, i: usize, spot: Option<Vec2>, inferred: Option<Vec2>, stretch: [Vec2; 2]) -> Seen {
         let Some(template) = &self.templates[i] else { return Seen::Unknown };
         let (weave, size) = (self.weave[i], imprint.size());
         let mut held = false;
         let mut fit = |start: Option<Vec2>| -> Option<Fit> {
             let start = start?;
             held |= self.window.holds(size, start);
-            self.window.find(template, &imprint.grey, size, start, weave, SEARCH_PITCH * self.pitch_px)
+            self.window.find(template, &imprint.grey, size, start, weave, stretch, SEARCH_PITCH * self.pitch_px)
         };
         let same = |a: Vec2, b: Vec2| (a - b).length() < SAME_PX * self.pitch_px;
         let agree = spot.zip(inferred).is_some_and(|(a, b)| same(a, b));
