@@ -174,12 +174,10 @@ fn main() -> Result<(), Failure> {
         ("only light and glare", vec![no_weave, no_shade, no_noise], None),
     ];
     for (name, frames) in &loads {
-        if let Some(f) = std::env::args().nth(2) { if !f.split(',').any(|f| f == *name) { continue; } }
         println!(
             "\n| {name} | markers | more than 1 px off | RMS px | bias px | displacement, RMS px |\n|---|---|---|---|---|---|"
         );
         for (case, changes, quality) in &cases {
-            if let Some(f) = std::env::args().nth(1) { if !f.split(',').any(|f| f == *case) { continue; } }
             let mut settings = CameraSettings::gelslim();
             changes.iter().for_each(|change| change(&mut settings));
             let e = errors(&settings, frames, *quality)?;

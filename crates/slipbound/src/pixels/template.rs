@@ -6,8 +6,7 @@
 //!                                                 ( # )         # . # .                  all four move together:
 //!                                                  '-'           # # #                   they are of one skin
 //! ```
-//! A dot is darker than any gap of the weave *beside it in the same skin*, but a gap elsewhere may be as dark as a dot: only the
-//! two patterns together say which is which, and what is known of the weave does not pull at the dot.
+//! A gap of a pressed weave may be as dark and as wide as a dot. Dot and weave together are like no other place nearby.
 //!
 //! The shift is the least-squares solution for a, b and both shifts at once (Gauss-Newton), on sums of products with vectors
 //! tabulated at rest. These vectors are blind to a level and to a slope of light. Windows and vectors are whole numbers: sums are
@@ -45,9 +44,10 @@ pub struct Window {
 /// What of one dot is known from rest.
 #[derive(Debug, Clone)]
 pub struct Template {
-    /// Where the dot is within the window whose middle is a sampled place.
+    /// The patterns, free of level and slope and with the share of each pixel.
     weights: [Vec<i16>; PATTERNS],
     scale: [f64; PATTERNS],
+    /// Products of the patterns with one another.
     gram: [[f64; PATTERNS]; PATTERNS],
     /// What each pattern sees of a stretch of dot and of weave: x and y times their slopes along x, then along y.
     stretched: [[[f64; 4]; 2]; PATTERNS],
@@ -56,7 +56,7 @@ pub struct Template {
 /// Where a template was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
-    /// How far the dot moved from the place that was asked, px.
+    /// Where the dot is, px.
     pub place: Vec2,
     /// Strength of the dot, 1 at rest.
     pub dot: f64,
@@ -179,7 +179,8 @@ impl Window {
             std::array::from_fn(|of| {
                 std::array::from_fn(|part| {
                     let slope = &bare[2 * (1 + part / 2) + of];
-                    let arms = (0..side * side).map(|i| if part % 2 == 0 { i % side } else { i / side } as f64 - middle);
+                    let arms =
+                        (0..side * side).map(|i| if part % 2 == 0 { i % side } else { i / side } as f64 - middle);
                     let moved: Vec<f64> = slope.iter().zip(arms).map(|(v, arm)| v * arm).collect();
                     product(&patterns[k], &moved)
                 })
@@ -191,7 +192,8 @@ impl Window {
         Some(Template { weights, scale: scale.map(|s| s * STEPS_PER_LEVEL), gram, stretched })
     }
 
-    /// The best fit of a template near `start`, within `reach_px` of it; None at the border or when it leaves that reach.
+    /// The best fit of a template near `start`, within `reach_px` of it; None at the border or when it leaves that reach. `weave`: the
+    /// strength of the weave before; `stretch`: the displacement of the skin per length along x and along y.
     pub fn find(
         &mut self,
         template: &Template,
@@ -205,7 +207,7 @@ impl Window {
         let g = &template.gram;
         let (mut dot, mut weave, before) = (1.0, weave, weave);
         let mut place = start;
-        for pass in 0..6 {
+        for pass in 1..=PASSES {
             if !self.holds(size, place) {
                 return None; // also when it is not a number
             }
@@ -214,7 +216,6 @@ impl Window {
                 std::array::from_fn(|k| product(&self.samples, &template.weights[k]) as f64 / template.scale[k]);
             // Seen through the stretch, what lies at q was at q - stretch q.
             let stretch = [stretch[0].x, stretch[1].x, stretch[0].y, stretch[1].y];
-            let full = b;
             let b: [f64; PATTERNS] = std::array::from_fn(|k| {
                 let [of_dot, of_weave] = &template.stretched[k];
                 let seen = of_dot.iter().zip(of_weave).zip(&stretch);
@@ -234,6 +235,7 @@ impl Window {
             ];
             let [new_dot, new_weave, dx, dy] = solve(&mut m)?;
             let step = Vec2::new(dx, dy);
+            let solved = new_dot * b[0] + new_weave * b[1] + dx * shift(1) + dy * shift(2);
             (dot, weave) = (new_dot.clamp(0.2, 3.0), new_weave.clamp(-1.0, 12.0));
             let length = step.length();
             let taken = if length > LONGEST_PX { step * (LONGEST_PX / length) } else { step };
@@ -241,18 +243,9 @@ impl Window {
             if (place - start).length() > reach_px {
                 return None;
             }
-            if length < DONE_PX || pass == 5 {
-                // Explained by all four at the solution.
-                let _ = full; let solved = new_dot * b[0]
-                    + new_weave * b[1]
-                    + dx * shift_of(&b, dot, weave, 1)
-                    + dy * shift_of(&b, dot, weave, 2);
-                return Some(Fit {
-                    place,
-                    dot: new_dot,
-                    weave: new_weave,
-                    explained: (solved / self.energy()).clamp(0.0, 1.0),
-                });
+            if length < DONE_PX || pass == PASSES {
+                let explained = (solved / self.energy()).clamp(0.0, 1.0);
+                return Some(Fit { place, dot: new_dot, weave: new_weave, explained });
             }
         }
         None
@@ -260,14 +253,11 @@ impl Window {
 }
 
 /// Where the weave at rest is weaker than this it is held to its strength before, levels.
-const HOLD_LEVELS: f64 = 1.0;
-/// The longest step of a pass, and the step that is short enough for the fit to be straight, px.
+const HOLD_LEVELS: f64 = 3.0;
+/// Passes at most, the longest step of one, and the step that is short enough for the fit to be straight, px.
+const PASSES: u32 = 6;
 const LONGEST_PX: f64 = 1.5;
 const DONE_PX: f64 = 0.15;
-
-fn shift_of(b: &[f64; PATTERNS], dot: f64, weave: f64, k: usize) -> f64 {
-    -(dot * b[2 * k] + weave * b[2 * k + 1])
-}
 
 /// Gauss elimination; the matrix is symmetric and positive. None where it is singular.
 fn solve(m: &mut [[f64; 5]; 4]) -> Option<[f64; 4]> {

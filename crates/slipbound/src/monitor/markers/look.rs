@@ -37,7 +37,7 @@ pub(super) struct Looks {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Seen {
     /// The marker, here.
-    At(Vec2),
+    At(Fit),
     /// Not the marker.
     Doubtful,
     /// It was not looked at: its look is not known, or it is at the border.
@@ -54,7 +54,14 @@ impl Looks {
     }
 
     /// Looks for marker `i` at its spot and where its neighbours went.
-    pub(super) fn look(&mut self, imprint: &Imprint, i: usize, spot: Option<Vec2>, inferred: Option<Vec2>, stretch: [Vec2; 2]) -> Seen {
+    pub(super) fn look(
+        &mut self,
+        imprint: &Imprint,
+        i: usize,
+        spot: Option<Vec2>,
+        inferred: Option<Vec2>,
+        stretch: [Vec2; 2],
+    ) -> Seen {
         let Some(template) = &self.templates[i] else { return Seen::Unknown };
         let (weave, size) = (self.weave[i], imprint.size());
         let mut held = false;
@@ -74,7 +81,7 @@ impl Looks {
         match best.filter(|f| f.explained >= LEAST_EXPLAINED && f.dot >= LEAST_DOT) {
             Some(fit) => {
                 self.weave[i] = fit.weave.clamp(0.0, 12.0);
-                Seen::At(fit.place)
+                Seen::At(fit)
             }
             None if held => Seen::Doubtful,
             None => Seen::Unknown,
@@ -92,4 +99,10 @@ fn profile(grey: &[u8], size: SizePx, markers: &[RestMarker], diameter_px: f64) 
         let at = |ring: usize| dark.get(ring).copied().unwrap_or(0.0);
         at(ring) * (1.0 - share) + at(ring + 1) * share
     }
+}
+
+/// How much of the place is the fit's, the rest being the pull of the edge, which a pressed weave takes along: none while the
+/// weave is as at rest, half where it is three times as strong. Either alone, or other shares, are worse under every load.
+pub(super) fn share(fit: &Fit) -> f64 {
+    ((fit.weave - 1.0) / 2.0).clamp(0.0, 1.0) / 2.0
 }
