@@ -101,8 +101,9 @@ fn profile(grey: &[u8], size: SizePx, markers: &[RestMarker], diameter_px: f64) 
     }
 }
 
-/// How much of the place is the fit's, the rest being the pull of the edge, which a pressed weave takes along: none while the
-/// weave is as at rest, half where it is three times as strong. Either alone, or other shares, are worse under every load.
+/// How much of the place is the fit's, the rest being the pull of the edge: none while the weave is as at rest, where the edge is
+/// the more exact, and all where it is three times as strong: a pressed weave takes the edge along, by 0.08 px in the mean under a
+/// box at 60 N.
 pub(super) fn share(fit: &Fit) -> f64 {
-    ((fit.weave - 1.0) / 2.0).clamp(0.0, 1.0) / 2.0
+    ((fit.weave - 1.0) / 2.0).clamp(0.0, 1.0)
 }
