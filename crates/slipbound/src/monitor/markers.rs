@@ -4,6 +4,7 @@
 //!   grey --spots--> places that look like a marker --match--> markers of the rest frame --edge pull--> sub-pixel
 //!                                                    |
 //!                        predicted by its own motion, then by its neighbours'; lost ones coast with them
+//!   fabric skins: spot, or where the neighbours went --look of the marker at rest--> the dot, not a gap of the weave
 //! ```
 
 mod anchor;
@@ -84,7 +85,7 @@ impl Markers {
                 over: false,
             })
             .collect();
-        // Deviation: D23 looks
+        // Deviation: D17 looks
         let looked_at = sensor.skin == Skin::Fabric && settings.finder == Finder::Edges && settings.ask_neighbours;
         Markers {
             settings: settings.clone(),
