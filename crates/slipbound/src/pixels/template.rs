@@ -53,6 +53,17 @@ pub struct Template {
     stretched: [[[f64; 4]; 2]; PATTERNS],
 }
 
+/// Where a template is sought, and what is known of the skin there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// Place, px.
+    pub place: Vec2,
+    /// Strength of the weave before, 1 at rest.
+    pub weave: f64,
+    /// Displacement of the skin per length along x and along y.
+    pub stretch: [Vec2; 2],
+}
+
 /// Where a template was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
@@ -192,18 +203,9 @@ impl Window {
         Some(Template { weights, scale: scale.map(|s| s * STEPS_PER_LEVEL), gram, stretched })
     }
 
-    /// The best fit of a template near `start`, within `reach_px` of it; None at the border or when it leaves that reach. `weave`: the
-    /// strength of the weave before; `stretch`: the displacement of the skin per length along x and along y.
-    pub fn find(
-        &mut self,
-        template: &Template,
-        grey: &[u8],
-        size: SizePx,
-        start: Vec2,
-        weave: f64,
-        stretch: [Vec2; 2],
-        reach_px: f64,
-    ) -> Option<Fit> {
+    /// The best fit of a template near `from`, within `reach_px` of it; None at the border or when it leaves that reach.
+    pub fn find(&mut self, template: &Template, grey: &[u8], size: SizePx, from: Start, reach_px: f64) -> Option<Fit> {
+        let Start { place: start, weave, stretch } = from;
         let g = &template.gram;
         let (mut dot, mut weave, before) = (1.0, weave, weave);
         let mut place = start;

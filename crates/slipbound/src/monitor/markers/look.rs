@@ -9,7 +9,7 @@
 use super::detect::RestMarker;
 use crate::image::SizePx;
 use crate::monitor::imprint::Imprint;
-use crate::pixels::template::{Fit, Template, Window, darkness};
+use crate::pixels::template::{Fit, Start, Template, Window, darkness};
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
@@ -66,9 +66,9 @@ impl Looks {
         let (weave, size) = (self.weave[i], imprint.size());
         let mut held = false;
         let mut fit = |start: Option<Vec2>| -> Option<Fit> {
-            let start = start?;
-            held |= self.window.holds(size, start);
-            self.window.find(template, &imprint.grey, size, start, weave, stretch, SEARCH_PITCH * self.pitch_px)
+            let start = Start { place: start?, weave, stretch };
+            held |= self.window.holds(size, start.place);
+            self.window.find(template, &imprint.grey, size, start, SEARCH_PITCH * self.pitch_px)
         };
         let same = |a: Vec2, b: Vec2| (a - b).length() < SAME_PX * self.pitch_px;
         let agree = spot.zip(inferred).is_some_and(|(a, b)| same(a, b));
