@@ -235,7 +235,8 @@ fn markers_are_where_the_camera_shows_them_at_rest_and_under_load() {
     let cap = Pressed::frames(cylinder(14.0, 12.0), 20.0, shift_mm);
     let face = Pressed::frames(face, 60.0, shift_mm);
     // The bar is 0.1 px. Without weave it is met but for 0.005 px. The weave, as strong as on released frames, has gaps as
-    // wide and nearly as dark as a dot. What is reached with it is held; highlights are off the grid and no markers.
+    // wide and nearly as dark as a dot; each marker's own look tells them apart (2, 2 and 2.5 % are lost at most, the bar is 1 %).
+    // What is reached is held; highlights are off the grid and no markers.
     let mut plain = CameraSettings { surroundings: Surroundings::Walls, ..CameraSettings::gelslim() };
     (plain.texture.rest_fraction, plain.texture.gain_fraction) = (0.0, 0.0);
     let plain = Renderer::new(plain, 2);
@@ -248,9 +249,9 @@ fn markers_are_where_the_camera_shows_them_at_rest_and_under_load() {
         ("without weave: box, 60 N, sheared", &plain, &face, 0.11, 0.0),
         ("walls: at rest", &walls, &at_rest, 0.11, 0.012),
         ("at rest", &full, &at_rest, 0.115, 0.012),
-        ("sphere, 20 N, sheared", &full, &sphere, 0.14, 0.075),
-        ("cap, 20 N, sheared", &full, &cap, 0.155, 0.09),
-        ("box, 60 N, sheared", &full, &face, 0.23, 0.36),
+        ("sphere, 20 N, sheared", &full, &sphere, 0.14, 0.02),
+        ("cap, 20 N, sheared", &full, &cap, 0.155, 0.02),
+        ("box, 60 N, sheared", &full, &face, 0.23, 0.025),
     ] {
         let off = off(&mut camera.clone(), frames, name);
         assert!(off.lost <= most_lost * off.count, "{name}: {} lost", off.lost);

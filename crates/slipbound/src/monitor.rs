@@ -183,8 +183,7 @@ impl SlipMonitor {
         }
         let had_reference = self.estimator.has_reference();
         self.estimator.see(frame.time_ns, grip, area_px2, &self.markers.all);
-        self.slides = self.settings.evidence.used
-            && self.gross.see(&self.estimator.estimates, self.evidence.slides());
+        self.slides = self.settings.evidence.used && self.gross.see(&self.estimator.estimates, self.evidence.slides());
         let settings = &self.settings.slip;
         if settings.rule == SlipRule::Markers {
             return;

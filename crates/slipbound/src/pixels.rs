@@ -23,6 +23,7 @@ pub mod mean;
 pub mod morphology;
 pub mod patch;
 mod runs;
+pub mod template;
 pub mod threshold;
 pub mod warp;
 pub mod wide;

@@ -4,10 +4,12 @@
 //!   grey --spots--> places that look like a marker --match--> markers of the rest frame --edge pull--> sub-pixel
 //!                                                    |
 //!                        predicted by its own motion, then by its neighbours'; lost ones coast with them
+//!   fabric skins: spot, or where the neighbours went --look of the marker at rest--> the dot, not a gap of the weave
 //! ```
 
 mod anchor;
 mod detect;
+mod look;
 mod matching;
 mod settings;
 mod spot_index;
@@ -20,8 +22,9 @@ use crate::monitor::imprint::Imprint;
 use crate::monitor::report::Marker;
 use crate::monitor::rest::Rest;
 use crate::plane::Vec2;
-use crate::sensor::Sensor;
+use crate::sensor::{Sensor, Skin};
 use anchor::Anchor;
+use look::{Looks, Seen};
 use matching::Matching;
 
 /// After this many frames in a row that could not be trusted, markers are sought anew.
@@ -45,6 +48,9 @@ pub(super) struct Markers {
     settings: MarkerSettings,
     detector: Detector,
     matching: Matching,
+    /// Of a fabric skin, whose weave has gaps like dots.
+    looks: Option<Looks>,
+    before: Vec<Vec2>,
     anchor: Anchor,
     /// Whether it is known which marker is which; not after missed frames, until [`Anchor`] finds out.
     pub(super) anchored: bool,
@@ -79,10 +85,14 @@ impl Markers {
                 over: false,
             })
             .collect();
+        // Deviation: D17 looks
+        let looked_at = sensor.skin == Skin::Fabric && settings.finder == Finder::Edges && settings.ask_neighbours;
         Markers {
             settings: settings.clone(),
             detector,
             matching: Matching::new(sensor, &all),
+            looks: looked_at.then(|| Looks::new(sensor, &rest.grey, at_rest)),
+            before: vec![Vec2::ZERO; all.len()],
             anchor: Anchor::new(all.len()),
             anchored: true,
             tracks: at_rest.iter().map(|&rest| Track { rest, trusted: rest.position, step: Vec2::ZERO }).collect(),
@@ -175,16 +185,32 @@ impl Markers {
     /// Takes over where each marker was found, or is expected to be.
     fn place(&mut self, imprint: &Imprint) {
         (self.matched_count, self.detected_count) = (0, 0);
+        self.before.iter_mut().zip(&self.all).for_each(|(b, m)| *b = m.now);
         for i in 0..self.all.len() {
             let (before, known_before) = (self.all[i].now, self.all[i].matched);
             let spot = self.matching.spot_of(i);
             self.detected_count += u32::from(spot.is_some());
-            let whole = spot.and_then(|spot| self.detector.refine(imprint, spot, &self.tracks[i].rest));
-            let found = whole.or_else(|| self.matching.cut(&self.all, i));
+            let inferred = || self.matching.step_of_neighbours(&self.before, i).map(|step| self.before[i] + step);
+            let (seen, inferred) = match &mut self.looks {
+                None => (Seen::Unknown, None),
+                Some(looks) => {
+                    let inferred = inferred();
+                    let stretch = self.matching.stretch(&self.all, &self.before, i);
+                    (looks.look(imprint, i, spot.map(|s| s.position), inferred, stretch), inferred)
+                }
+            };
+            let whole = match seen {
+                Seen::At(fit) => Some(self.detector.blend(imprint, &fit, &self.tracks[i].rest)),
+                Seen::Doubtful => None,
+                Seen::Unknown => spot.and_then(|spot| self.detector.refine(imprint, spot, &self.tracks[i].rest)),
+            };
+            let cut = || if seen == Seen::Doubtful { None } else { self.matching.cut(&self.all, i) };
+            let found = whole.or_else(cut);
+            let expected = inferred.filter(|_| seen == Seen::Doubtful).unwrap_or(self.matching.expected(i));
             let marker = &mut self.all[i];
             marker.matched = found.is_some();
             marker.whole = whole.is_some();
-            marker.now = found.unwrap_or_else(|| self.matching.expected(i));
+            marker.now = found.unwrap_or(expected);
             self.matched_count += u32::from(marker.matched);
             if self.untrusted_frames_count == 0 && self.anchored {
                 self.tracks[i].trusted = marker.now;

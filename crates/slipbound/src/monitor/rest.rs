@@ -114,6 +114,7 @@ pub struct Rest {
     pub(super) seq: u64,
     pub(super) frames_count: u32,
     pub(super) size: SizePx,
+    pub(super) grey: Vec<u8>,
     pub(super) flat: Vec<u8>,
     pub(super) cells: Vec<[f32; 3]>,
     pub(super) cells_covered: Vec<bool>,

@@ -169,6 +169,7 @@ impl RestBuilder {
             seq: self.seq,
             frames_count: n,
             size: self.sensor.image_px,
+            grey: self.imprint.grey.clone(),
             flat: self.imprint.flat.clone(),
             cells,
             cells_covered,

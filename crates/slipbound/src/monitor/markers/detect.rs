@@ -1,11 +1,13 @@
 //! Markers in one picture: spots, their sub-pixel centres, and the markers of the rest frame.
 
+use super::look::share;
 use super::settings::{Finder, MarkerSettings};
 use super::threshold::ThresholdFinder;
 use crate::image::Mask;
 use crate::monitor::imprint::Imprint;
 use crate::pixels::centroid::EdgeKernel;
 use crate::pixels::dots::{DotFinder, Spot};
+use crate::pixels::template::Fit;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
@@ -23,6 +25,9 @@ pub(crate) struct RestMarker {
     /// From the coarse spot to the position: what to add when its edge is not used.
     offset: Vec2,
 }
+
+/// An edge that pulls further than this from where the look of a marker was found is not the marker's, px.
+const FAR_PULL_PX: f64 = 1.0;
 
 /// Finds markers, without memory of earlier pictures.
 #[derive(Debug, Clone)]
@@ -88,6 +93,17 @@ impl Detector {
         let contrast = f64::from(spot.response_levels / rest.response_levels).clamp(0.4, 2.5);
         let kernel = if rest.ragged { &self.wide } else { &self.sharp };
         Some(self.pulled(kernel, imprint, spot.position, rest.stiffness * contrast).unwrap_or(coarse))
+    }
+
+    /// The place of a marker whose look was found: between the fit of dot and weave and where the edge pulls from there.
+    pub(super) fn blend(&self, imprint: &Imprint, fit: &Fit, rest: &RestMarker) -> Vec2 {
+        if rest.stiffness == 0.0 {
+            return fit.place;
+        }
+        let kernel = if rest.ragged { &self.wide } else { &self.sharp };
+        let pulled = self.pulled(kernel, imprint, fit.place, rest.stiffness * fit.dot.clamp(0.4, 2.5));
+        let near = |place: &Vec2| (*place - fit.place).length() < FAR_PULL_PX;
+        pulled.filter(near).map_or(fit.place, |place| place + (fit.place - place) * share(fit))
     }
 
     /// Where the edge pulls a start to; None at the border or when it pulls out of the dot.

@@ -323,6 +323,41 @@ impl Matching {
         Some(Vec2::new(x, y))
     }
 
+    /// How far the neighbours' spots are from where these markers were in the last frame: the median along each axis, the
+    /// marker itself among them. None with fewer than three.
+    pub(super) fn step_of_neighbours(&self, before: &[Vec2], i: usize) -> Option<Vec2> {
+        let (mut xs, mut ys, mut count) = ([0.0; NEIGHBOURS + 1], [0.0; NEIGHBOURS + 1], 0);
+        let neighbours = self.neighbours[i][..self.neighbours_count[i]].iter().map(|&n| n as usize);
+        for n in neighbours.chain([i]) {
+            let Some(spot) = self.spot_of(n) else { continue };
+            let step = spot.position - before[n];
+            (xs[count], ys[count]) = (step.x, step.y);
+            count += 1;
+        }
+        let middle = |values: &mut [f64]| *values.select_nth_unstable_by(count / 2, f64::total_cmp).1;
+        (count >= 3).then(|| Vec2::new(middle(&mut xs[..count]), middle(&mut ys[..count])))
+    }
+
+    /// How the gel around marker `i` was stretched and turned when its markers were at `places`: the displacement per length from
+    /// there along x and along y, least squares over the neighbours.
+    pub(super) fn stretch(&self, markers: &[Marker], places: &[Vec2], i: usize) -> [Vec2; 2] {
+        let (here, place) = (markers[i].rest, places[i]);
+        let ridge = 0.5 * self.pitch_px * self.pitch_px;
+        let (mut xx, mut xy, mut yy) = (ridge, 0.0, ridge);
+        let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
+        for &n in &self.neighbours[i][..self.neighbours_count[i]] {
+            let (rest, now) = (markers[n as usize].rest - here, places[n as usize] - place);
+            let d = now - rest;
+            xx += now.x * now.x;
+            xy += now.x * now.y;
+            yy += now.y * now.y;
+            by_x += d * now.x;
+            by_y += d * now.y;
+        }
+        let det = xx * yy - xy * xy;
+        [(by_x * yy - by_y * xy) / det, (by_y * xx - by_x * xy) / det]
+    }
+
     /// Rest position plus the displacement of the neighbours whose place is known, carried over by a plane fitted to it; None
     /// with fewer than three of them.
     fn predicted_by_neighbours(&self, markers: &[Marker], i: usize) -> Option<Vec2> {

@@ -1,0 +1,363 @@
+//! The look of one dot and of the skin around it, and where it is now: grey window + learned patterns -> shift and strengths.
+//!
+//! ```text
+//!   window of the frame   =   level + slope   +   a * dot   +   b * weave around it       dot, weave: as at rest
+//!                                                  .-.           # # #
+//!                                                 ( # )         # . # .                  all four move together:
+//!                                                  '-'           # # #                   they are of one skin
+//! ```
+//! A gap of a pressed weave may be as dark and as wide as a dot. Dot and weave together are like no other place nearby.
+//!
+//! The shift is the least-squares solution for a, b and both shifts at once (Gauss-Newton), on sums of products with vectors
+//! tabulated at rest. These vectors are blind to a level and to a slope of light. Windows and vectors are whole numbers: sums are
+//! the same in any order.
+
+use super::wide::wide;
+use crate::image::SizePx;
+use crate::plane::Vec2;
+
+/// Places are sampled at so many steps a pixel; the fit makes up for the rest.
+const STEPS_PER_PX: f64 = 16.0;
+/// Pixels that are weighed side by side.
+const LANES: usize = 16;
+/// Sampled values per grey level.
+const STEPS_PER_LEVEL: f64 = 16.0;
+/// The largest tabulated weight.
+const FULL_WEIGHT: f64 = 2000.0;
+/// Dot, weave, and the slopes of both along x and y.
+const PATTERNS: usize = 6;
+
+/// The grid on which windows are sampled, and the scratch for one of them.
+#[derive(Debug, Clone)]
+pub struct Window {
+    side: usize,
+    /// Share of each pixel, falling to zero towards the rim of the window.
+    share: Vec<f64>,
+    /// Orthonormal under the share: level and slopes.
+    plane: [Vec<f64>; 3],
+    plane_weights: [Vec<i16>; 3],
+    plane_scale: f64,
+    share_weights: Vec<i16>,
+    samples: Vec<i16>,
+}
+
+/// What of one dot is known from rest.
+#[derive(Debug, Clone)]
+pub struct Template {
+    /// The patterns, free of level and slope and with the share of each pixel.
+    weights: [Vec<i16>; PATTERNS],
+    scale: [f64; PATTERNS],
+    /// Products of the patterns with one another.
+    gram: [[f64; PATTERNS]; PATTERNS],
+    /// What each pattern sees of a stretch of dot and of weave: x and y times their slopes along x, then along y.
+    stretched: [[[f64; 4]; 2]; PATTERNS],
+}
+
+/// Where a template is sought, and what is known of the skin there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// Place, px.
+    pub place: Vec2,
+    /// Strength of the weave before, 1 at rest.
+    pub weave: f64,
+    /// Displacement of the skin per length along x and along y.
+    pub stretch: [Vec2; 2],
+}
+
+/// Where a template was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fit {
+    /// Where the dot is, px.
+    pub place: Vec2,
+    /// Strength of the dot, 1 at rest.
+    pub dot: f64,
+    /// Strength of the weave, 1 at rest.
+    pub weave: f64,
+    /// Share of the window's variance that dot and weave explain, 0 to 1.
+    pub explained: f64,
+}
+
+impl Window {
+    /// For patterns that reach `radius_px` from the middle.
+    pub fn new(radius_px: f64) -> Self {
+        let side = ((2.0 * radius_px).ceil() as usize).next_multiple_of(LANES);
+        let middle = (side as f64 - 1.0) / 2.0;
+        let arm = |i: usize| Vec2::new((i % side) as f64 - middle, (i / side) as f64 - middle);
+        let share: Vec<f64> = (0..side * side)
+            .map(|i| {
+                let t = ((radius_px - arm(i).length()) / (0.3 * radius_px)).clamp(0.0, 1.0);
+                t * t * (3.0 - 2.0 * t)
+            })
+            .collect();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).zip(&share).map(|((a, b), s)| a * b * s).sum::<f64>();
+        let unit = |v: Vec<f64>| {
+            let length = dot(&v, &v).sqrt();
+            v.into_iter().map(|v| v / length).collect::<Vec<f64>>()
+        };
+        let of = |part: &dyn Fn(Vec2) -> f64| unit((0..side * side).map(|i| part(arm(i))).collect());
+        // By symmetry these are orthogonal.
+        let plane = [of(&|_| 1.0), of(&|p| p.x), of(&|p| p.y)];
+        let most = plane.iter().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
+        let plane_scale = FULL_WEIGHT / most;
+        let plane_weights =
+            std::array::from_fn(|k| whole(plane[k].iter().zip(&share).map(|(v, s)| v * s), plane_scale));
+        let share_weights = whole(share.iter().copied(), 256.0);
+        Window { side, share, plane, plane_weights, plane_scale, share_weights, samples: vec![0; side * side] }
+    }
+
+    /// Whether a window about a place lies within the image.
+    pub fn holds(&self, size: SizePx, place: Vec2) -> bool {
+        let reach = (self.side as f64 - 1.0) / 2.0;
+        let inside = |v: f64, end: usize| v >= reach + 2.0 && v + reach + 3.0 < end as f64;
+        inside(place.x, size.width) && inside(place.y, size.height)
+    }
+
+    /// Samples the window about a place; where its middle is then, at most a 32nd of a pixel away on each axis.
+    fn sample(&mut self, grey: &[u8], size: SizePx, place: Vec2) -> Vec2 {
+        let reach = (self.side as f64 - 1.0) / 2.0;
+        let steps = |v: f64| ((v - reach) * STEPS_PER_PX).round() as usize;
+        let (x, y) = (steps(place.x), steps(place.y));
+        let (column, row) = (x / STEPS_PER_PX as usize, y / STEPS_PER_PX as usize);
+        let (fx, fy) = ((x % STEPS_PER_PX as usize) as i16, (y % STEPS_PER_PX as usize) as i16);
+        bilinear(&grey[row * size.width + column..], size.width, self.side, fx, fy, &mut self.samples);
+        Vec2::new(x as f64 / STEPS_PER_PX + reach, y as f64 / STEPS_PER_PX + reach)
+    }
+
+    /// Sum of squares of the sampled window that neither level nor slope explains, levels squared.
+    fn energy(&self) -> f64 {
+        let mut sum = energy(&self.samples, &self.share_weights) as f64 / STEPS_PER_LEVEL / STEPS_PER_LEVEL;
+        for weights in &self.plane_weights {
+            let part = product(&self.samples, weights) as f64 / (self.plane_scale * STEPS_PER_LEVEL);
+            sum -= part * part;
+        }
+        sum.max(1e-9)
+    }
+
+    /// Takes level and slope out of a pattern.
+    fn level(&self, pattern: &mut [f64]) {
+        for plane in &self.plane {
+            let part: f64 = pattern.iter().zip(plane).zip(&self.share).map(|((v, p), s)| v * p * s).sum();
+            pattern.iter_mut().zip(plane).for_each(|(v, p)| *v -= part * p);
+        }
+    }
+
+    /// Learns the dot at `place`: `dark(r)` is how dark a dot is at r px from its middle, between 0 and 1. None where the window
+    /// leaves the image.
+    pub fn learn(&mut self, grey: &[u8], size: SizePx, place: Vec2, dark: impl Fn(f64) -> f64) -> Option<Template> {
+        if !self.holds(size, place) {
+            return None;
+        }
+        let (side, middle) = (self.side, (self.side as f64 - 1.0) / 2.0);
+        let wide = side + 2;
+        // Samples of a window one pixel wider on each side, for slopes.
+        let mut seen = vec![0.0; wide * wide];
+        let mut at = place;
+        for (x, y) in [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
+            at = self.sample(grey, size, place + Vec2::new(x, y)) - Vec2::new(x, y);
+            let (left, top) = ((1.0 + x) as usize, (1.0 + y) as usize);
+            for (row, samples) in self.samples.chunks_exact(side).enumerate() {
+                let out = &mut seen[(row + top) * wide + left..][..side];
+                out.iter_mut().zip(samples).for_each(|(o, &v)| *o = f64::from(v) / STEPS_PER_LEVEL);
+            }
+        }
+        let disc: Vec<f64> = (0..wide * wide)
+            .map(|i| {
+                let q = Vec2::new((i % wide) as f64 - middle - 1.0, (i / wide) as f64 - middle - 1.0);
+                -dark((q - (place - at)).length())
+            })
+            .collect();
+        let inner =
+            |v: &[f64]| -> Vec<f64> { (0..side * side).map(|i| v[(i / side + 1) * wide + i % side + 1]).collect() };
+        let slope = |v: &[f64], step: usize| -> Vec<f64> {
+            let middle = |i: usize| (i / side + 1) * wide + i % side + 1;
+            (0..side * side).map(|i| (v[middle(i) + step] - v[middle(i) - step]) / 2.0).collect()
+        };
+        // How deep this dot is: what of the window is like the disc.
+        let (mut flat_disc, mut flat_seen) = (inner(&disc), inner(&seen));
+        self.level(&mut flat_disc);
+        self.level(&mut flat_seen);
+        let share = &self.share;
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).zip(share).map(|((a, b), s)| a * b * s).sum::<f64>();
+        let depth = product(&flat_disc, &flat_seen) / product(&flat_disc, &flat_disc);
+        let dot: Vec<f64> = disc.iter().map(|v| v * depth).collect();
+        let weave: Vec<f64> = seen.iter().zip(&dot).map(|(v, d)| v - d).collect();
+        let mut patterns =
+            [inner(&dot), inner(&weave), slope(&dot, 1), slope(&weave, 1), slope(&dot, wide), slope(&weave, wide)];
+        let bare = patterns.clone();
+        patterns.iter_mut().for_each(|p| self.level(p));
+        let gram = std::array::from_fn(|j| std::array::from_fn(|k| product(&patterns[j], &patterns[k])));
+        let stretched = std::array::from_fn(|k| {
+            std::array::from_fn(|of| {
+                std::array::from_fn(|part| {
+                    let slope = &bare[2 * (1 + part / 2) + of];
+                    let arms =
+                        (0..side * side).map(|i| if part % 2 == 0 { i % side } else { i / side } as f64 - middle);
+                    let moved: Vec<f64> = slope.iter().zip(arms).map(|(v, arm)| v * arm).collect();
+                    product(&patterns[k], &moved)
+                })
+            })
+        });
+        let highest = |p: &[f64]| p.iter().zip(share).fold(1e-9f64, |m, (v, s)| m.max((v * s).abs()));
+        let scale: [f64; PATTERNS] = std::array::from_fn(|k| FULL_WEIGHT / highest(&patterns[k]));
+        let weights = std::array::from_fn(|k| whole(patterns[k].iter().zip(share).map(|(v, s)| v * s), scale[k]));
+        Some(Template { weights, scale: scale.map(|s| s * STEPS_PER_LEVEL), gram, stretched })
+    }
+
+    /// The best fit of a template near `from`, within `reach_px` of it; None at the border or when it leaves that reach.
+    pub fn find(&mut self, template: &Template, grey: &[u8], size: SizePx, from: Start, reach_px: f64) -> Option<Fit> {
+        let Start { place: start, weave, stretch } = from;
+        let g = &template.gram;
+        let (mut dot, mut weave, before) = (1.0, weave, weave);
+        let mut place = start;
+        for pass in 1..=PASSES {
+            if !self.holds(size, place) {
+                return None; // also when it is not a number
+            }
+            let at = self.sample(grey, size, place);
+            let b: [f64; PATTERNS] =
+                std::array::from_fn(|k| product(&self.samples, &template.weights[k]) as f64 / template.scale[k]);
+            // Seen through the stretch, what lies at q was at q - stretch q.
+            let stretch = [stretch[0].x, stretch[1].x, stretch[0].y, stretch[1].y];
+            let b: [f64; PATTERNS] = std::array::from_fn(|k| {
+                let [of_dot, of_weave] = &template.stretched[k];
+                let seen = of_dot.iter().zip(of_weave).zip(&stretch);
+                b[k] + seen.map(|((d, w), e)| (dot * d + weave * w) * e).sum::<f64>()
+            });
+            // The weave is held to what it was where it hardly shows.
+            let hold = HOLD_LEVELS * HOLD_LEVELS * self.plane[0][0].powi(-2);
+            // Of dot, weave, and minus the slopes of their sum along x and along y.
+            let slope = |k: usize, j: usize| -(dot * g[2 * k][j] + weave * g[2 * k + 1][j]);
+            let both = |k: usize, l: usize| -(dot * slope(k, 2 * l) + weave * slope(k, 2 * l + 1));
+            let shift = |k: usize| -(dot * b[2 * k] + weave * b[2 * k + 1]);
+            let mut m = [
+                [g[0][0], g[0][1], slope(1, 0), slope(2, 0), b[0]],
+                [g[0][1], g[1][1] + hold, slope(1, 1), slope(2, 1), b[1] + hold * before],
+                [slope(1, 0), slope(1, 1), both(1, 1), both(1, 2), shift(1)],
+                [slope(2, 0), slope(2, 1), both(1, 2), both(2, 2), shift(2)],
+            ];
+            let [new_dot, new_weave, dx, dy] = solve(&mut m)?;
+            let step = Vec2::new(dx, dy);
+            let solved = new_dot * b[0] + new_weave * b[1] + dx * shift(1) + dy * shift(2);
+            (dot, weave) = (new_dot.clamp(0.2, 3.0), new_weave.clamp(-1.0, 12.0));
+            let length = step.length();
+            let taken = if length > LONGEST_PX { step * (LONGEST_PX / length) } else { step };
+            place = at + taken;
+            if (place - start).length() > reach_px {
+                return None;
+            }
+            if length < DONE_PX || pass == PASSES {
+                let explained = (solved / self.energy()).clamp(0.0, 1.0);
+                return Some(Fit { place, dot: new_dot, weave: new_weave, explained });
+            }
+        }
+        None
+    }
+}
+
+/// Where the weave at rest is weaker than this it is held to its strength before, levels.
+const HOLD_LEVELS: f64 = 3.0;
+/// Passes at most, the longest step of one, and the step that is short enough for the fit to be straight, px.
+const PASSES: u32 = 6;
+const LONGEST_PX: f64 = 1.5;
+const DONE_PX: f64 = 0.15;
+
+/// Gauss elimination; the matrix is symmetric and positive. None where it is singular.
+fn solve(m: &mut [[f64; 5]; 4]) -> Option<[f64; 4]> {
+    for k in 0..4 {
+        let pivot = m[k];
+        if pivot[k].abs() < 1e-9 {
+            return None;
+        }
+        for row in &mut m[k + 1..] {
+            let share = row[k] / pivot[k];
+            row.iter_mut().zip(&pivot).for_each(|(v, p)| *v -= share * p);
+        }
+    }
+    let mut x = [0.0; 4];
+    for k in (0..4).rev() {
+        let known: f64 = (k + 1..4).map(|j| m[k][j] * x[j]).sum();
+        x[k] = (m[k][4] - known) / m[k][k];
+    }
+    Some(x)
+}
+
+fn whole(values: impl Iterator<Item = f64>, scale: f64) -> Vec<i16> {
+    values.map(|v| (v * scale).round() as i16).collect()
+}
+
+wide! {
+    /// A square of samples between pixels, `fx` and `fy` sixteenths off; less the middle of the range.
+    fn bilinear(grey: &[u8], stride: usize, side: usize, fx: i16, fy: i16, out: &mut [i16]) {
+        for (y, out) in out.chunks_exact_mut(side).enumerate() {
+            let above = &grey[y * stride..][..side + 1];
+            let below = &grey[(y + 1) * stride..][..side + 1];
+            for (k, out) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+                let four = [&above[k * LANES..], &above[k * LANES + 1..], &below[k * LANES..], &below[k * LANES + 1..]];
+                let [Some(a), Some(b), Some(c), Some(d)] = four.map(|row| row.first_chunk::<LANES>()) else { return };
+                for i in 0..LANES {
+                    let [a, b, c, d] = [a[i], b[i], c[i], d[i]].map(i16::from);
+                    let upper = a * 16 + (b - a) * fx;
+                    let lower = c * 16 + (d - c) * fx;
+                    // Sixteenths of sixteenths would not fit: halves of levels are kept for the last step.
+                    out[i] = upper + ((((lower - upper) >> 1) * fy) >> 3) - 2048;
+                }
+            }
+        }
+    }
+
+    fn product(a: &[i16], b: &[i16]) -> i64 {
+        let mut sum = 0i64;
+        for (a, b) in a.chunks(16 * LANES).zip(b.chunks(16 * LANES)) {
+            let mut part = 0i32;
+            for (&a, &b) in a.iter().zip(b) {
+                part = part.wrapping_add(i32::from(a) * i32::from(b));
+            }
+            sum += i64::from(part);
+        }
+        sum
+    }
+
+    /// Sum of squares, each with its share in 256ths.
+    fn energy(samples: &[i16], share: &[i16]) -> i64 {
+        let mut sum = 0i64;
+        for (a, s) in samples.chunks(4 * LANES).zip(share.chunks(4 * LANES)) {
+            let mut part = 0i32;
+            for (&a, &s) in a.iter().zip(s) {
+                let shared = ((i32::from(a) * i32::from(s)) >> 8) as i16;
+                part = part.wrapping_add(i32::from(shared) * i32::from(a));
+            }
+            sum += i64::from(part);
+        }
+        sum
+    }
+}
+
+/// How dark the dots at `places` are, by distance from their middle in steps of `step_px`: the mean over all of them, 1 in the middle
+/// and 0 from `end_px` on. What is beside them, a weave or a slope of light, is not the same at all and cancels.
+pub fn darkness(grey: &[u8], size: SizePx, places: impl Iterator<Item = Vec2>, step_px: f64, end_px: f64) -> Vec<f64> {
+    let count = (end_px / step_px).ceil() as usize + 1;
+    let (mut sums, mut counts) = (vec![0.0; count], vec![0.0; count]);
+    let reach = end_px.ceil();
+    let inside = |v: f64, end: usize| v >= reach + 1.0 && v + reach + 2.0 < end as f64;
+    for place in places.filter(|p| inside(p.x, size.width) && inside(p.y, size.height)) {
+        for y in (place.y - reach) as usize..=(place.y + reach) as usize {
+            for x in (place.x - reach) as usize..=(place.x + reach) as usize {
+                let steps = (Vec2::new(x as f64, y as f64) - place).length() / step_px;
+                let (ring, share) = (steps as usize, steps.fract());
+                if ring + 1 < count {
+                    let level = f64::from(grey[y * size.width + x]);
+                    for (ring, share) in [(ring, 1.0 - share), (ring + 1, share)] {
+                        sums[ring] += share * level;
+                        counts[ring] += share;
+                    }
+                }
+            }
+        }
+    }
+    let means: Vec<f64> = sums.iter().zip(&counts).map(|(s, c)| s / f64::max(*c, 1e-9)).collect();
+    let (middle, beside) = (means[0], means[count - 2]);
+    let contrast = if (beside - middle).abs() < 1e-6 { 1.0 } else { beside - middle };
+    let mut dark: Vec<f64> = means.iter().map(|m| (beside - m) / contrast).collect();
+    dark[count - 2..].fill(0.0);
+    dark
+}
