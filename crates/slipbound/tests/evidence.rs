@@ -50,6 +50,11 @@ fn evidence(report: &SlipReport) -> EvidenceReport {
     report.evidence.expect("evidence of a settled contact")
 }
 
+/// Whether the imprint goes on over the gel. The state `gross` needs estimates to agree, which know nothing of painted gels.
+fn slides(report: &SlipReport) -> bool {
+    report.evidence.is_some_and(|evidence| evidence.slides)
+}
+
 /// Sheared by half a pitch over ten frames, then held.
 fn shear(i: usize) -> f64 {
     0.05 * i.min(10) as f64
@@ -67,7 +72,7 @@ fn an_imprint_that_is_carried_with_the_markers_has_not_changed() {
         let last = evidence(&reports[reports.len() - 1]);
         assert!(last.imprint_change.expect("an imprint") < 0.2, "{skin:?}: {last:?}");
         assert!(last.relaxation < 0.1, "{skin:?}: {last:?}");
-        assert!(reports.iter().all(|r| r.state != SlipState::Gross), "{skin:?}");
+        assert!(reports.iter().all(|r| r.state != SlipState::Gross && !slides(r)), "{skin:?}");
     }
 }
 
@@ -75,10 +80,10 @@ fn an_imprint_that_is_carried_with_the_markers_has_not_changed() {
 fn an_imprint_that_goes_on_without_them_slides() {
     for skin in [Skin::Smooth, Skin::Fabric] {
         let reports = judge(1.0, skin, &Settings::default(), slide, shear, 40);
-        let first = reports.iter().position(|r| r.state == SlipState::Gross).expect("gross");
+        let first = reports.iter().position(slides).expect("a slide");
         let slid = first - SETTLE_FRAMES - 10;
         assert!((1..=9).contains(&slid), "{skin:?}: after {slid} frames of 0.05 pitch");
-        let held = reports[first..].iter().filter(|r| r.state == SlipState::Gross).count();
+        let held = reports[first..].iter().filter(|r| slides(r)).count();
         assert!(20 * held >= 19 * (reports.len() - first), "{skin:?}: kept in {held} of {}", reports.len() - first);
         let last = evidence(&reports[reports.len() - 1]);
         // 30 frames of 0.05 pitch over the gel. A plain dome in noise has few edges to register: it is underrated, as noise in
@@ -96,7 +101,7 @@ fn twice_the_pixels_change_no_evidence() {
     let (small_last, large_last) = (evidence(&small[41]), evidence(&large[41]));
     assert!((small_last.slide_score - large_last.slide_score).abs() < 0.3, "{small_last:?} {large_last:?}");
     assert!((2.0 * small_last.slide_px.x / large_last.slide_px.x - 1.0).abs() < 0.25, "{small_last:?} {large_last:?}");
-    let first = |reports: &[SlipReport]| reports.iter().position(|r| r.state == SlipState::Gross).expect("gross");
+    let first = |reports: &[SlipReport]| reports.iter().position(slides).expect("a slide");
     assert!(first(&small).abs_diff(first(&large)) <= 2);
 }
 

@@ -190,7 +190,11 @@ impl Markers {
             let (before, known_before) = (self.all[i].now, self.all[i].matched);
             let spot = self.matching.spot_of(i);
             self.detected_count += u32::from(spot.is_some());
-            let inferred = || self.matching.step_of_neighbours(&self.before, i).map(|step| self.before[i] + step);
+            // A marker that was lost may have drifted: its neighbours' displacement says where it is, not their last step.
+            let inferred = || match known_before {
+                true => self.matching.step_of_neighbours(&self.before, i).map(|step| self.before[i] + step),
+                false => Some(self.matching.expected(i)),
+            };
             let (seen, inferred) = match &mut self.looks {
                 None => (Seen::Unknown, None),
                 Some(looks) => {

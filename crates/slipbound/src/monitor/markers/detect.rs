@@ -1,6 +1,5 @@
 //! Markers in one picture: spots, their sub-pixel centres, and the markers of the rest frame.
 
-use super::look::share;
 use super::settings::{Finder, MarkerSettings};
 use super::threshold::ThresholdFinder;
 use crate::image::Mask;
@@ -28,6 +27,13 @@ pub(crate) struct RestMarker {
 
 /// An edge that pulls further than this from where the look of a marker was found is not the marker's, px.
 const FAR_PULL_PX: f64 = 1.0;
+
+/// How much of the place is the fit's, the rest being the pull of the edge: none while the weave is at most half again as strong as
+/// at rest, where the edge is the more exact, and all where it is three times as strong: a pressed weave takes the edge along, by
+/// 0.08 px in the mean under a box at 60 N.
+fn share(fit: &Fit) -> f64 {
+    ((fit.weave - 1.5) / 1.5).clamp(0.0, 1.0)
+}
 
 /// Finds markers, without memory of earlier pictures.
 #[derive(Debug, Clone)]

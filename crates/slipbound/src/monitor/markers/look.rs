@@ -100,10 +100,3 @@ fn profile(grey: &[u8], size: SizePx, markers: &[RestMarker], diameter_px: f64) 
         at(ring) * (1.0 - share) + at(ring + 1) * share
     }
 }
-
-/// How much of the place is the fit's, the rest being the pull of the edge: none while the weave is at most half again as strong as
-/// at rest, where the edge is the more exact, and all where it is three times as strong: a pressed weave takes the edge along, by
-/// 0.08 px in the mean under a box at 60 N.
-pub(super) fn share(fit: &Fit) -> f64 {
-    ((fit.weave - 1.5) / 1.5).clamp(0.0, 1.0)
-}
