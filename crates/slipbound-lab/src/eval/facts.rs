@@ -21,7 +21,7 @@ pub struct Facts {
     pub stick_ratio: Option<f64>,
     /// Normal force, N.
     pub grip_n: f64,
-    /// Force and torque on the gel.
+    /// Force and torque on the gel; the torque about the middle of the contact, as reports tell it.
     pub wrench: Wrench,
     /// Where the object is.
     pub pose: Pose,
@@ -43,13 +43,27 @@ pub(super) fn facts(world: &World, frame: u64) -> Facts {
         load: truth.load,
         stick_ratio: truth.stick_ratio,
         grip_n: truth.grip_force_n,
-        wrench: truth.wrench,
+        wrench: about_middle(world),
         pose: truth.pose,
         slip_mm: truth.slip.mean_mm,
         arm_mm: arm_mm(world),
         slides: truth.friction_used_fraction.is_some_and(|used| used >= GROSS_FRICTION_FRACTION)
             || truth.stick_ratio.is_some_and(|stick_ratio| stick_ratio <= STICKS_HARDLY),
     }
+}
+
+/// The truth counts torque about the object's reference point, which may lie anywhere beside the contact.
+fn about_middle(world: &World) -> Wrench {
+    let (truth, grid, finger) = (world.truth(), world.grid(), world.finger());
+    let touching = || finger.contact().iter().enumerate().filter(|(_, contact)| **contact).map(|(cell, _)| cell);
+    let count = touching().count();
+    if count == 0 {
+        return truth.wrench;
+    }
+    let place = |cell: usize| grid.centre_mm(cell) + finger.displacement(cell).shift_mm;
+    let middle = touching().fold(Vec2::ZERO, |sum, cell| sum + place(cell)) / count as f64;
+    let lever_mm = truth.pose.position_mm - middle;
+    Wrench { torque_n_mm: truth.wrench.torque_n_mm + lever_mm.cross(truth.wrench.force_n), ..truth.wrench }
 }
 
 fn arm_mm(world: &World) -> f64 {

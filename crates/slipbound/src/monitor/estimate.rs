@@ -47,8 +47,8 @@ const FRAME_S: f64 = 1.0 / 30.0;
 const LOADED_FRACTION: f64 = 0.2;
 
 /// Friction is taken to be at least this: wet or oily glass on silicone. On something still more slippery slip is told of
-/// later, at 0.28 / mu of the load that is usual.
-const LEAST_FRICTION: f64 = 0.28;
+/// later, at 0.25 / mu of the load that is usual.
+const LEAST_FRICTION: f64 = 0.25;
 
 /// Step 5, with its memory of the contact.
 #[derive(Debug, Clone)]
