@@ -333,7 +333,8 @@ def run(binary, folder, line):
         kept = [json.loads(part) for part in text.splitlines()]
     if line.startswith("calibrate ") and (folder / "finger.toml").is_file():
         kept = "written"
-    return ended.returncode, ended.stderr.strip(), ended.stdout.strip(), kept
+    said = [text.strip().replace(f"{Path(folder).resolve()}/", "") for text in (ended.stderr, ended.stdout)]
+    return ended.returncode, *said, kept
 
 
 def row(title, line, code, err, out, kept):
