@@ -20,7 +20,8 @@ const QUIET_WEIGHT: f64 = 0.5;
 /// Most noise of a reading of the grip force, N.
 const MOST_NOISE_N: f64 = 0.6;
 
-/// Of a thousand trials the last three hundred change the grip under load, at lighter grips too, as a controller does.
+/// Of a thousand trials the last three hundred change the grip under load, at lighter grips too, as a controller does: they keep
+/// a fifth to all of the friction used meanwhile, or the trees would learn what a regrip is followed by.
 const REGRIP_FROM: u64 = 700;
 
 /// A trial of the split: mostly pulls and turns up to gross slip, some below it, some without any load.
@@ -57,10 +58,12 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     let text = match kind {
         kind if regrips && kind < 0.7 => {
             let most = (70.0 / force_n).min(4.0);
+            let last_fraction = between_log(&mut random, 0.6, most);
             format!(
-                "regrip?{held}&{ramp}&peak_fraction=8&regrip_fraction={:.3}&regrips={}",
-                between_log(&mut random, 0.6, most),
-                1 + random.next_u64() % 20
+                "regrip?{held}&{ramp}&peak_fraction={:.2}&regrip_fraction={last_fraction:.3}&regrips={}&regrip_at_fraction={:.3}",
+                1.6 * last_fraction.max(1.0),
+                1 + random.next_u64() % 20,
+                random.between(0.2, 1.0)
             )
         }
         _ if regrips => format!("ramp?{held}&{ramp}&hold_s=0.2"),

@@ -84,6 +84,7 @@ pub const SCENES: [Scene; 12] = [
             ("peak_fraction", "3.6"),
             ("hold_s", "0.2"),
             ("regrip_fraction", "2"),
+            ("regrip_at_fraction", "0.8"),
             ("regrips", "3"),
         ],
         profile: regrip,
@@ -247,7 +248,7 @@ fn regrip(set: &Parameters) -> Result<LoadProfile, SettingError> {
     let (mut legs, _) = begin(set);
     let (last_fraction, steps) = (set.number("regrip_fraction"), set.number("regrips"));
     let whole_s = set.number("ramp_s") * set.number("peak_fraction") + set.number("hold_s");
-    let span_s = 0.8 * set.number("ramp_s") * last_fraction.max(1.0);
+    let span_s = set.number("regrip_at_fraction") * set.number("ramp_s") * last_fraction.max(1.0);
     let wait_s = (span_s / steps - REGRIP_S).max(0.02);
     for step in 1..=steps as u32 {
         let force_n = set.number("force_n") * last_fraction.powf(f64::from(step) / steps);

@@ -78,7 +78,9 @@ pub(super) struct Estimator {
     pub(super) load_px3: (Vec2, f64),
 }
 
-/// Weight of a frame that tells of more friction than is known, after the grip has grown.
+/// After the grip has grown under load: by how many standard deviations a frame must contradict what is known of the friction to
+/// be believed, and the weight of one that tells of more friction.
+const CONTRADICTION_SDS: f64 = 1.5;
 const MORE_FRICTION_WEIGHT: f64 = 0.1;
 
 /// Friction pooled over the frames of a contact: the object and the gel stay the same.
@@ -267,7 +269,10 @@ impl Estimator {
             used.value = used.value.min(per_grip / LEAST_FRICTION);
             self.estimates.friction = self.friction.see(per_grip, &used);
             if let Some(friction) = self.estimates.friction.filter(|_| self.friction.remembered) {
-                used.value = used.value.max(per_grip / friction.value).min(1.2);
+                // What was known of the friction is worth more than a field that counts from the last regrip.
+                let expected = per_grip / friction.value;
+                let agrees = (used.value - expected).abs() < CONTRADICTION_SDS * used.sd;
+                used.value = if agrees { expected } else { used.value.max(expected) }.min(1.2);
             }
         }
         if let Some((k, mm)) = self.stiffness_n_per_px3.zip(self.mm_per_px) {
@@ -300,10 +305,15 @@ impl Pool {
             // The last dozen of equally good frames count: what the first ones said is soon outweighed.
             let kept = (self.weight * 0.92).min(12.0 * weight);
             let log = libm::log(per_grip / used.value);
-            // A contact that is gripped anew shows less slip than its load has made: of more friction it tells little.
-            let doubtful = self.remembered && log * self.weight > self.log_sum;
-            let (weight, kept) = if doubtful { (MORE_FRICTION_WEIGHT * weight, self.weight) } else { (weight, kept) };
-            let kept = kept.min(12.0 * weight / if doubtful { MORE_FRICTION_WEIGHT } else { 1.0 });
+            // A contact that is gripped anew shows less slip than its load has made: what it says is believed where it
+            // contradicts what was known, of more friction hardly then.
+            let expected = per_grip / libm::exp(self.log_sum / self.weight.max(1e-9));
+            let contradicts = (used.value - expected) / used.sd.max(0.01);
+            let (weight, kept) = match self.remembered {
+                true if contradicts.abs() < CONTRADICTION_SDS => (0.0, self.weight),
+                true if contradicts < 0.0 => (MORE_FRICTION_WEIGHT * weight, self.weight),
+                _ => (weight, kept),
+            };
             let mean = if self.weight > 0.0 { self.log_sum / self.weight } else { 0.0 };
             self.log_sum = mean * kept + log * weight;
             self.weight = kept + weight;

@@ -190,10 +190,12 @@ impl Markers {
             let (before, known_before) = (self.all[i].now, self.all[i].matched);
             let spot = self.matching.spot_of(i);
             self.detected_count += u32::from(spot.is_some());
+            // Nothing is expected of a marker whose match was undone and whose neighbours are lost: it stays.
+            let expected = Some(self.matching.expected(i)).filter(|p| p.is_finite()).unwrap_or(before);
             // A marker that was lost may have drifted: its neighbours' displacement says where it is, not their last step.
             let inferred = || match known_before {
-                true => self.matching.step_of_neighbours(&self.before, i).map(|step| self.before[i] + step),
-                false => Some(self.matching.expected(i)),
+                true => self.matching.step_of_neighbours(&self.before, i).map(|step| before + step),
+                false => Some(expected),
             };
             let (seen, inferred) = match &mut self.looks {
                 None => (Seen::Unknown, None),
@@ -210,7 +212,7 @@ impl Markers {
             };
             let cut = || if seen == Seen::Doubtful { None } else { self.matching.cut(&self.all, i) };
             let found = whole.or_else(cut);
-            let expected = inferred.filter(|_| seen == Seen::Doubtful).unwrap_or(self.matching.expected(i));
+            let expected = inferred.filter(|_| seen == Seen::Doubtful).unwrap_or(expected);
             let marker = &mut self.all[i];
             marker.matched = found.is_some();
             marker.whole = whole.is_some();
