@@ -10,6 +10,7 @@ mod border;
 pub mod canny;
 pub mod cells;
 pub mod centroid;
+pub mod checksum;
 pub mod components;
 pub mod contour;
 pub mod contrast;

@@ -60,6 +60,29 @@ fn after_any_nonsense_every_marker_is_back_within_five_frames() {
 }
 
 #[test]
+fn a_picture_that_repeats_gives_the_same_report_whatever_the_search_remembers() {
+    for skin in [Skin::Smooth, Skin::Fabric] {
+        let painter = Painter::new(SIZE, 18.0, 6.0, skin, 0.5, 21);
+        let touch = Touch { centre: Vec2::new(160.0, 120.0), radii_px: Vec2::new(90.0, 75.0), strength_levels: 30.0 };
+        let pulled = |n: u64| -> Vec<Vec2> {
+            let pull =
+                |p: &Vec2| *p + Vec2::new(0.7 * n as f64, 0.0) * libm::exp(-(*p - touch.centre).length() / 120.0);
+            painter.rest.iter().map(pull).collect()
+        };
+        let mut monitor = monitor(&painter, &Settings::default());
+        for n in 1..8 {
+            monitor.step(&frame(&painter.paint(&pulled(n), Some(&touch), n), SIZE, n), None);
+        }
+        let hung = painter.paint(&pulled(8), Some(&touch), 8);
+        let reports: Vec<_> = (8..14).map(|n| monitor.step(&frame(&hung, SIZE, n), None)).collect();
+        for pair in reports[2..].windows(2) {
+            let [a, b] = [pair[0], pair[1]].map(|r| (r.shear, r.contact, r.markers));
+            assert!(a.0.is_some() && a == b, "{skin:?}: {a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
 fn what_cannot_be_judged_says_why() {
     let painter = Painter::new(SIZE, 18.0, 6.0, Skin::Smooth, 0.5, 21);
     let mut monitor = monitor(&painter, &Settings::default());

@@ -11,6 +11,7 @@ use crate::monitor::cell_map::CellMap;
 use crate::monitor::report::Reason;
 use crate::pixels::background::Background;
 use crate::pixels::cells::Cells;
+use crate::pixels::checksum::checksum;
 use crate::pixels::flatten::Flatten;
 use crate::pixels::gaussian::Gaussian;
 use crate::pixels::grey::{GreyWeights, grey_from_gray, grey_from_rgb};
@@ -88,6 +89,9 @@ pub(super) struct Imprint {
     pub(super) cells: Cells,
     /// Mean grey level of the last frame.
     pub(super) mean_levels: f64,
+    /// Checksum of the last grey picture, and whether the one before had the same.
+    sum: Option<u64>,
+    repeats: bool,
 }
 
 impl Imprint {
@@ -122,6 +126,8 @@ impl Imprint {
             warp,
             smooth: has_flat.then(|| (smooth(), Flatten::new(FLATTEN.0, FLATTEN.1, FLATTEN.2))),
             mean_levels: 0.0,
+            sum: None,
+            repeats: false,
             grey: vec![0; size.area()],
             flat: vec![0; if has_flat { size.area() } else { 0 }],
             has_cells: extra.cells || sensor.skin == Skin::Smooth,
@@ -151,7 +157,14 @@ impl Imprint {
             table.apply(upright, &mut self.grey);
         }
         self.flatten();
+        let sum = checksum(&self.grey);
+        self.repeats = self.sum.replace(sum) == Some(sum);
         Ok(())
+    }
+
+    /// Whether the last picture was that before it once more, to the bit: noise never repeats itself, a hung camera does.
+    pub(super) fn repeats(&self) -> bool {
+        self.repeats
     }
 
     /// Makes the grey picture from the camera image taken last as it were with another flip; nothing where nothing

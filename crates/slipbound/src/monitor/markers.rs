@@ -61,6 +61,7 @@ pub(super) struct Markers {
     pub(super) all: Vec<Marker>,
     pub(super) detected_count: u32,
     pub(super) matched_count: u32,
+    matched_before_count: u32,
 }
 
 impl Markers {
@@ -100,6 +101,7 @@ impl Markers {
             untrusted_frames_count: 0,
             detected_count: 0,
             matched_count: all.len() as u32,
+            matched_before_count: 0,
             all,
         }
     }
@@ -182,8 +184,14 @@ impl Markers {
         }
     }
 
+    /// Whether the markers of the last frame could be trusted, and looking once more at the same picture would find no more.
+    pub(super) fn are_known(&self) -> bool {
+        self.anchored && self.untrusted_frames_count == 0 && self.matched_count == self.matched_before_count
+    }
+
     /// Takes over where each marker was found, or is expected to be.
     fn place(&mut self, imprint: &Imprint) {
+        self.matched_before_count = self.matched_count;
         (self.matched_count, self.detected_count) = (0, 0);
         self.before.iter_mut().zip(&self.all).for_each(|(b, m)| *b = m.now);
         for i in 0..self.all.len() {
