@@ -140,9 +140,9 @@ impl SlipMonitor {
         self.contact.find(&self.imprint, self.markers.all.iter().map(|m| m.now));
         probe.after(Step::Contact, self);
 
-        // In the same picture the markers are where they were, whatever the search remembers: so `Hand` knows a frozen one.
-        if !(self.imprint.repeats() && self.markers.are_known()) {
-            self.markers.track(&self.imprint, self.contact.touches);
+        match self.imprint.repeats() {
+            false => self.markers.track(&self.imprint, self.contact.touches),
+            true => self.markers.track_again(&self.imprint, self.contact.touches),
         }
         self.in_contact_count = slip::mark_contact(&self.contact.region, &mut self.markers.all);
         probe.after(Step::Markers, self);

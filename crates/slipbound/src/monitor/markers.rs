@@ -51,6 +51,8 @@ pub(super) struct Markers {
     /// Of a fabric skin, whose weave has gaps like dots.
     looks: Option<Looks>,
     before: Vec<Vec2>,
+    /// The markers of the frame before, for a picture that repeats.
+    kept: Vec<Marker>,
     anchor: Anchor,
     /// Whether it is known which marker is which; not after missed frames, until [`Anchor`] finds out.
     pub(super) anchored: bool,
@@ -61,7 +63,6 @@ pub(super) struct Markers {
     pub(super) all: Vec<Marker>,
     pub(super) detected_count: u32,
     pub(super) matched_count: u32,
-    matched_before_count: u32,
 }
 
 impl Markers {
@@ -94,6 +95,7 @@ impl Markers {
             matching: Matching::new(sensor, &all),
             looks: looked_at.then(|| Looks::new(sensor, &rest.grey, at_rest)),
             before: vec![Vec2::ZERO; all.len()],
+            kept: all.clone(),
             anchor: Anchor::new(all.len()),
             anchored: true,
             tracks: at_rest.iter().map(|&rest| Track { rest, trusted: rest.position, step: Vec2::ZERO }).collect(),
@@ -101,7 +103,6 @@ impl Markers {
             untrusted_frames_count: 0,
             detected_count: 0,
             matched_count: all.len() as u32,
-            matched_before_count: 0,
             all,
         }
     }
@@ -184,14 +185,20 @@ impl Markers {
         }
     }
 
-    /// Whether the markers of the last frame could be trusted, and looking once more at the same picture would find no more.
-    pub(super) fn are_known(&self) -> bool {
-        self.anchored && self.untrusted_frames_count == 0 && self.matched_count == self.matched_before_count
+    /// Tracks in the same picture once more: those that were found are where they were, whatever the search remembers (so
+    /// [`Hand`](crate::hand::Hand) knows a frozen picture); those that were lost are sought.
+    pub(super) fn track_again(&mut self, imprint: &Imprint, touched: bool) {
+        let known = self.anchored && self.untrusted_frames_count == 0;
+        self.kept.clone_from_slice(&self.all);
+        self.track(imprint, touched);
+        for (marker, kept) in self.all.iter_mut().zip(&self.kept).filter(|(_, kept)| known && kept.matched) {
+            self.matched_count += u32::from(!marker.matched);
+            (marker.now, marker.matched, marker.whole) = (kept.now, kept.matched, kept.whole);
+        }
     }
 
     /// Takes over where each marker was found, or is expected to be.
     fn place(&mut self, imprint: &Imprint) {
-        self.matched_before_count = self.matched_count;
         (self.matched_count, self.detected_count) = (0, 0);
         self.before.iter_mut().zip(&self.all).for_each(|(b, m)| *b = m.now);
         for i in 0..self.all.len() {
