@@ -221,7 +221,7 @@ impl Markers {
                 }
             };
             let whole = match seen {
-                Seen::At(fit) => Some(self.detector.blend(imprint, &fit, &self.tracks[i].rest)),
+                Seen::At(fit) => Some(self.detector.blend(imprint, &fit, spot, &self.tracks[i].rest)),
                 Seen::Doubtful => None,
                 Seen::Unknown => spot.and_then(|spot| self.detector.refine(imprint, spot, &self.tracks[i].rest)),
             };

@@ -101,15 +101,18 @@ impl Detector {
         Some(self.pulled(kernel, imprint, spot.position, rest.stiffness * contrast).unwrap_or(coarse))
     }
 
-    /// The place of a marker whose look was found: between the fit of dot and weave and where the edge pulls from there.
-    pub(super) fn blend(&self, imprint: &Imprint, fit: &Fit, rest: &RestMarker) -> Vec2 {
+    /// The place of a marker whose look was found: between the fit of dot and weave and where the edge pulls, from the spot there or,
+    /// where none is, from the fit.
+    pub(super) fn blend(&self, imprint: &Imprint, fit: &Fit, spot: Option<&Spot>, rest: &RestMarker) -> Vec2 {
         if rest.stiffness == 0.0 {
             return fit.place;
         }
+        let near = |place: Vec2| (place - fit.place).length() < FAR_PULL_PX;
+        let of_spot = spot.filter(|spot| near(spot.position)).and_then(|spot| self.refine(imprint, spot, rest));
         let kernel = if rest.ragged { &self.wide } else { &self.sharp };
-        let pulled = self.pulled(kernel, imprint, fit.place, rest.stiffness * fit.dot.clamp(0.4, 2.5));
-        let near = |place: &Vec2| (*place - fit.place).length() < FAR_PULL_PX;
-        pulled.filter(near).map_or(fit.place, |place| place + (fit.place - place) * share(fit))
+        let of_fit = || self.pulled(kernel, imprint, fit.place, rest.stiffness * fit.dot.clamp(0.4, 2.5));
+        let pulled = of_spot.or_else(of_fit).filter(|place| near(*place));
+        pulled.map_or(fit.place, |place| place + (fit.place - place) * share(fit))
     }
 
     /// Where the edge pulls a start to; None at the border or when it pulls out of the dot.
