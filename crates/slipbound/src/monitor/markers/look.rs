@@ -83,7 +83,11 @@ impl Looks {
                 self.weave[i] = fit.weave.clamp(0.0, 12.0);
                 Seen::At(fit)
             }
-            None if held => Seen::Doubtful,
+            None if held => {
+                // What nonsense has taught of the weave must not keep the marker from being found.
+                self.weave[i] = 1.0;
+                Seen::Doubtful
+            }
             None => Seen::Unknown,
         }
     }
