@@ -2,7 +2,7 @@
 //! same gripper, or holds only by sliding, no controller is blamed for.
 
 use crate::hand::SimHand;
-use slipbound::grip::{ArmMotion, GripController, GripDecision, GripLimits};
+use slipbound::grip::{ArmMotion, GripController, GripDecision, GripLimits, MarginSettings};
 use slipbound::hand::HandReport;
 use slipbound::port::GripperState;
 
@@ -22,9 +22,6 @@ pub struct Clairvoyant {
     last: Option<(u64, f64)>,
 }
 
-/// Rate of letting go, N per finger and second.
-const RELEASE_N_PER_S: f64 = 5.0;
-
 impl Clairvoyant {
     /// Looks into the simulation of this hand.
     pub fn new(hand: SimHand, limits: &GripLimits) -> Self {
@@ -39,7 +36,7 @@ impl GripController for Clairvoyant {
         let seconds = now_ns.saturating_sub(then_ns) as f64 * 1e-9;
         let growth_n_per_s = if seconds > 0.0 { (truth.required_n - then_n) / seconds } else { 0.0 };
         let wanted_n = OVER * (truth.required_n + AHEAD_S * growth_n_per_s.max(0.0));
-        self.force_n = wanted_n.max(self.force_n - RELEASE_N_PER_S * seconds);
+        self.force_n = wanted_n.max(self.force_n - MarginSettings::default().release_n_per_s * seconds);
         self.force_n = self.force_n.clamp(self.limits.least_n, self.limits.most_n);
         let behind = truth.required_n > truth.grip_force_n && self.force_n < self.limits.most_n;
         GripDecision { force_n: self.force_n, arm: if behind { ArmMotion::Pause } else { ArmMotion::Go } }

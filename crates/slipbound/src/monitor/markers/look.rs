@@ -15,8 +15,8 @@ use crate::sensor::Sensor;
 
 /// The look of a marker reaches so far from its middle: most of the way to the next dot.
 const REACH_PITCH: f64 = 0.35;
-/// Two starts this near lead to the same place.
-const SAME_PX: f64 = 0.12;
+/// Two starts this near, in pitches, lead to the same place.
+const SAME_PITCH: f64 = 0.12;
 /// A fit stays this near to where it started.
 const SEARCH_PITCH: f64 = 0.16;
 /// The place of a marker explains at least this share of what is seen there.
@@ -70,7 +70,7 @@ impl Looks {
             held |= self.window.holds(size, start.place);
             self.window.find(template, &imprint.grey, size, start, SEARCH_PITCH * self.pitch_px)
         };
-        let same = |a: Vec2, b: Vec2| (a - b).length() < SAME_PX * self.pitch_px;
+        let same = |a: Vec2, b: Vec2| (a - b).length() < SAME_PITCH * self.pitch_px;
         let agree = spot.zip(inferred).is_some_and(|(a, b)| same(a, b));
         let by_neighbours = fit(inferred.or(spot));
         let by_spot = if agree { None } else { fit(spot) };
