@@ -108,7 +108,7 @@ impl Detector {
             return fit.place;
         }
         let near = |place: Vec2| (place - fit.place).length() < FAR_PULL_PX;
-        let of_spot = spot.filter(|spot| near(spot.position)).and_then(|spot| self.refine(imprint, spot, rest));
+        let of_spot = spot.and_then(|spot| self.refine(imprint, spot, rest)).filter(|place| near(*place));
         let kernel = if rest.ragged { &self.wide } else { &self.sharp };
         let of_fit = || self.pulled(kernel, imprint, fit.place, rest.stiffness * fit.dot.clamp(0.4, 2.5));
         let pulled = of_spot.or_else(of_fit).filter(|place| near(*place));
