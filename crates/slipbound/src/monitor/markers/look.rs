@@ -73,7 +73,7 @@ impl Looks {
         let same = |a: Vec2, b: Vec2| (a - b).length() < SAME_PITCH * self.pitch_px;
         let agree = spot.zip(inferred).is_some_and(|(a, b)| same(a, b));
         let by_neighbours = fit(inferred.or(spot));
-        let by_spot = if agree { None } else { fit(spot) };
+        let by_spot = if agree && by_neighbours.is_some() { None } else { fit(spot) };
         let best = match (by_neighbours, by_spot) {
             (Some(n), Some(s)) => Some(if s.explained > n.explained + 0.1 { s } else { n }),
             (n, s) => n.or(s),
