@@ -18,6 +18,7 @@ mod truth;
 
 pub use crate::contact::GROSS_FRICTION_FRACTION;
 pub use gross::Gross;
+pub(crate) use gross::STICKS_HARDLY;
 pub(crate) use gross::Sliding;
 pub use physics::Physics;
 pub use truth::{FrameTruth, SlipTruth, TRUTH_FORMAT_VERSION, TimedEvent, TruthHeader, complete, runs, unpacked};
@@ -97,7 +98,7 @@ impl World {
         let rest_frames = trial.number("rest_frames") as u64;
         let moving_frames = (profile.path.seconds_s() * FRAME_RATE_HZ as f64 - 1e-9).ceil() as u64;
         let mut world = World {
-            gross: GrossWatch::new(profile.load_from_s),
+            gross: GrossWatch::new(profile.load_from_s, profile.pull != Pull::None),
             frames_count: rest_frames + moving_frames,
             codec: Codec::new(size, trial.number("jpeg_quality") as u8),
             rgb: vec![0; 3 * size.area()],
@@ -249,6 +250,7 @@ impl World {
         let time_s = self.clock_s(now_s);
         self.note_events(time_s);
         if self.gross.see(&self.finger, now_s, time_s, self.load) {
+            // On a bend it is known for sure two frames after it began.
             self.events.push(TimedEvent { event: Event::Gross, time_s });
         }
         Ok(())

@@ -61,6 +61,9 @@ impl Probe for () {
     fn after(&mut self, _: Step, _: &SlipMonitor) {}
 }
 
+/// A contact that stands still has to have so much less margin for a slip to begin: more than what the estimate errs by.
+const STANDING_MARGIN_FRACTION: f64 = 0.1;
+
 /// Judges the frames of one finger. All memory is made by [`SlipMonitor::new`].
 #[derive(Debug, Clone)]
 pub struct SlipMonitor {
@@ -88,13 +91,15 @@ pub struct SlipMonitor {
 }
 
 impl SlipMonitor {
-    /// A monitor for a finger whose rest frame is known. Fails when a setting or a fact of the sensor is invalid.
+    /// A monitor for a finger whose rest frame is known. Fails when a setting or a fact of the sensor is invalid, and when the rest
+    /// frame is not this finger's.
     pub fn new(sensor: &Sensor, settings: &Settings, rest: Rest) -> Result<Self, SettingError> {
         settings.check_for(sensor)?;
         let sensor = sensor.at_size(rest.size)?;
         sensor.check()?;
         let extra = imprint::Extra { flat: settings.markers.finder_needs_flat(), cells: false };
         let imprint = imprint::Imprint::new(&sensor, &settings.imprint, extra);
+        rest.check(&sensor, extra.flat)?;
         let markers = markers::Markers::new(&sensor, &settings.markers, &rest);
         Ok(SlipMonitor {
             contact: contact::Contact::new(&sensor, &settings.contact, &imprint, &rest),
@@ -196,8 +201,12 @@ impl SlipMonitor {
             self.rebase_from = Some(frame.seq);
         }
         let Some(margin) = self.estimator.estimates.margin else { return };
-        let small =
-            margin.value <= if self.alarmed { settings.clear_margin_fraction } else { settings.alarm_margin_fraction };
+        let begins_at = match self.estimator.stands() {
+            // Nothing moves on, so nothing slips on; what noise there is must not begin a slip.
+            true => settings.alarm_margin_fraction - STANDING_MARGIN_FRACTION,
+            false => settings.alarm_margin_fraction,
+        };
+        let small = margin.value <= if self.alarmed { settings.clear_margin_fraction } else { begins_at };
         self.small_margin_frames_count = if small { self.small_margin_frames_count + 1 } else { 0 };
         // The picture alone is a weaker witness: two frames must agree.
         let needed = if self.estimator.knows_grip() { 1 } else { 2 };

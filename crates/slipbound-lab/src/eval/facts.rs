@@ -1,12 +1,9 @@
 //! What the scores need to know of a frame.
 
 use crate::contact::{GROSS_FRICTION_FRACTION, Pose, Wrench};
-use crate::world::World;
+use crate::world::{STICKS_HARDLY, World};
 use slipbound::monitor::SlipKind;
 use slipbound::plane::Vec2;
-
-/// Stick ratio up to which hardly a cell sticks.
-const STICKS_HARDLY: f64 = 0.05;
 
 /// What is true of a frame, without the markers.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,7 +6,7 @@ use crate::eval::watch::Reading;
 use crate::objects::OBJECTS;
 use crate::random::Random;
 use crate::scenes::Trial;
-use crate::world::World;
+use crate::world::{Gross, World};
 use slipbound::monitor::{Features, RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::port::{FrameBuffer, FrameSource, Next};
 use slipbound::setting::SettingError;
@@ -39,7 +39,7 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
         8 => -1.0,
         _ => random.between(-0.6, 0.6),
     };
-    let ramp_s = random.between(0.4, 2.0);
+    let ramp_s = between_log(&mut random, 0.4, 4.0);
     let turn_deg = random.between(-15.0, 15.0) + if random.fraction() < 0.3 { 90.0 } else { 0.0 };
     let (x_mm, y_mm) = (random.between(-1.5, 1.5), random.between(-1.0, 1.0));
     let camera = if random.fraction() < 0.2 { "gelsight_mini" } else { "gelslim" };
@@ -67,10 +67,12 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
             )
         }
         _ if regrips => format!("ramp?{held}&{ramp}&hold_s=0.2"),
-        kind if kind < 0.68 => format!("ramp?{held}&{ramp}&hold_s=0.2"),
-        kind if kind < 0.76 => {
-            format!("ramp?{held}&{ramp}&peak_fraction={:.3}&hold_s=0.5", random.between(0.1, 0.7))
-        }
+        kind if kind < 0.60 => format!("ramp?{held}&{ramp}&hold_s=0.2"),
+        kind if kind < 0.76 => format!(
+            "ramp?{held}&{ramp}&peak_fraction={:.3}&hold_s={:.2}",
+            random.between(0.05, 0.9),
+            random.between(0.3, 1.2)
+        ),
         kind if kind < 0.80 => {
             let light = with(random.between(5.0, 20.0));
             format!("quiet_grip_steps?{light}&step_n={:.2}&most_n=60&hold_s=0.3", random.between(1.0, 12.0))
@@ -93,6 +95,20 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
         ),
     };
     Trial::parse(&text)
+}
+
+/// Gross slip of a ramp that stops before it, had the load grown on.
+fn gross_later(trial: &Trial) -> Option<Gross> {
+    if trial.scene().name != "ramp" {
+        return None;
+    }
+    let grown = |setting: &str| {
+        if setting.starts_with("peak_fraction=") { "peak_fraction=1.8".into() } else { setting.to_string() }
+    };
+    let text: Vec<String> = trial.to_string().split('&').map(grown).collect();
+    let mut world = World::new(&Trial::parse(&text.join("&")).ok()?).ok()?;
+    while world.gross().is_none() && world.advance().ok()?.is_some() {}
+    world.gross()
 }
 
 /// The rows of a trial; none for one whose object does not fit on the pad.
@@ -129,12 +145,12 @@ pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
         let unloaded = force_n / (trial.mu() * grip_n).max(1e-6);
         seen.push((*features, [unloaded, stick], load_n.unwrap_or(f64::NAN), truth.time_ns as f64 * 1e-9));
     }
-    let gross = world.gross();
+    let gross = world.gross().or_else(|| gross_later(&trial));
     let is_ramp = matches!(trial.scene().name, "ramp" | "regrip");
     let rows = seen.into_iter().filter_map(|(features, [unloaded, stick], load, time_s)| {
         let used = match gross {
             _ if load.is_nan() => unloaded,
-            Some(gross) if time_s >= gross.time_s => 1.0,
+            Some(gross) if world.gross().is_some() && time_s >= gross.time_s => 1.0,
             Some(gross) => load * gross_grip_n.unwrap_or(f64::NAN) / gross.load,
             // It never slid: what would have made it slide is not known.
             None => return None,

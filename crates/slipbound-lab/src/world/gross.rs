@@ -4,8 +4,10 @@ use crate::contact::{Finger, Pose};
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 
-/// The first substep of gross slip, as [`GROSS_FRICTION_FRACTION`](crate::contact::GROSS_FRICTION_FRACTION) defines it.
-/// Only substeps after the load has begun count: the first cells of a press may slip without anything sliding.
+/// The first substep of gross slip, as [`GROSS_FRICTION_FRACTION`](crate::contact::GROSS_FRICTION_FRACTION) defines it; on a bend,
+/// where friction lags behind the motion and never does all the work it could, the first of two frames in which hardly a cell
+/// sticks, or the one in which an object that is pulled runs off. Only substeps after the load has begun count: the first cells of a
+/// press may slip without anything sliding.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gross {
     /// When, on the clock of the frames, in s.
@@ -16,17 +18,41 @@ pub struct Gross {
     pub pose: Pose,
 }
 
+/// Stick ratio up to which hardly a cell sticks, and for how many substeps that is gross slip: two frames, in which a ramp of 2 s
+/// grows by more than what is missing to the work.
+pub(crate) const STICKS_HARDLY: f64 = 0.05;
+const STICKS_HARDLY_SUBSTEPS: u32 = 8;
+
+/// An object that is pulled runs off when its rim moves so far in so many substeps, a frame, mm: gel that is sheared within 0.4 s moves
+/// by less.
+const RUNS_OFF_MM: f64 = 1.5;
+const RUNS_OFF_SUBSTEPS: usize = 4;
+const RIM_MM: f64 = 5.0;
+
 /// Looks out for it.
 #[derive(Debug, Clone)]
 pub(super) struct GrossWatch {
     load_from_s: Option<f64>,
+    pulled: bool,
+    /// Where it was in the substeps of the last frame, the oldest first.
+    poses: [Pose; RUNS_OFF_SUBSTEPS],
+    /// Since when hardly a cell has stuck, and for how many substeps.
+    sticks_hardly: Option<(Gross, u32)>,
     found: Option<Gross>,
     friction_used: Option<f64>,
 }
 
 impl GrossWatch {
-    pub fn new(load_from_s: Option<f64>) -> Self {
-        GrossWatch { load_from_s, found: None, friction_used: None }
+    /// `pulled`: whether the object goes where its load takes it.
+    pub fn new(load_from_s: Option<f64>, pulled: bool) -> Self {
+        GrossWatch {
+            load_from_s,
+            pulled,
+            poses: Default::default(),
+            sticks_hardly: None,
+            found: None,
+            friction_used: None,
+        }
     }
 
     pub fn found(&self) -> Option<Gross> {
@@ -43,11 +69,21 @@ impl GrossWatch {
         let truth = finger.truth();
         let loaded = self.load_from_s.is_some_and(|from_s| path_s > from_s + 1e-9) && load > 0.0;
         self.friction_used = if loaded { truth.friction_used_fraction } else { None };
-        let first = loaded && self.found.is_none() && truth.slides_as_a_whole();
-        if first {
-            self.found = Some(Gross { time_s, load, pose: truth.pose });
+        let began = std::mem::replace(&mut self.poses[0], truth.pose);
+        self.poses.rotate_left(1);
+        if !loaded || self.found.is_some() {
+            return false;
         }
-        first
+        let shift_mm = (truth.pose.position_mm - began.position_mm).length();
+        let rim_mm = shift_mm + RIM_MM * (truth.pose.turn_rad - began.turn_rad).abs();
+        let runs_off = self.pulled && rim_mm >= RUNS_OFF_MM;
+        let now = Gross { time_s, load, pose: truth.pose };
+        let sticks_hardly = truth.stick_ratio.is_some_and(|stick_ratio| stick_ratio <= STICKS_HARDLY);
+        self.sticks_hardly =
+            sticks_hardly.then(|| self.sticks_hardly.map_or((now, 1), |(since, count)| (since, count + 1)));
+        let since = self.sticks_hardly.filter(|(_, count)| *count >= STICKS_HARDLY_SUBSTEPS).map(|(since, _)| since);
+        self.found = if truth.slides_as_a_whole() || runs_off { Some(now) } else { since };
+        self.found.is_some()
     }
 }
 

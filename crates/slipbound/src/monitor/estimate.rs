@@ -21,6 +21,7 @@ mod reference;
 mod trees;
 mod window;
 
+use features::MOVING;
 pub use features::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
 
 use crate::monitor::report::{Estimate, Estimates, Marker};
@@ -31,7 +32,7 @@ use field::{Given, Point};
 use load::Load;
 use reference::Reference;
 use trees::Trees;
-use window::{Sample, Window};
+use window::{Sample, Stretches, Window};
 
 /// Fewest markers in contact for an estimate.
 const LEAST_POINTS: usize = 4;
@@ -50,6 +51,9 @@ const LOADED_FRACTION: f64 = 0.2;
 /// later, at 0.25 / mu of the load that is usual.
 const LEAST_FRICTION: f64 = 0.25;
 
+/// A contact whose motion has changed by less than this share stands still: at a load that takes 4 s to make it slide it has not at half of it.
+const STANDS_FRACTION: f64 = 0.05;
+
 /// Step 5, with its memory of the contact.
 #[derive(Debug, Clone)]
 pub(super) struct Estimator {
@@ -62,6 +66,7 @@ pub(super) struct Estimator {
     trees: &'static Trees,
     reference: Reference,
     window: Window,
+    stretches: Stretches,
     points: Vec<Point>,
     scratch: Vec<f64>,
     motion: Option<RigidMotion>,
@@ -114,6 +119,7 @@ impl Estimator {
             trees: trees::shipped(),
             reference: Reference::new(markers.len()),
             window: Window::new(),
+            stretches: Stretches::default(),
             points: Vec::with_capacity(markers.len()),
             scratch: vec![0.0; markers.len()],
             motion: None,
@@ -140,10 +146,16 @@ impl Estimator {
         self.stiffness_n_per_px3.is_some() && self.grip_n.is_some_and(|n| n > 0.0)
     }
 
+    /// Whether the contact hardly moved on in the last 0.18 s.
+    pub fn stands(&self) -> bool {
+        self.features.is_some_and(|features| features[MOVING].abs() < STANDS_FRACTION)
+    }
+
     /// Nothing touches.
     pub fn clear(&mut self) {
         self.reference.clear();
         self.window.clear();
+        self.stretches.clear();
         self.motion = None;
         self.stiffest_px2 = 0.0;
         (self.grip_n, self.time_s, self.last_ns) = (None, 0.0, None);
@@ -163,7 +175,6 @@ impl Estimator {
             at_s: self.time_s,
             grip_n: grip.map(|g| g.force_n).filter(|n| n.is_finite()),
             area_px2,
-            load_px3: 0.0,
             rigid_px: self.window.newest().map_or(0.0, |s| s.rigid_px),
         });
         let stiffness_over_grip =
@@ -221,13 +232,14 @@ impl Estimator {
             before: self.window.oldest().copied(),
             stiffest_px2: self.stiffest_px2,
         };
-        let learned = field::features(&mut self.points, &motion, &given, &mut self.scratch);
+        let learned = field::features(&mut self.points, &motion, &given, &mut self.stretches, &mut self.scratch);
         self.stiffest_px2 = self.stiffest_px2.max(learned.secant_px2.unwrap_or(0.0));
         if let Some(sample) = self.window.newest_mut() {
-            (sample.load_px3, sample.rigid_px) = (learned.load_px3, learned.rigid_px);
+            sample.rigid_px = learned.rigid_px;
         }
         if self.reference.regripped(self.grip_n) {
             self.friction.remember();
+            self.stretches.restart(learned.load_px3, learned.rigid_px);
             for point in &self.points {
                 self.reference.count_anew(point.id, point.residual());
             }

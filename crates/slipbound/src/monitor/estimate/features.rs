@@ -1,10 +1,10 @@
 //! What the estimates rest on: dimensionless numbers of a contact's displacement field.
 
 /// How many there are.
-pub const FEATURES_COUNT: usize = 23;
+pub const FEATURES_COUNT: usize = 24;
 
 /// How many of them, the first ones, need neither grip force nor stiffness.
-pub const GEOMETRIC_COUNT: usize = 19;
+pub const GEOMETRIC_COUNT: usize = 20;
 
 /// Their names, in their order. With d the displacement of a marker in contact under load, r that of the rigid motion of
 /// those that stick, s = |d - r|, p the pitch, P the grip force, k the shear stiffness (N/mm3), A the contact area:
@@ -16,7 +16,7 @@ pub const GEOMETRIC_COUNT: usize = 19;
 /// | `over_fraction` | share of markers with s > 0.1 abs(r) + 0.03 p |
 /// | `secant` | load doing work on the rigid motion, over that of a wide patch that sticks: (F.t + T w) / (k (A + 1.92 mm perimeter) D^2), D the RMS of r |
 /// | `work_lost` | 1 - sum d.r / sum r^2 |
-/// | `tangent` | the same as `secant` for what was added in the last 0.18 s |
+/// | `tangent` | load added over motion added in the last fifth or two of the motion, over that of a wide patch that sticks |
 /// | `softening` | 1 - secant stiffness / largest so far |
 /// | `q25` `q50` `q75` `q90` | quantiles of s / (abs(r) + 0.013 p) |
 /// | `noise` | 0.013 p / (D + 0.013 p) |
@@ -26,6 +26,7 @@ pub const GEOMETRIC_COUNT: usize = 19;
 /// | `turning` | share of the rotation in the motion at mean radius |
 /// | `narrow` `wide` | standard deviations of the places of the markers along their main axes, in p |
 /// | `over_twentieth` | share of markers with s > 0.05 p |
+/// | `moving` | change of D in the last 0.18 s / (D + 0.013 p) |
 /// | `load` | abs(F, T / mean radius) / (0.6 P), F and T from all markers |
 /// | `mean_shear` | abs(mean d) k A / (0.6 P) |
 /// | `residual_shear` | RMS s k A / (0.6 P) |
@@ -50,6 +51,7 @@ pub const FEATURE_NAMES: [&str; FEATURES_COUNT] = [
     "narrow",
     "wide",
     "over_twentieth",
+    "moving",
     "load",
     "mean_shear",
     "residual_shear",
@@ -58,6 +60,9 @@ pub const FEATURE_NAMES: [&str; FEATURES_COUNT] = [
 
 /// Friction coefficient by which load is made dimensionless; a scale, no guess.
 pub(super) const SCALE_MU: f64 = 0.6;
+
+/// Place of `moving` among them.
+pub(super) const MOVING: usize = 19;
 
 /// Values of the features of a frame.
 pub type Features = [f64; FEATURES_COUNT];

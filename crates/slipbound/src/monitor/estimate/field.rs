@@ -1,7 +1,7 @@
 //! The displacement field of a contact: who is in it, the rigid motion of those that stick, and the features.
 
 use super::features::{Features, SCALE_MU};
-use super::window::Sample;
+use super::window::{Sample, Stretches};
 use crate::plane::{RigidMotion, Vec2};
 
 /// A marker in contact.
@@ -77,6 +77,9 @@ pub(super) struct Given {
     pub stiffest_px2: f64,
 }
 
+/// Moves of the rigid motion below this many noise floors tell nothing of the stiffness.
+const LEAST_MOVE_FLOORS: f64 = 2.0;
+
 /// What is learned besides.
 pub(super) struct Learned {
     pub features: Features,
@@ -95,7 +98,13 @@ const FLOOR_PITCH: f64 = 0.02 / 1.5;
 
 /// The features of a frame. `points` come with their rigid displacement and radius; they are sorted by radius here.
 /// `scratch` holds as many numbers.
-pub(super) fn features(points: &mut [Point], motion: &RigidMotion, given: &Given, scratch: &mut [f64]) -> Learned {
+pub(super) fn features(
+    points: &mut [Point],
+    motion: &RigidMotion,
+    given: &Given,
+    stretches: &mut Stretches,
+    scratch: &mut [f64],
+) -> Learned {
     let (n, p) = (points.len() as f64, given.pitch_px);
     let floor = FLOOR_PITCH * p;
     points.sort_unstable_by(|a, b| a.radius.total_cmp(&b.radius));
@@ -121,8 +130,8 @@ pub(super) fn features(points: &mut [Point], motion: &RigidMotion, given: &Given
     let moves = rigid_px > 0.02 * p;
     let secant_px2 = moves.then(|| work / (rigid_px * rigid_px));
     let stiffest_px2 = given.stiffest_px2.max(secant_px2.unwrap_or(0.0));
-    let (added_load, added_rigid) = given.before.map_or((0.0, 0.0), |s| (load_px3 - s.load_px3, rigid_px - s.rigid_px));
-    let added_rigid = if added_rigid.abs() < floor { floor.copysign(added_rigid) } else { added_rigid };
+    let added_rigid = given.before.map_or(0.0, |s| rigid_px - s.rigid_px);
+    let tangent_px2 = stretches.see(load_px3, rigid_px, LEAST_MOVE_FLOORS * floor);
 
     let (mut narrow, mut wide) = spread(points);
     (narrow, wide) = (narrow / p, wide / p);
@@ -167,7 +176,7 @@ pub(super) fn features(points: &mut [Point], motion: &RigidMotion, given: &Given
             over_fraction,
             secant_px2.unwrap_or(0.0) / patch_px2,
             1.0 - along / rigid_squared.max(1e-6),
-            added_load / (added_rigid * patch_px2),
+            tangent_px2.or(secant_px2).unwrap_or(0.0) / patch_px2,
             secant_px2.map_or(0.0, |now| if stiffest_px2 > 0.0 { 1.0 - now / stiffest_px2 } else { 0.0 }),
             q25,
             q50,
@@ -181,6 +190,7 @@ pub(super) fn features(points: &mut [Point], motion: &RigidMotion, given: &Given
             narrow,
             wide,
             over_twentieth,
+            added_rigid / (rigid_px + floor),
             per_grip * load_px3,
             area * mean_moved.length(),
             area * slip_rms,

@@ -1,7 +1,7 @@
 //! The parts of step 5 on fields made by hand; against simulated physics: `slipbound-lab/tests/estimates.rs`.
 
 use super::field::{Given, Point, features, fit};
-use super::window::{Sample, Window};
+use super::window::{Sample, Stretches, Window};
 use super::*;
 use crate::sensor::Shear;
 use crate::sensor::tests::smooth;
@@ -216,8 +216,63 @@ fn a_patch_at_the_border_is_called_cut() {
         stiffest_px2: 0.0,
     };
     let still = RigidMotion { reference: Vec2::ZERO, translation: Vec2::ZERO, rotation_rad: 0.0 };
-    let learned = features(&mut points, &still, &given, &mut [0.0; 10]);
+    let learned = features(&mut points, &still, &given, &mut Stretches::default(), &mut [0.0; 10]);
     let cut = FEATURE_NAMES.iter().position(|name| *name == "cut").expect("named");
     assert!((learned.features[cut] - 0.3).abs() < 1e-12, "{:?}", learned.features);
     assert!(learned.features.iter().all(|value| value.is_finite()));
+}
+
+#[test]
+fn the_tangent_is_that_of_the_last_stretch_and_stays_while_nothing_moves() {
+    let mut stretches = Stretches::default();
+    assert_eq!(stretches.see(100.0, 0.3, 0.5), None, "less than noise");
+    let mut tangent = 0.0;
+    for step in 1..=40 {
+        let rigid_px = f64::from(step);
+        // 100 px2 up to 20 px, 20 px2 from there on.
+        let load_px3 = 100.0 * rigid_px.min(20.0) + 20.0 * (rigid_px - 20.0).max(0.0);
+        tangent = stretches.see(load_px3, rigid_px, 0.5).expect("it moves");
+        if step <= 20 {
+            assert!((tangent - 100.0).abs() < 1e-9, "{step}: {tangent}");
+        }
+    }
+    assert!((tangent - 20.0).abs() < 1e-9, "what was before the last fifths is forgotten: {tangent}");
+    for frame in 0..100 {
+        let jitter_px = 0.1 * f64::from(frame % 3 - 1);
+        let held = stretches.see(2400.0 + 10.0 * jitter_px, 40.0 + jitter_px, 0.5).expect("it has moved");
+        assert!((held - tangent).abs() < 2.0, "frame {frame}: {held}");
+    }
+    stretches.restart(2000.0, 30.0);
+    assert_eq!(
+        stretches.see(2010.0, 30.1, 0.5).map(|t| (t - tangent).abs() < 2.0),
+        Some(true),
+        "a new grip tells nothing"
+    );
+    let stiff = stretches.see(2100.0, 31.0, 0.5).expect("moved on");
+    assert!((stiff - 100.0).abs() < 1e-9, "counts from the new grip: {stiff}");
+}
+
+#[test]
+fn motion_is_told_from_standing() {
+    let moving = MOVING;
+    assert_eq!(FEATURE_NAMES[moving], "moving");
+    let tangent = FEATURE_NAMES.iter().position(|name| *name == "tangent").expect("named");
+    let (sensor, mut markers) = finger(1.0);
+    let middle = Vec2::new(180.0, 135.0);
+    let mut estimator = Estimator::new(&sensor, &markers, false);
+    let mut seen = [[0.0; FEATURES_COUNT]; 60];
+    for frame in 0..60u64 {
+        // Settles, is pulled from frame 20 to 40, stands.
+        let pulled_px = (frame.clamp(20, 40) - 20) as f64 * 0.6;
+        for m in &mut markers {
+            m.in_contact = (m.rest - middle).length() < 90.0;
+            m.now = m.rest + Vec2::new(if m.in_contact { pulled_px } else { 0.0 }, 0.0);
+        }
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 10.0 }), AREA_PX2, &markers);
+        seen[frame as usize] = estimator.features.unwrap_or([0.0; FEATURES_COUNT]);
+    }
+    assert!(seen[38][moving] > 0.2 && seen[55][moving].abs() < 1e-9, "{} {}", seen[38][moving], seen[55][moving]);
+    assert!(estimator.stands());
+    let (pulled, stood) = (seen[40][tangent], seen[55][tangent]);
+    assert!(pulled > 0.1 && (stood / pulled - 1.0).abs() < 0.05, "{pulled}, then {stood}");
 }

@@ -1,4 +1,4 @@
-//! The last fifth of a second of a contact.
+//! The last fifth of a second of a contact, and the last stretch of its motion.
 
 /// Most frames remembered: 0.2 s at 240 frames/s.
 const MOST_COUNT: usize = 48;
@@ -15,10 +15,51 @@ pub(super) struct Sample {
     pub grip_n: Option<f64>,
     /// Area of the contact region.
     pub area_px2: f64,
-    /// Shear load as a length: see [`Load`](super::load::Load).
-    pub load_px3: f64,
     /// Root mean square of the rigid displacement.
     pub rigid_px: f64,
+}
+
+/// Load and motion when the contact had last moved by a stretch: a fifth of its motion so far, or three times the noise.
+///
+/// ```text
+///   load ^            _.-o  now           tangent stiffness: load gained over motion gained since the stretch before;
+///        |        _.-o                    it stays what it was while nothing moves
+///        |     .o'   newest
+///        |  .o'  before
+///        +--------------------> rigid motion
+/// ```
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Stretches {
+    newest: (f64, f64),
+    before: (f64, f64),
+    tangent_px2: Option<f64>,
+}
+
+/// Share of the motion so far that makes a stretch.
+const STRETCH_FRACTION: f64 = 0.2;
+
+impl Stretches {
+    pub fn clear(&mut self) {
+        *self = Stretches::default();
+    }
+
+    /// Takes a frame: load in px3, rigid motion in px. Moves of less than `least_px` are noise. The tangent stiffness in
+    /// px2; None until the contact has moved.
+    pub fn see(&mut self, load_px3: f64, rigid_px: f64, least_px: f64) -> Option<f64> {
+        let moved_px = rigid_px - self.before.1;
+        if moved_px.abs() >= least_px {
+            self.tangent_px2 = Some((load_px3 - self.before.0) / moved_px);
+        }
+        if (rigid_px - self.newest.1).abs() >= least_px.max(STRETCH_FRACTION * rigid_px) {
+            (self.before, self.newest) = (self.newest, (load_px3, rigid_px));
+        }
+        self.tangent_px2
+    }
+
+    /// The grip has changed: load and motion count from here, the tangent stays.
+    pub fn restart(&mut self, load_px3: f64, rigid_px: f64) {
+        (self.newest, self.before) = ((load_px3, rigid_px), (load_px3, rigid_px));
+    }
 }
 
 /// The last frames of a contact, newest last.

@@ -9,9 +9,12 @@ use crate::pixels::dots::{DotFinder, Spot};
 use crate::pixels::template::Fit;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
+use crate::setting::{SettingError, within};
+use serde::{Deserialize, Serialize};
 
 /// A marker as the rest frame shows it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct RestMarker {
     /// Sub-pixel position.
     pub(crate) position: Vec2,
@@ -23,6 +26,16 @@ pub(crate) struct RestMarker {
     stiffness: f64,
     /// From the coarse spot to the position: what to add when its edge is not used.
     offset: Vec2,
+}
+
+impl RestMarker {
+    /// Whether its numbers can be, those of its position aside.
+    pub(crate) fn check(&self, key: &str) -> Result<(), SettingError> {
+        within(&format!("{key}.response_levels"), f64::from(self.response_levels), -255.0, 255.0)?;
+        within(&format!("{key}.stiffness"), self.stiffness, -1e12, 1e12)?;
+        within(&format!("{key}.offset.x"), self.offset.x, -1e4, 1e4)?;
+        within(&format!("{key}.offset.y"), self.offset.y, -1e4, 1e4)
+    }
 }
 
 /// An edge that pulls further than this from where the look of a marker was found is not the marker's, px.
