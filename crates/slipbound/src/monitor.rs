@@ -61,9 +61,6 @@ impl Probe for () {
     fn after(&mut self, _: Step, _: &SlipMonitor) {}
 }
 
-/// A contact that stands still has to have so much less margin for a slip to begin: more than what the estimate errs by.
-const STANDING_MARGIN_FRACTION: f64 = 0.1;
-
 /// Judges the frames of one finger. All memory is made by [`SlipMonitor::new`].
 #[derive(Debug, Clone)]
 pub struct SlipMonitor {
@@ -201,12 +198,8 @@ impl SlipMonitor {
             self.rebase_from = Some(frame.seq);
         }
         let Some(margin) = self.estimator.estimates.margin else { return };
-        let begins_at = match self.estimator.stands() {
-            // Nothing moves on, so nothing slips on; what noise there is must not begin a slip.
-            true => settings.alarm_margin_fraction - STANDING_MARGIN_FRACTION,
-            false => settings.alarm_margin_fraction,
-        };
-        let small = margin.value <= if self.alarmed { settings.clear_margin_fraction } else { begins_at };
+        let small =
+            margin.value <= if self.alarmed { settings.clear_margin_fraction } else { settings.alarm_margin_fraction };
         self.small_margin_frames_count = if small { self.small_margin_frames_count + 1 } else { 0 };
         // The picture alone is a weaker witness: two frames must agree.
         let needed = if self.estimator.knows_grip() { 1 } else { 2 };

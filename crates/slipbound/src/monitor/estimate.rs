@@ -16,19 +16,20 @@
 
 mod features;
 mod field;
+mod last_motion;
 mod load;
 mod reference;
 mod trees;
 mod window;
 
-use features::MOVING;
 pub use features::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
 
 use crate::monitor::report::{Estimate, Estimates, Marker};
 use crate::plane::{RigidMotion, Vec2};
 use crate::port::GripSample;
 use crate::sensor::Sensor;
-use field::{Given, Point};
+use field::{Given, Learned, Point};
+use last_motion::LastMotion;
 use load::Load;
 use reference::Reference;
 use trees::Trees;
@@ -51,9 +52,6 @@ const LOADED_FRACTION: f64 = 0.2;
 /// later, at 0.25 / mu of the load that is usual.
 const LEAST_FRICTION: f64 = 0.25;
 
-/// A contact whose motion has changed by less than this share stands still: at a load that takes 4 s to make it slide it has not at half of it.
-const STANDS_FRACTION: f64 = 0.05;
-
 /// Step 5, with its memory of the contact.
 #[derive(Debug, Clone)]
 pub(super) struct Estimator {
@@ -67,6 +65,7 @@ pub(super) struct Estimator {
     reference: Reference,
     window: Window,
     stretches: Stretches,
+    last_motion: LastMotion,
     points: Vec<Point>,
     scratch: Vec<f64>,
     motion: Option<RigidMotion>,
@@ -120,6 +119,7 @@ impl Estimator {
             reference: Reference::new(markers.len()),
             window: Window::new(),
             stretches: Stretches::default(),
+            last_motion: LastMotion::default(),
             points: Vec::with_capacity(markers.len()),
             scratch: vec![0.0; markers.len()],
             motion: None,
@@ -146,16 +146,12 @@ impl Estimator {
         self.stiffness_n_per_px3.is_some() && self.grip_n.is_some_and(|n| n > 0.0)
     }
 
-    /// Whether the contact hardly moved on in the last 0.18 s.
-    pub fn stands(&self) -> bool {
-        self.features.is_some_and(|features| features[MOVING].abs() < STANDS_FRACTION)
-    }
-
     /// Nothing touches.
     pub fn clear(&mut self) {
         self.reference.clear();
         self.window.clear();
         self.stretches.clear();
+        self.last_motion.clear();
         self.motion = None;
         self.stiffest_px2 = 0.0;
         (self.grip_n, self.time_s, self.last_ns) = (None, 0.0, None);
@@ -240,13 +236,14 @@ impl Estimator {
         if self.reference.regripped(self.grip_n) {
             self.friction.remember();
             self.stretches.restart(learned.load_px3, learned.rigid_px);
+            self.last_motion.regripped();
             for point in &self.points {
                 self.reference.count_anew(point.id, point.residual());
             }
         }
         self.features = Some(learned.features);
         self.load_px3 = (force_px3, learned.arm_px.recip() * moment_px4);
-        self.estimate(&learned.features, force_px3, moment_px4, learned.load_px3);
+        self.estimate(&learned, force_px3, moment_px4);
     }
 
     /// Time since the last frame.
@@ -271,8 +268,12 @@ impl Estimator {
         self.grip_n = Some(before + share * (force_n - before));
     }
 
-    fn estimate(&mut self, features: &Features, force_px3: Vec2, moment_px4: f64, load_px3: f64) {
+    fn estimate(&mut self, learned: &Learned, force_px3: Vec2, moment_px4: f64) {
+        let features = &learned.features;
+        let load_px3 = learned.load_px3;
         let said = if self.knows_grip() { self.trees.with_grip(features) } else { self.trees.alone(features) };
+        let load = if self.knows_grip() { load_px3 / self.grip_n.unwrap_or(1.0) } else { load_px3 };
+        let said = self.last_motion.see(said, load, learned.rigid_px, field::FLOOR_PITCH * self.pitch_px);
         let mut used = Estimate { value: said.used.clamp(0.0, 1.2), sd: said.used_sd, age_frames: 0 };
         let stick = Estimate { value: said.stick.clamp(0.0, 1.0), sd: said.stick_sd, age_frames: 0 };
         if let (Some(k), Some(grip_n)) = (self.stiffness_n_per_px3, self.grip_n.filter(|n| *n > 0.0)) {

@@ -61,8 +61,5 @@ pub const FEATURE_NAMES: [&str; FEATURES_COUNT] = [
 /// Friction coefficient by which load is made dimensionless; a scale, no guess.
 pub(super) const SCALE_MU: f64 = 0.6;
 
-/// Place of `moving` among them.
-pub(super) const MOVING: usize = 19;
-
 /// Values of the features of a frame.
 pub type Features = [f64; FEATURES_COUNT];

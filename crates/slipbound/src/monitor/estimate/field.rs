@@ -94,7 +94,7 @@ pub(super) struct Learned {
 }
 
 /// Displacements smaller than this, in pitches, are lost in noise: 0.02 mm at a pitch of 1.5 mm.
-const FLOOR_PITCH: f64 = 0.02 / 1.5;
+pub(super) const FLOOR_PITCH: f64 = 0.02 / 1.5;
 
 /// The features of a frame. `points` come with their rigid displacement and radius; they are sorted by radius here.
 /// `scratch` holds as many numbers.

@@ -254,8 +254,7 @@ fn the_tangent_is_that_of_the_last_stretch_and_stays_while_nothing_moves() {
 
 #[test]
 fn motion_is_told_from_standing() {
-    let moving = MOVING;
-    assert_eq!(FEATURE_NAMES[moving], "moving");
+    let moving = FEATURE_NAMES.iter().position(|name| *name == "moving").expect("named");
     let tangent = FEATURE_NAMES.iter().position(|name| *name == "tangent").expect("named");
     let (sensor, mut markers) = finger(1.0);
     let middle = Vec2::new(180.0, 135.0);
@@ -272,7 +271,6 @@ fn motion_is_told_from_standing() {
         seen[frame as usize] = estimator.features.unwrap_or([0.0; FEATURES_COUNT]);
     }
     assert!(seen[38][moving] > 0.2 && seen[55][moving].abs() < 1e-9, "{} {}", seen[38][moving], seen[55][moving]);
-    assert!(estimator.stands());
     let (pulled, stood) = (seen[40][tangent], seen[55][tangent]);
     assert!(pulled > 0.1 && (stood / pulled - 1.0).abs() < 0.05, "{pulled}, then {stood}");
 }

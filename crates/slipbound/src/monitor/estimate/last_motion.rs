@@ -1,0 +1,109 @@
+//! A contact that stands still shows markers that stand still, whether its load is held or it slides on over the gel. What it used and what
+//! stuck when it last moved is known better, and goes on with the load.
+//!
+//! ```text
+//!   motion or load has changed by a twentieth, in whatever time:  used, stick <- trees
+//!   else it stands:                                                used = used then x load now / load then,  stick as then
+//! ```
+
+use super::trees::Said;
+
+/// Share of motion or load by which it must change to count as moving on.
+const MOVED_FRACTION: f64 = 0.05;
+
+/// Weight of a frame in which it moves on, against those before; one that changes motion or load by more than the second share stands
+/// for itself.
+const NEWEST_WEIGHT: f64 = 0.6;
+const ALONE_FRACTION: f64 = 0.25;
+
+/// What the trees said of the last motion.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct LastMotion {
+    then: Option<Then>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Then {
+    said: Said,
+    load: f64,
+    rigid_px: f64,
+}
+
+impl LastMotion {
+    pub fn clear(&mut self) {
+        *self = LastMotion::default();
+    }
+
+    /// The grip has changed: another motion begins.
+    pub fn regripped(&mut self) {
+        self.then = None;
+    }
+
+    /// What is known with this frame. `load`: over the grip force where that is known, in any unit; `floor_px`: motion that is noise.
+    pub fn see(&mut self, said: Said, load: f64, rigid_px: f64, floor_px: f64) -> Said {
+        let Some(then) = self.then else {
+            self.then = Some(Then { said, load, rigid_px });
+            return said;
+        };
+        // What the load alone would make of it; with hardly a load there is nothing to go by.
+        let grown = if then.load > 0.0 { load / then.load } else { 1.0 };
+        let carried = Said { used: then.said.used * grown, ..then.said };
+        let (moved_px, grown) = ((rigid_px - then.rigid_px).abs(), (load - then.load).abs());
+        let changed = |share: f64| moved_px >= share * rigid_px + floor_px || grown >= share * load.max(then.load);
+        if !changed(MOVED_FRACTION) {
+            return carried;
+        }
+        let weight = if changed(ALONE_FRACTION) { 1.0 } else { NEWEST_WEIGHT };
+        let said = Said { used: weight * said.used + (1.0 - weight) * carried.used, ..said };
+        self.then = Some(Then { said, load, rigid_px });
+        said
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn said(used: f64, stick: f64) -> Said {
+        Said { used, used_sd: 0.1, stick, stick_sd: 0.1 }
+    }
+
+    #[test]
+    fn what_stands_is_known_from_when_it_moved_and_goes_on_with_the_load() {
+        let mut last = LastMotion::default();
+        for step in 1..=10 {
+            let x = f64::from(step);
+            last.see(said(0.09 * x, 1.0 - 0.09 * x), x, x, 0.1);
+        }
+        // It slides on: nothing moves, and the trees take it for a load that is held.
+        for _ in 0..50 {
+            let now = last.see(said(0.5, 0.6), 10.0, 10.0, 0.1);
+            assert!(now.used > 0.83 && now.stick < 0.2, "{now:?}");
+        }
+        let lighter = last.see(said(0.5, 0.6), 9.6, 9.9, 0.1);
+        assert!((lighter.used - 0.96 * 0.87).abs() < 0.05, "a little less load: {lighter:?}");
+        // It moves on.
+        let moved = last.see(said(0.3, 0.8), 5.0, 6.0, 0.1);
+        assert!(moved.used < 0.4 && moved.stick > 0.4, "{moved:?}");
+        let stiff = last.see(said(0.9, 0.1), 9.0, 6.0, 0.1);
+        assert!(stiff.used > 0.6, "a load that moves nothing counts: {stiff:?}");
+        last.regripped();
+        assert!((last.see(said(0.2, 0.9), 5.0, 6.0, 0.1).used - 0.2).abs() < 1e-12, "nothing is left of before");
+    }
+
+    #[test]
+    fn a_slow_load_is_followed_like_a_fast_one() {
+        let ends = [10, 1000].map(|steps| {
+            let mut last = LastMotion::default();
+            let mut now = said(0.0, 1.0);
+            for step in 1..=steps {
+                let x = f64::from(step) / f64::from(steps);
+                // Friction is taken for twice what it is until half of it is used.
+                let used = if x < 0.5 { 0.5 * x } else { x };
+                now = last.see(said(used, 1.0 - x), x, 10.0 * x, 0.1);
+            }
+            now.used
+        });
+        assert!((ends[0] - ends[1]).abs() < 0.05 && ends[1] > 0.93, "{ends:?}");
+    }
+}
