@@ -9,7 +9,7 @@
 //! that time is its middle. Frames before the object touches show the finger at rest. A frame is encoded as JPEG
 //! and decoded again, so a live run sees what a recording of it would show.
 //!
-//! Gross slip, and with it the load fraction f, is defined by [`GROSS_FRICTION_FRACTION`].
+//! Gross slip, and with it the load fraction f, is defined by [`Gross`], mostly by [`GROSS_FRICTION_FRACTION`].
 
 mod gross;
 mod load;

@@ -19,7 +19,7 @@ pub(super) struct Sample {
     pub rigid_px: f64,
 }
 
-/// Load and motion when the contact had last moved by a stretch: a fifth of its motion so far, or three times the noise.
+/// Load and motion when the contact had last moved by a stretch: a fifth of its motion so far, at least what is no noise.
 ///
 /// ```text
 ///   load ^            _.-o  now           tangent stiffness: load gained over motion gained since the stretch before;
@@ -30,9 +30,16 @@ pub(super) struct Sample {
 /// ```
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Stretches {
-    newest: (f64, f64),
-    before: (f64, f64),
+    newest: Stretch,
+    before: Stretch,
     tangent_px2: Option<f64>,
+}
+
+/// Where a stretch began.
+#[derive(Debug, Clone, Copy, Default)]
+struct Stretch {
+    load_px3: f64,
+    rigid_px: f64,
 }
 
 /// Share of the motion so far that makes a stretch.
@@ -46,19 +53,20 @@ impl Stretches {
     /// Takes a frame: load in px3, rigid motion in px. Moves of less than `least_px` are noise. The tangent stiffness in
     /// px2; None until the contact has moved.
     pub fn see(&mut self, load_px3: f64, rigid_px: f64, least_px: f64) -> Option<f64> {
-        let moved_px = rigid_px - self.before.1;
+        let moved_px = rigid_px - self.before.rigid_px;
         if moved_px.abs() >= least_px {
-            self.tangent_px2 = Some((load_px3 - self.before.0) / moved_px);
+            self.tangent_px2 = Some((load_px3 - self.before.load_px3) / moved_px);
         }
-        if (rigid_px - self.newest.1).abs() >= least_px.max(STRETCH_FRACTION * rigid_px) {
-            (self.before, self.newest) = (self.newest, (load_px3, rigid_px));
+        if (rigid_px - self.newest.rigid_px).abs() >= least_px.max(STRETCH_FRACTION * rigid_px) {
+            (self.before, self.newest) = (self.newest, Stretch { load_px3, rigid_px });
         }
         self.tangent_px2
     }
 
     /// The grip has changed: load and motion count from here, the tangent stays.
     pub fn restart(&mut self, load_px3: f64, rigid_px: f64) {
-        (self.newest, self.before) = ((load_px3, rigid_px), (load_px3, rigid_px));
+        let now = Stretch { load_px3, rigid_px };
+        (self.newest, self.before) = (now, now);
     }
 }
 
