@@ -1,15 +1,19 @@
-//! Makes `crates/slipbound/src/monitor/estimate/trees.txt`, the table behind stick ratio and margin, from the training split.
+//! Makes the tables of boosted trees that the monitor ships, from the training split.
 //!
-//! `cargo run --release -p slipbound-lab --example fit_estimates -- ROWS.jsonl [--trials N] [--table FILE]`: simulates the
-//! first N trials (default 600) unless the file of rows is there already, fits, writes the table, and prints how well the
-//! trees do on objects they were not fitted to. All cores; the result does not depend on their number.
+//! `cargo run --release -p slipbound-lab --example fit_estimates -- ROWS.jsonl [--trials N] [--table FILE]`:
+//! `crates/slipbound/src/monitor/estimate/trees.txt`, behind stick ratio and margin. Simulates the first N trials (default 600) unless the
+//! file of rows is there already, fits, writes the table, and prints how well the trees do on objects they were not fitted to.
+//! `... -- --gross ROWS.jsonl ...`: `crates/slipbound/src/monitor/gross/trees.txt`, behind the verdict on gross slip, the same way; the rows without
+//! grip force are in ROWS.jsonl.alone. All cores; the result does not depend on their number.
 
-use slipbound_lab::fit::{Row, read_rows, rows_of, table, write_rows};
+use slipbound::monitor::{FEATURES_COUNT, SLIDE_FEATURES_COUNT};
+use slipbound_lab::eval::EvalError;
+use slipbound_lab::fit::{Row, gross_rows_of, gross_table, read_rows, rows_of, table, write_rows};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-fn simulate(trials_count: u64) -> Vec<Row> {
+fn simulate<T: Send>(trials_count: u64, of: impl Fn(u64) -> Result<T, EvalError> + Sync) -> Vec<T> {
     let (next, found) = (AtomicU64::new(0), Mutex::new(Vec::new()));
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     std::thread::scope(|scope| {
@@ -20,8 +24,8 @@ fn simulate(trials_count: u64) -> Vec<Row> {
                     if number >= trials_count {
                         break;
                     }
-                    match rows_of(number) {
-                        Ok(rows) => found.lock().expect("no panic").extend(rows),
+                    match of(number) {
+                        Ok(rows) => found.lock().expect("no panic").push((number, rows)),
                         Err(error) => eprintln!("trial {number}: {error}"),
                     }
                     eprint!("\r{} of {trials_count}", number + 1);
@@ -29,10 +33,9 @@ fn simulate(trials_count: u64) -> Vec<Row> {
             });
         }
     });
-    let mut rows = found.into_inner().expect("no panic");
-    // Within a trial the order is that of time.
-    rows.sort_by_key(|row: &Row| row.trial);
-    rows
+    let mut found = found.into_inner().expect("no panic");
+    found.sort_by_key(|(number, _)| *number);
+    found.into_iter().map(|(_, rows)| rows).collect()
 }
 
 fn errors(name: &str, rows: &[Row], estimates: &[[f64; 2]]) {
@@ -52,22 +55,76 @@ fn errors(name: &str, rows: &[Row], estimates: &[[f64; 2]]) {
     );
 }
 
+/// Trials with a false word and trials that slide without a word in their first three frames, by the probability from which it is said, in
+/// one frame or in two in a row.
+fn verdicts(name: &str, rows: &[Row], likely: &[f64]) {
+    let trials: Vec<Vec<(&Row, f64)>> = rows
+        .iter()
+        .zip(likely.iter().copied())
+        .collect::<Vec<_>>()
+        .chunk_by(|(a, _), (b, _)| a.trial == b.trial)
+        .map(<[_]>::to_vec)
+        .collect();
+    for (least, in_a_row) in [0.5, 0.7, 0.8, 0.9, 0.95, 0.98].into_iter().flat_map(|least| [(least, 1), (least, 2)]) {
+        let said = |trial: &[(&Row, f64)], from: usize, to: usize| {
+            (from..to).any(|n| n + 1 >= in_a_row && (n + 1 - in_a_row..=n).all(|n| trial[n].1 >= least))
+        };
+        let (mut unheld, mut falsely, mut slides, mut soon) = (0, 0, 0, 0);
+        for trial in &trials {
+            let began = trial.iter().position(|(row, _)| row.targets[0] == 1.0);
+            unheld += 1;
+            falsely += u32::from(said(trial, 0, began.unwrap_or(trial.len())));
+            if let Some(began) = began {
+                slides += 1;
+                soon += u32::from(said(trial, 0, (began + 3).min(trial.len())));
+            }
+        }
+        println!(
+            "{name}: said from {least:.2} in {in_a_row}: false in {falsely} of {unheld} trials, within 2 frames in {soon} of {slides} ({:.1} %)",
+            100.0 * f64::from(soon) / f64::from(slides)
+        );
+    }
+}
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let gross = arguments.first().is_some_and(|first| first == "--gross");
+    arguments.drain(..usize::from(gross));
     let option = |name: &str| arguments.iter().position(|a| a == name).and_then(|at| arguments.get(at + 1));
-    let path = arguments.first().ok_or("expected a file for the rows")?;
-    let path = Path::new(path);
-    let rows = if path.exists() {
-        read_rows(path)?
+    let name = arguments.first().ok_or("expected a file for the rows")?;
+    let trials_count = option("--trials").map_or(Ok(600), |count| count.parse())?;
+    let path = Path::new(name);
+    let text = if gross {
+        let without = format!("{name}.alone");
+        let rows = if path.exists() {
+            [read_rows(path, SLIDE_FEATURES_COUNT)?, read_rows(Path::new(&without), SLIDE_FEATURES_COUNT)?]
+        } else {
+            let (with, alone): (Vec<_>, Vec<_>) =
+                simulate(trials_count, gross_rows_of).into_iter().map(Into::into).unzip();
+            let rows = [with.concat(), alone.concat()];
+            write_rows(path, &rows[0])?;
+            write_rows(Path::new(&without), &rows[1])?;
+            rows
+        };
+        let (text, likely) = gross_table(&rows);
+        println!("{} rows", rows[0].len());
+        verdicts("with grip force", &rows[0], &likely[0]);
+        verdicts("from the picture alone", &rows[1], &likely[1]);
+        text
     } else {
-        let rows = simulate(option("--trials").map_or(Ok(600), |count| count.parse())?);
-        write_rows(path, &rows)?;
-        rows
+        let rows = if path.exists() {
+            read_rows(path, FEATURES_COUNT)?
+        } else {
+            let rows = simulate(trials_count, rows_of).concat();
+            write_rows(path, &rows)?;
+            rows
+        };
+        let (text, with_grip, alone) = table(&rows);
+        println!("{} rows", rows.len());
+        errors("with grip force and stiffness", &rows, &with_grip);
+        errors("from the picture alone", &rows, &alone);
+        text
     };
-    let (text, with_grip, alone) = table(&rows);
-    println!("{} rows", rows.len());
-    errors("with grip force and stiffness", &rows, &with_grip);
-    errors("from the picture alone", &rows, &alone);
     if let Some(to) = option("--table") {
         std::fs::write(to, text)?;
     }

@@ -9,7 +9,7 @@
 //! Definitions of every score: docs/eval.md.
 
 mod error;
-mod facts;
+pub(crate) mod facts;
 pub mod folder;
 pub mod outcome;
 mod protocol;

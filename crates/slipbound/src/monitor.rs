@@ -15,10 +15,12 @@ mod rest;
 mod rest_builder;
 mod settings;
 mod slip;
+mod trees;
 
 pub use contact::ContactSettings;
 pub use estimate::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
 pub use evidence::{EvidenceScale, EvidenceSettings};
+pub use gross::{SLIDE_FEATURES_COUNT, SlideFeatures};
 pub use imprint::{Illumination, ImprintSettings};
 pub use markers::{Finder, MarkerSettings};
 pub use motion::{Fit, MotionSettings, fit_most, fit_rigid, fit_similarity};
@@ -188,7 +190,9 @@ impl SlipMonitor {
         }
         let had_reference = self.estimator.has_reference();
         self.estimator.see(frame.time_ns, grip, area_px2, &self.markers.all);
-        self.slides = self.settings.evidence.used && self.gross.see(&self.estimator.estimates, self.evidence.slides());
+        let (evidence, recent) = (self.evidence.report.as_ref(), self.evidence.recent.as_ref());
+        self.slides = self.settings.evidence.used
+            && self.gross.see(&self.estimator.estimates, self.estimator.knows_grip(), evidence, recent);
         let settings = &self.settings.slip;
         if settings.rule == SlipRule::Markers {
             return;
@@ -260,6 +264,11 @@ impl SlipMonitor {
     /// Why no frame can be judged; None when frames can. See [`RestSettings::check_spacing`].
     pub fn refusal(&self) -> Option<Reason> {
         self.refusal
+    }
+
+    /// What the verdict on gross slip in the last frame rests on; None where too little is known.
+    pub fn slide_features(&self) -> Option<&SlideFeatures> {
+        self.gross.features.as_ref()
     }
 
     /// What the estimates of the last frame rest on, see [`FEATURE_NAMES`]; None without estimates.

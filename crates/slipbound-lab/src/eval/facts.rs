@@ -32,7 +32,7 @@ pub struct Facts {
 }
 
 /// Reads the world at its last frame.
-pub(super) fn facts(world: &World, frame: u64) -> Facts {
+pub(crate) fn facts(world: &World, frame: u64) -> Facts {
     let truth = world.truth();
     Facts {
         frame,

@@ -92,7 +92,8 @@ impl Slides {
         Slides { seed, trials_count: trials.unwrap_or(TRIALS_COUNT) }
     }
 
-    fn watch_of(&self, number: u64) -> Result<(f64, Watch), EvalError> {
+    /// Speed, mm/s, and what is watched.
+    pub(crate) fn watch_of(&self, number: u64) -> Result<(f64, Watch), EvalError> {
         let speeds_count = SPEEDS_MM_PER_S.len() as u64;
         let speed_mm_per_s = SPEEDS_MM_PER_S[(number % speeds_count) as usize];
         let object = &OBJECTS[(number / speeds_count % 10) as usize];

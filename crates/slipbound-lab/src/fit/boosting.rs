@@ -1,7 +1,6 @@
-//! Gradient boosting of regression trees of depth 3 with two outputs, squared error, splits between quantiles.
+//! Gradient boosting of regression trees of depth 3 with some outputs, splits between quantiles.
 
 use super::row::Row;
-use slipbound::monitor::FEATURES_COUNT;
 use std::fmt::Write;
 
 const SPLITS: usize = 7;
@@ -9,84 +8,102 @@ const LEAVES: usize = 8;
 /// Splits tried of a feature, at most.
 const BINS: usize = 64;
 
+/// What is made small.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Loss {
+    /// The squared error.
+    Squares,
+    /// The logarithmic loss of 0 or 1; the ensemble says log-odds.
+    Logistic,
+}
+
 /// How an ensemble is fitted.
 #[derive(Debug, Clone, Copy)]
 pub struct Fitting {
+    /// What is made small.
+    pub loss: Loss,
     /// Number of trees.
     pub trees_count: usize,
     /// Share of what a leaf would say that it says.
     pub shrinkage: f64,
-    /// Least weight of the rows in a leaf.
+    /// Least weight of the rows in a leaf; with logistic loss times p (1 - p).
     pub least_rows: f64,
     /// Weight of imagined rows with no residual in every leaf.
     pub ridge: f64,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-struct Tree {
+struct Tree<const N: usize> {
     features: [usize; SPLITS],
     thresholds: [f32; SPLITS],
-    leaves: [[f32; 2]; LEAVES],
+    leaves: [[f32; N]; LEAVES],
 }
 
 /// Trees whose leaves add up.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Ensemble {
-    base: [f32; 2],
-    trees: Vec<Tree>,
+pub struct Ensemble<const N: usize> {
+    base: [f32; N],
+    trees: Vec<Tree<N>>,
 }
 
 /// Weight and weighted residuals of some rows.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sums {
+#[derive(Debug, Clone, Copy)]
+struct Sums<const N: usize> {
     weight: f64,
-    residuals: [f64; 2],
+    residuals: [f64; N],
 }
 
-impl Sums {
-    fn add(&mut self, other: &Sums) {
+impl<const N: usize> Sums<N> {
+    const NONE: Self = Sums { weight: 0.0, residuals: [0.0; N] };
+
+    fn add(&mut self, other: &Self) {
         self.weight += other.weight;
-        self.residuals[0] += other.residuals[0];
-        self.residuals[1] += other.residuals[1];
+        self.residuals.iter_mut().zip(other.residuals).for_each(|(sum, residual)| *sum += residual);
     }
 
-    fn less(&self, other: &Sums) -> Sums {
+    fn less(&self, other: &Self) -> Self {
         Sums {
             weight: self.weight - other.weight,
-            residuals: [self.residuals[0] - other.residuals[0], self.residuals[1] - other.residuals[1]],
+            residuals: std::array::from_fn(|n| self.residuals[n] - other.residuals[n]),
         }
     }
 
     /// By how much a leaf of these rows lowers the squared error.
     fn gain(&self, ridge: f64) -> f64 {
-        (self.residuals[0] * self.residuals[0] + self.residuals[1] * self.residuals[1]) / (self.weight + ridge)
+        self.residuals.iter().map(|r| r * r).sum::<f64>() / (self.weight + ridge)
     }
 }
 
-impl Ensemble {
+impl<const N: usize> Ensemble<N> {
     /// Fits to rows.
-    pub fn fit(rows: &[Row], targets: impl Fn(&Row) -> [f64; 2], how: &Fitting) -> Ensemble {
+    pub fn fit(rows: &[Row], targets: impl Fn(&Row) -> [f64; N], how: &Fitting) -> Self {
         let weight: f64 = rows.iter().map(|row| row.weight).sum();
-        let mean = |n: usize| rows.iter().map(|row| row.weight * targets(row)[n]).sum::<f64>() / weight.max(1e-9);
-        let base = [mean(0) as f32, mean(1) as f32];
-        let edges: Vec<Vec<f32>> = (0..FEATURES_COUNT).map(|feature| edges(rows, feature)).collect();
-        let bins: Vec<[u8; FEATURES_COUNT]> = rows
+        let base: [f32; N] = std::array::from_fn(|n| {
+            let mean = rows.iter().map(|row| row.weight * targets(row)[n]).sum::<f64>() / weight.max(1e-9);
+            match how.loss {
+                Loss::Squares => mean as f32,
+                Loss::Logistic => (mean.clamp(1e-6, 1.0 - 1e-6) / (1.0 - mean.clamp(1e-6, 1.0 - 1e-6))).ln() as f32,
+            }
+        });
+        let features_count = rows.first().map_or(0, |row| row.features.len());
+        let edges: Vec<Vec<f32>> = (0..features_count).map(|feature| edges(rows, feature)).collect();
+        let bins: Vec<u8> = rows
             .iter()
-            .map(|row| {
-                std::array::from_fn(|f| edges[f].partition_point(|edge| row.features[f] > f64::from(*edge)) as u8)
-            })
+            .flat_map(|row| row.features.iter().zip(&edges))
+            .map(|(value, edges)| edges.partition_point(|edge| *value > f64::from(*edge)) as u8)
             .collect();
-        let mut residuals: Vec<[f64; 2]> = rows
-            .iter()
-            .map(|row| [targets(row)[0] - f64::from(base[0]), targets(row)[1] - f64::from(base[1])])
-            .collect();
+        let mut said: Vec<[f64; N]> = vec![base.map(f64::from); rows.len()];
+        let mut sums = vec![Sums::NONE; rows.len()];
         let mut trees = Vec::with_capacity(how.trees_count);
         let mut nodes = vec![0usize; rows.len()];
         for _ in 0..how.trees_count {
-            let tree = grow(rows, &bins, &edges, &residuals, &mut nodes, how);
-            for (residual, node) in residuals.iter_mut().zip(&nodes) {
+            for ((sums, row), said) in sums.iter_mut().zip(rows).zip(&said) {
+                *sums = residual(row.weight, targets(row), said, how.loss);
+            }
+            let tree = grow(&sums, &bins, &edges, &mut nodes, how);
+            for (said, node) in said.iter_mut().zip(&nodes) {
                 let leaf = tree.leaves[node - SPLITS];
-                *residual = [residual[0] - f64::from(leaf[0]), residual[1] - f64::from(leaf[1])];
+                said.iter_mut().zip(leaf).for_each(|(said, leaf)| *said += f64::from(leaf));
             }
             trees.push(tree);
         }
@@ -94,22 +111,22 @@ impl Ensemble {
     }
 
     /// What it says of these features.
-    pub fn at(&self, features: &[f64]) -> [f64; 2] {
+    pub fn at(&self, features: &[f64]) -> [f64; N] {
         let mut sum = self.base.map(f64::from);
         for tree in &self.trees {
             let mut at = 0;
             while at < SPLITS {
                 at = 2 * at + 1 + usize::from(features[tree.features[at]] > f64::from(tree.thresholds[at]));
             }
-            let leaf = tree.leaves[at - SPLITS];
-            sum = [sum[0] + f64::from(leaf[0]), sum[1] + f64::from(leaf[1])];
+            sum.iter_mut().zip(tree.leaves[at - SPLITS]).for_each(|(sum, leaf)| *sum += f64::from(leaf));
         }
         sum
     }
 
     /// As `slipbound` reads it.
     pub fn written(&self, name: &str) -> String {
-        let mut text = format!("ensemble {name} {} {}\n", self.base[0], self.base[1]);
+        let base: Vec<String> = self.base.iter().map(f32::to_string).collect();
+        let mut text = format!("ensemble {name} {}\n", base.join(" "));
         for tree in &self.trees {
             for (feature, threshold) in tree.features.iter().zip(tree.thresholds) {
                 let _ = write!(text, "{feature}:{threshold} ");
@@ -134,42 +151,51 @@ fn edges(rows: &[Row], feature: usize) -> Vec<f32> {
     edges
 }
 
-fn grow(
-    rows: &[Row],
-    bins: &[[u8; FEATURES_COUNT]],
+/// What a row adds to a node: the gradient of its loss and, as its weight, the curvature.
+fn residual<const N: usize>(weight: f64, targets: [f64; N], said: &[f64; N], loss: Loss) -> Sums<N> {
+    match loss {
+        Loss::Squares => Sums { weight, residuals: std::array::from_fn(|n| weight * (targets[n] - said[n])) },
+        Loss::Logistic => {
+            let likely = said.map(|odds| 1.0 / (1.0 + (-odds).exp()));
+            let curved = likely.iter().map(|p| p * (1.0 - p)).sum::<f64>() / N as f64;
+            Sums { weight: weight * curved, residuals: std::array::from_fn(|n| weight * (targets[n] - likely[n])) }
+        }
+    }
+}
+
+fn grow<const N: usize>(
+    rows: &[Sums<N>],
+    bins: &[u8],
     edges: &[Vec<f32>],
-    residuals: &[[f64; 2]],
     nodes: &mut [usize],
     how: &Fitting,
-) -> Tree {
-    let mut tree = Tree { features: [0; SPLITS], thresholds: [f32::MAX; SPLITS], leaves: [[0.0; 2]; LEAVES] };
+) -> Tree<N> {
+    let features_count = edges.len();
+    let mut tree = Tree { features: [0; SPLITS], thresholds: [f32::MAX; SPLITS], leaves: [[0.0; N]; LEAVES] };
     nodes.fill(0);
     for (first, last) in [(0, 1), (1, 3), (3, 7)] {
-        let mut sums = vec![Sums::default(); (last - first) * FEATURES_COUNT * BINS];
-        for (at, node) in nodes.iter().enumerate() {
-            let weight = rows[at].weight;
-            let one = Sums { weight, residuals: residuals[at].map(|r| weight * r) };
-            for (feature, bin) in bins[at].iter().enumerate() {
-                sums[((node - first) * FEATURES_COUNT + feature) * BINS + usize::from(*bin)].add(&one);
+        let mut sums = vec![Sums::NONE; (last - first) * features_count * BINS];
+        for ((row, bins), node) in rows.iter().zip(bins.chunks_exact(features_count)).zip(&*nodes) {
+            for (feature, bin) in bins.iter().enumerate() {
+                sums[((node - first) * features_count + feature) * BINS + usize::from(*bin)].add(row);
             }
         }
         for node in first..last {
             let of = |feature: usize| {
-                let from = ((node - first) * FEATURES_COUNT + feature) * BINS;
+                let from = ((node - first) * features_count + feature) * BINS;
                 &sums[from..from + BINS]
             };
             (tree.features[node], tree.thresholds[node]) = best_split(of, edges, how);
         }
-        for (at, node) in nodes.iter_mut().enumerate() {
+        for (node, bins) in nodes.iter_mut().zip(bins.chunks_exact(features_count)) {
             let (feature, threshold) = (tree.features[*node], tree.thresholds[*node]);
-            let over = rows[at].features[feature] > f64::from(threshold);
+            let over = edges[feature].get(usize::from(bins[feature]).wrapping_sub(1)).is_some_and(|e| *e >= threshold);
             *node = 2 * *node + 1 + usize::from(over);
         }
     }
-    let mut sums = [Sums::default(); LEAVES];
-    for (at, node) in nodes.iter().enumerate() {
-        let weight = rows[at].weight;
-        sums[node - SPLITS].add(&Sums { weight, residuals: residuals[at].map(|r| weight * r) });
+    let mut sums = [Sums::NONE; LEAVES];
+    for (row, node) in rows.iter().zip(&*nodes) {
+        sums[node - SPLITS].add(row);
     }
     for (leaf, sums) in tree.leaves.iter_mut().zip(sums) {
         // Six decimals are finer than any estimate.
@@ -180,15 +206,19 @@ fn grow(
 }
 
 /// The split of a node that lowers the squared error most; none is one that no row passes.
-fn best_split<'a>(of: impl Fn(usize) -> &'a [Sums], edges: &[Vec<f32>], how: &Fitting) -> (usize, f32) {
+fn best_split<'a, const N: usize>(
+    of: impl Fn(usize) -> &'a [Sums<N>],
+    edges: &[Vec<f32>],
+    how: &Fitting,
+) -> (usize, f32) {
     let (mut best, mut best_gain) = ((0, f32::MAX), 1e-9);
     for (feature, edges) in edges.iter().enumerate() {
         let bins = of(feature);
-        let all = bins.iter().fold(Sums::default(), |mut sum, bin| {
+        let all = bins.iter().fold(Sums::NONE, |mut sum, bin| {
             sum.add(bin);
             sum
         });
-        let mut below = Sums::default();
+        let mut below = Sums::NONE;
         for (edge, bin) in edges.iter().zip(bins) {
             below.add(bin);
             let above = all.less(&below);
@@ -207,6 +237,7 @@ fn best_split<'a>(of: impl Fn(usize) -> &'a [Sums], edges: &[Vec<f32>], how: &Fi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slipbound::monitor::FEATURES_COUNT;
 
     fn rows() -> Vec<Row> {
         let row = |n: u64| {
@@ -221,7 +252,7 @@ mod tests {
 
     #[test]
     fn a_step_and_a_product_are_learned_and_written_as_the_monitor_reads_them() {
-        let how = Fitting { trees_count: 80, shrinkage: 0.2, least_rows: 5.0, ridge: 0.1 };
+        let how = Fitting { loss: Loss::Squares, trees_count: 80, shrinkage: 0.2, least_rows: 5.0, ridge: 0.1 };
         let rows = rows();
         let ensemble = Ensemble::fit(&rows, |row| row.targets, &how);
         for row in &rows {
@@ -232,5 +263,22 @@ mod tests {
         let text = ensemble.written("grip");
         assert_eq!(text.lines().count(), 81);
         assert_eq!(text.lines().nth(1).map(|line| line.split(' ').count()), Some(7 + 16));
+    }
+
+    #[test]
+    fn odds_are_learned_where_only_ones_and_zeros_are_seen() {
+        let how = Fitting { loss: Loss::Logistic, trees_count: 60, shrinkage: 0.3, least_rows: 2.0, ridge: 0.5 };
+        // A quarter of those above one half are 1, none below.
+        let rows: Vec<Row> = (0..4000)
+            .map(|n| {
+                let above = n % 2 == 1;
+                let is_one = above && n % 8 == 1;
+                Row::new(n, "ball", 1.0, [f64::from(u8::from(is_one)), 0.0], &[if above { 0.9 } else { 0.1 }, 0.0])
+            })
+            .collect();
+        let ensemble = Ensemble::fit(&rows, |row| [row.targets[0]], &how);
+        let likely = |value: f64| 1.0 / (1.0 + (-ensemble.at(&[value, 0.0])[0]).exp());
+        assert!((likely(0.9) - 0.25).abs() < 0.02, "{}", likely(0.9));
+        assert!(likely(0.1) < 0.03, "{}", likely(0.1));
     }
 }

@@ -1,7 +1,6 @@
 //! What a frame of the training split teaches.
 
 use serde::{Deserialize, Serialize};
-use slipbound::monitor::{FEATURES_COUNT, Features};
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -15,9 +14,9 @@ pub struct Row {
     pub object: String,
     /// Weight.
     pub weight: f64,
-    /// Used fraction f and stick ratio phi, true.
+    /// What is true: used fraction f and stick ratio phi; or 1 where it slides as a whole, else 0, and f.
     pub targets: [f64; 2],
-    /// The features, see [`slipbound::monitor::FEATURE_NAMES`].
+    /// The features: [`slipbound::monitor::Features`] or [`slipbound::monitor::SlideFeatures`].
     pub features: Vec<f64>,
 }
 
@@ -33,12 +32,14 @@ pub enum RowError {
         source: io::Error,
     },
     /// A line of it.
-    #[error("{path}, line {line}: expected a row of {FEATURES_COUNT} features, got {problem}")]
+    #[error("{path}, line {line}: expected a row of {expected} features, got {problem}")]
     Line {
         /// Its path.
         path: String,
         /// From 1.
         line: usize,
+        /// How many features it should have.
+        expected: usize,
         /// What is wrong.
         problem: String,
     },
@@ -46,21 +47,22 @@ pub enum RowError {
 
 impl Row {
     /// A row. Rounded so that a file holds all of it.
-    pub fn new(trial: u64, object: &str, weight: f64, targets: [f64; 2], features: &Features) -> Self {
+    pub fn new(trial: u64, object: &str, weight: f64, targets: [f64; 2], features: &[f64]) -> Self {
         let round = |value: f64| (value * 1e5).round() / 1e5 + 0.0;
         let features = features.iter().copied().map(round).collect();
         Row { trial, object: object.into(), weight, targets: targets.map(round), features }
     }
 }
 
-/// Reads rows, a JSON object a line.
-pub fn read_rows(path: &Path) -> Result<Vec<Row>, RowError> {
+/// Reads rows of so many features, a JSON object a line.
+pub fn read_rows(path: &Path, features_count: usize) -> Result<Vec<Row>, RowError> {
     let name = path.display().to_string();
     let text = fs::read_to_string(path).map_err(|source| RowError::File { path: name.clone(), source })?;
     let row = |(n, line): (usize, &str)| {
-        let bad = |problem: String| RowError::Line { path: name.clone(), line: n + 1, problem };
+        let bad =
+            |problem: String| RowError::Line { path: name.clone(), line: n + 1, expected: features_count, problem };
         let row: Row = serde_json::from_str(line).map_err(|error| bad(error.to_string()))?;
-        if row.features.len() == FEATURES_COUNT { Ok(row) } else { Err(bad(format!("{}", row.features.len()))) }
+        if row.features.len() == features_count { Ok(row) } else { Err(bad(format!("{}", row.features.len()))) }
     };
     text.lines().enumerate().map(row).collect()
 }

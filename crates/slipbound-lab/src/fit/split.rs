@@ -98,7 +98,7 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
 }
 
 /// Gross slip of a ramp that stops before it, had the load grown on.
-fn gross_later(trial: &Trial) -> Option<Gross> {
+pub(super) fn gross_later(trial: &Trial) -> Option<Gross> {
     if trial.scene().name != "ramp" {
         return None;
     }
@@ -111,24 +111,33 @@ fn gross_later(trial: &Trial) -> Option<Gross> {
     world.gross()
 }
 
+/// A monitor with the default settings, from the first frames of a world.
+pub(super) fn monitor_at_rest(world: &mut World, frame: &mut FrameBuffer) -> Result<SlipMonitor, EvalError> {
+    let (sensor, settings) = (world.sensor(), Settings::default());
+    world.next(frame)?;
+    let mut rest = RestBuilder::new(&sensor, &settings, frame.size)?;
+    for _ in 0..settings.rest.average_count {
+        rest.add(&frame.frame()?)?;
+        world.next(frame)?;
+    }
+    Ok(SlipMonitor::new(&sensor, &settings, rest.build(RestKind::Unloaded)?)?)
+}
+
+/// How a gripper tells its force: late, with noise that differs between grippers.
+pub(super) fn reading(number: u64) -> (Reading, Random) {
+    let mut readings = Random::of(TRAINING_SEED + 1, number);
+    (Reading { noise_n: readings.between(0.0, MOST_NOISE_N), ..Reading::default() }, readings)
+}
+
 /// The rows of a trial; none for one whose object does not fit on the pad.
 pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
     let Ok(trial) = training_trial(number) else { return Ok(Vec::new()) };
     let Ok(mut world) = World::new(&trial) else { return Ok(Vec::new()) };
-    let (sensor, settings) = (world.sensor(), Settings::default());
     let mut frame = FrameBuffer::default();
-    world.next(&mut frame)?;
-    let mut rest = RestBuilder::new(&sensor, &settings, frame.size)?;
-    for _ in 0..settings.rest.average_count {
-        rest.add(&frame.frame()?)?;
-        world.next(&mut frame)?;
-    }
-    let mut monitor = SlipMonitor::new(&sensor, &settings, rest.build(RestKind::Unloaded)?)?;
+    let mut monitor = monitor_at_rest(&mut world, &mut frame)?;
     let mut seen: Vec<(Features, [f64; 2], f64, f64)> = Vec::new();
     let mut gross_grip_n = None;
-    // As a gripper tells it: late, with noise that differs between grippers.
-    let mut readings = Random::of(TRAINING_SEED + 1, number);
-    let reading = Reading { noise_n: readings.between(0.0, MOST_NOISE_N), ..Reading::default() };
+    let (reading, mut readings) = reading(number);
     let mut told = reading.of(0.0, &mut readings);
     while world.next(&mut frame)? == Next::Frame {
         let truth = world.truth();

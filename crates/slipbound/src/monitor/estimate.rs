@@ -19,7 +19,7 @@ mod field;
 mod last_motion;
 mod load;
 mod reference;
-mod trees;
+mod said;
 mod window;
 
 pub use features::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
@@ -29,10 +29,10 @@ use crate::plane::{RigidMotion, Vec2};
 use crate::port::GripSample;
 use crate::sensor::Sensor;
 use field::{Given, Learned, Point};
-use last_motion::LastMotion;
+use last_motion::{Carried, LastMotion};
 use load::Load;
 use reference::Reference;
-use trees::Trees;
+use said::Trees;
 use window::{Sample, Stretches, Window};
 
 /// Fewest markers in contact for an estimate.
@@ -115,7 +115,7 @@ impl Estimator {
                 .as_ref()
                 .map(|s| s.stiffness_n_per_pitch / (sensor.pitch_px * sensor.pitch_px * sensor.pitch_px)),
             inside,
-            trees: trees::shipped(),
+            trees: said::shipped(),
             reference: Reference::new(markers.len()),
             window: Window::new(),
             stretches: Stretches::default(),
@@ -273,9 +273,10 @@ impl Estimator {
         let load_px3 = learned.load_px3;
         let said = if self.knows_grip() { self.trees.with_grip(features) } else { self.trees.alone(features) };
         let load = if self.knows_grip() { load_px3 / self.grip_n.unwrap_or(1.0) } else { load_px3 };
-        let said = self.last_motion.see(said, load, learned.rigid_px, field::FLOOR_PITCH * self.pitch_px);
-        let mut used = Estimate { value: said.used.clamp(0.0, 1.2), sd: said.used_sd, age_frames: 0 };
-        let stick = Estimate { value: said.stick.clamp(0.0, 1.0), sd: said.stick_sd, age_frames: 0 };
+        let floor_px = field::FLOOR_PITCH * self.pitch_px;
+        let Carried { said, age_frames } = self.last_motion.see(said, load, learned.rigid_px, floor_px);
+        let mut used = Estimate { value: said.used.clamp(0.0, 1.2), sd: said.used_sd, age_frames };
+        let stick = Estimate { value: said.stick.clamp(0.0, 1.0), sd: said.stick_sd, age_frames };
         if let (Some(k), Some(grip_n)) = (self.stiffness_n_per_px3, self.grip_n.filter(|n| *n > 0.0)) {
             let per_grip = k * load_px3 / grip_n;
             // Rolling and settling make a rim lag, too; but what hardly pulls does not slide.
@@ -296,7 +297,7 @@ impl Estimator {
                 Some(Estimate { value: torque_nmm, sd: LOAD_SD * torque_nmm.abs() + 0.3, age_frames: 0 });
         }
         self.estimates.stick_ratio = Some(stick);
-        self.estimates.margin = Some(Estimate { value: 1.0 - used.value, sd: used.sd, age_frames: 0 });
+        self.estimates.margin = Some(Estimate { value: 1.0 - used.value, sd: used.sd, age_frames });
     }
 }
 

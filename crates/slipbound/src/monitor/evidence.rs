@@ -14,6 +14,7 @@ mod gel;
 mod pattern;
 mod picture;
 mod planes;
+mod recent;
 mod slide;
 mod sliding;
 
@@ -29,6 +30,10 @@ use field::Field;
 use gel::GelMotion;
 use pattern::Pattern;
 use planes::Planes;
+#[cfg(test)]
+pub(super) use recent::Moved;
+use recent::RecentMotion;
+pub(super) use recent::{Recent, WINDOWS_S};
 use serde::{Deserialize, Serialize};
 use slide::Slide;
 use sliding::{SlidingSettings, SlidingWatch};
@@ -148,6 +153,7 @@ pub(super) struct Evidence {
     before: Planes,
     slide: Slide,
     sliding: SlidingWatch,
+    recent_motion: RecentMotion,
     field: Field,
     reference_seq: u64,
     reference_px: Vec<Vec2>,
@@ -160,6 +166,8 @@ pub(super) struct Evidence {
     settled_frames_count: u32,
     greatest: Greatest,
     pub(super) report: Option<EvidenceReport>,
+    /// How imprint and gel have moved; None with the report, and where too few markers are in contact.
+    pub(super) recent: Option<Recent>,
 }
 
 impl Evidence {
@@ -177,6 +185,7 @@ impl Evidence {
                 sheared_px: settings.sheared_pitch * sensor.pitch_px,
                 jump_change: settings.jump_change_fraction,
             }),
+            recent_motion: RecentMotion::new(sensor.pitch_px),
             before: pattern.now.clone(),
             gel,
             slide: Slide::new(&pattern, sensor.pitch_px),
@@ -191,12 +200,13 @@ impl Evidence {
             greatest: Greatest::default(),
             pattern,
             report: None,
+            recent: None,
         }
     }
 
     /// Takes a frame whose markers are known. `area_px2`: that of the contact, zero without.
     pub(super) fn take(&mut self, frame: &Frame<'_>, imprint: &Imprint, area_px2: f64, markers: &[Marker]) {
-        self.report = None;
+        (self.report, self.recent) = (None, None);
         if !self.settings.used {
             return;
         }
@@ -214,11 +224,6 @@ impl Evidence {
         if self.begun {
             self.weigh(frame, markers);
         }
-    }
-
-    /// Whether the object slides as a whole.
-    pub(super) fn slides(&self) -> bool {
-        self.report.is_some_and(|report| report.slides)
     }
 
     /// The evidence of a frame that has a reference.
@@ -239,7 +244,9 @@ impl Evidence {
             let three = |shift: Vec2, turn_rad: f64| [shift.x, shift.y, turn_rad * slide.arm_px];
             let change = self.pattern.now.change(&self.before).unwrap_or(0.0);
             let over_gel = three(slide.shift_px, slide.turn_rad);
-            self.sliding.take(over_gel, three(shift_px, turn_rad), change, frame.time_ns)
+            let of_gel = three(shift_px, turn_rad);
+            self.recent = Some(self.recent_motion.take(over_gel, of_gel, frame.time_ns));
+            self.sliding.take(over_gel, of_gel, change, frame.time_ns)
         });
         let slide_pitch_per_s = sliding.and_then(|s| s.speed_px_per_s).map(|px| px / self.pitch_px);
         self.report = Some(EvidenceReport {
@@ -287,6 +294,7 @@ impl Evidence {
         self.field.restart();
         self.slide.restart(&self.pattern);
         self.sliding.restart();
+        self.recent_motion.restart();
         self.before.copy_from(&self.pattern.now);
         self.greatest = Greatest::default();
     }

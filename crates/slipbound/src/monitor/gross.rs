@@ -1,37 +1,87 @@
-//! Whether the object slides as a whole: by what its imprint does, and by what the load does.
+//! Whether the object slides as a whole: by what its imprint and the gel did of late, and by what the load does.
 //!
 //! ```text
-//!   imprint goes on over the gel (evidence)  and  much of the friction is used, little sticks --\
-//!   all of the friction is used, nothing sticks, two frames in a row ----------------------------> gross, until friction is left
+//!   used, stick (step 5) --\
+//!   imprint over the gel ----> boosted trees, fitted to the contact simulator --> gross, until it is unlikely again
+//!   gel under it, field  --/
 //! ```
 //!
-//! Either alone falls short: the outline of a pressed patch moves over the gel while a quarter of the contact still sticks, and
-//! a slide of half a millimetre a second moves it less than its noise. What is used and what sticks are estimates
-//! (step 5), whose error is a tenth.
+//! None alone is enough: an imprint creeps over the gel while the middle still sticks, on a soft object more than half as fast as in a
+//! slide; used fraction and stick ratio have errors of a tenth; and a slide of half a millimetre a second moves an imprint by no more
+//! than its noise in a frame.
 
-use super::report::Estimates;
+use super::evidence::{Recent, WINDOWS_S};
+use super::report::{Estimates, EvidenceReport};
+use super::trees::{Ensemble, parse};
+use std::sync::LazyLock;
 
-/// Used fraction and stick ratio with which an imprint that goes on is a slide.
-const IMPRINT_USED: f64 = 0.85;
-const IMPRINT_STICK: f64 = 0.12;
+/// How many features there are.
+pub const SLIDE_FEATURES_COUNT: usize = 8 + 3 * WINDOWS_S.len();
 
-/// Used fraction and stick ratio that are a slide by themselves, and in how many frames in a row.
+/// What the verdict rests on: `used` and `stick` of step 5; how far the gel is sheared (pitches); speed of the imprint over its last
+/// 0.13 pitch (pitches/s) and the share of it by which the gel went along; the values of the evidence (0 where one is not known);
+/// then, for each of the last 33, 67, 100 and 200 ms, the motion of the imprint over the gel, the share of it by which the gel went
+/// along, and the motion of the gel (pitches).
+pub type SlideFeatures = [f64; SLIDE_FEATURES_COUNT];
+
+/// Probability from which it slides, in how many frames in a row, and down to which it goes on.
+const BEGINS: f64 = 0.94;
+const BEGINS_FRAMES: u32 = 2;
+const GOES_ON: f64 = 0.15;
+
+/// Where too little is seen of the imprint: used fraction and stick ratio that are a slide by themselves, in as many frames, and those
+/// with which it goes on.
 const ALL_USED: f64 = 0.95;
 const NONE_STICKS: f64 = 0.08;
-const ALL_USED_FRAMES: u32 = 2;
-
-/// A slide goes on while at least so much is used and at most so much sticks, ...
 const GOES_ON_USED: f64 = 0.8;
 const GOES_ON_STICK: f64 = 0.3;
 
-/// ... or while the imprint goes on and no more margin than this is estimated.
-const GOES_ON_IMPRINT_USED: f64 = 0.65;
+/// The trees, with grip force and from the picture alone.
+struct Trees {
+    grip: Ensemble<1>,
+    alone: Ensemble<1>,
+}
+
+fn shipped() -> &'static Trees {
+    static SHIPPED: LazyLock<Trees> = LazyLock::new(|| {
+        let [grip, alone] =
+            parse(include_str!("gross/trees.txt"), ["grip", "alone"], SLIDE_FEATURES_COUNT).unwrap_or_default();
+        Trees { grip, alone }
+    });
+    &SHIPPED
+}
+
+/// The features of a frame; None where the estimates or the motion of the imprint are not known.
+pub(super) fn features(
+    estimates: &Estimates,
+    evidence: Option<&EvidenceReport>,
+    recent: Option<&Recent>,
+) -> Option<SlideFeatures> {
+    let (margin, stick, evidence, recent) = (estimates.margin?, estimates.stick_ratio?, evidence?, recent?);
+    let mut features = [0.0; SLIDE_FEATURES_COUNT];
+    let (head, windows) = features.split_at_mut(8);
+    head.copy_from_slice(&[
+        1.0 - margin.value,
+        stick.value,
+        recent.sheared_pitch,
+        recent.pace_pitch_per_s,
+        recent.pace_carried_fraction,
+        evidence.imprint_change.unwrap_or(0.0),
+        evidence.relaxation,
+        evidence.centre_rim_ratio.unwrap_or(0.0),
+    ]);
+    for (into, moved) in windows.chunks_exact_mut(3).zip(&recent.windows) {
+        into.copy_from_slice(&[moved.over_pitch, moved.carried_fraction, moved.gel_pitch]);
+    }
+    Some(features)
+}
 
 /// Remembers whether it slides.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct GrossWatch {
     slides: bool,
-    all_used_frames_count: u32,
+    likely_frames_count: u32,
+    pub features: Option<SlideFeatures>,
 }
 
 impl GrossWatch {
@@ -41,61 +91,124 @@ impl GrossWatch {
     }
 
     /// Takes a frame; whether the object slides as a whole. Where nothing is estimated the imprint alone tells.
-    pub fn see(&mut self, estimates: &Estimates, imprint_slides: bool) -> bool {
+    pub fn see(
+        &mut self,
+        estimates: &Estimates,
+        knows_grip: bool,
+        evidence: Option<&EvidenceReport>,
+        recent: Option<&Recent>,
+    ) -> bool {
         let (Some(margin), Some(stick)) = (estimates.margin, estimates.stick_ratio) else {
-            self.all_used_frames_count = 0;
-            self.slides = imprint_slides;
+            (self.features, self.likely_frames_count) = (None, 0);
+            self.slides = evidence.is_some_and(|evidence| evidence.slides);
             return self.slides;
         };
-        let (used, stick) = (1.0 - margin.value, stick.value);
-        let all_used = used >= ALL_USED && stick <= NONE_STICKS;
-        self.all_used_frames_count = if all_used { self.all_used_frames_count + 1 } else { 0 };
-        let begins = imprint_slides && used >= IMPRINT_USED && stick <= IMPRINT_STICK
-            || self.all_used_frames_count >= ALL_USED_FRAMES;
-        let goes_on = used >= GOES_ON_USED && stick <= GOES_ON_STICK || imprint_slides && used >= GOES_ON_IMPRINT_USED;
-        self.slides = begins || self.slides && goes_on;
+        self.features = features(estimates, evidence, recent);
+        let (likely, goes_on) = match &self.features {
+            Some(features) => {
+                let trees = shipped();
+                let [logit] = if knows_grip { &trees.grip } else { &trees.alone }.at(features);
+                let probability = 1.0 / (1.0 + libm::exp(-logit));
+                (probability >= BEGINS, probability >= GOES_ON)
+            }
+            None => {
+                let (used, stick) = (1.0 - margin.value, stick.value);
+                (used >= ALL_USED && stick <= NONE_STICKS, used >= GOES_ON_USED && stick <= GOES_ON_STICK)
+            }
+        };
+        self.likely_frames_count = if likely { self.likely_frames_count + 1 } else { 0 };
+        self.slides = self.likely_frames_count >= BEGINS_FRAMES || self.slides && goes_on;
         self.slides
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::evidence::Moved;
     use super::*;
     use crate::monitor::report::Estimate;
+    use crate::plane::Vec2;
 
     fn estimates(used: f64, stick: f64) -> Estimates {
         let of = |value: f64| Some(Estimate { value, sd: 0.1, age_frames: 0 });
         Estimates { margin: of(1.0 - used), stick_ratio: of(stick), ..Estimates::default() }
     }
 
-    #[test]
-    fn a_moving_outline_is_no_slide_while_a_part_sticks() {
-        let mut watch = GrossWatch::default();
-        for (used, stick, slides) in [(0.75, 0.2, false), (0.9, 0.2, false), (0.8, 0.1, false), (0.9, 0.1, true)] {
-            watch.clear();
-            assert_eq!(watch.see(&estimates(used, stick), true), slides, "{used} {stick}");
-            watch.clear();
-            assert!(!watch.see(&estimates(used, stick), false), "{used} {stick}: the imprint stands");
+    fn evidence(slides: bool) -> EvidenceReport {
+        EvidenceReport {
+            reference_seq: 0,
+            relaxation: 0.0,
+            centre_rim_ratio: Some(1.3),
+            imprint_change: Some(0.2),
+            imprint_age_frames: 0,
+            slide_score: 0.0,
+            slide_px: Vec2::ZERO,
+            slide_rad: 0.0,
+            slides,
+            slide_pitch_per_s: None,
+            slide_mm_per_s: None,
+        }
+    }
+
+    /// An imprint at so many pitches/s over a gel that goes along by this share of it.
+    fn moving(pitch_per_s: f64, carried_fraction: f64) -> Recent {
+        let moved = |window_s: f64| Moved {
+            over_pitch: pitch_per_s * window_s,
+            carried_fraction,
+            gel_pitch: pitch_per_s * window_s * carried_fraction,
+        };
+        Recent {
+            windows: WINDOWS_S.map(moved),
+            sheared_pitch: 0.3,
+            pace_pitch_per_s: if 0.8 * pitch_per_s >= 0.13 { pitch_per_s } else { 0.0 },
+            pace_carried_fraction: if 0.8 * pitch_per_s >= 0.13 { carried_fraction } else { 1.0 },
         }
     }
 
     #[test]
-    fn a_slide_too_slow_for_the_imprint_is_told_by_the_load_and_kept_until_friction_is_left() {
-        let mut watch = GrossWatch::default();
-        assert!(!watch.see(&estimates(1.0, 0.0), false), "one frame is no slide");
-        assert!(!watch.see(&estimates(0.9, 0.0), false));
-        assert!(!watch.see(&estimates(1.0, 0.0), false), "in a row");
-        assert!(watch.see(&estimates(1.0, 0.05), false));
-        assert!(watch.see(&estimates(0.85, 0.2), false), "it goes on");
-        assert!(watch.see(&estimates(0.7, 0.4), true), "the imprint does");
-        assert!(!watch.see(&estimates(0.7, 0.4), false));
-        assert!(!watch.see(&estimates(0.9, 0.1), false), "and would have to begin anew");
+    fn the_tables_are_whole() {
+        let trees = shipped();
+        assert!(trees.grip.trees_count() >= 50 && trees.alone.trees_count() >= 50);
     }
 
     #[test]
-    fn without_estimates_the_imprint_alone_tells() {
+    fn a_slide_is_said_in_its_second_frame_and_until_the_imprint_stands_on_a_gel_that_carries_it() {
+        for knows_grip in [true, false] {
+            let mut watch = GrossWatch::default();
+            let mut see = |used, stick, recent: Recent| {
+                watch.see(&estimates(used, stick), knows_grip, Some(&evidence(true)), Some(&recent))
+            };
+            for _ in 0..5 {
+                assert!(!see(0.5, 0.7, moving(1.0, 1.5)), "it sticks, and is carried along");
+                assert!(!see(0.75, 0.4, moving(2.0, 0.5)), "its rim creeps");
+            }
+            assert!(!see(1.0, 0.02, moving(12.0, 0.0)), "one frame is no slide");
+            assert!(see(1.0, 0.02, moving(12.0, 0.0)));
+            assert!(see(0.9, 0.1, moving(8.0, 0.0)), "it goes on");
+            assert!(!see(0.3, 0.9, moving(0.0, 0.0)), "gripped again");
+            assert!(!see(1.0, 0.02, moving(12.0, 0.0)), "and would have to begin anew");
+        }
+    }
+
+    #[test]
+    fn without_an_imprint_the_load_tells_and_without_a_load_the_imprint() {
         let mut watch = GrossWatch::default();
+        let mut see = |used, stick| watch.see(&estimates(used, stick), true, Some(&evidence(true)), None);
+        let said = [(1.0, 0.0), (0.9, 0.0), (1.0, 0.0), (1.0, 0.05), (0.85, 0.2), (0.7, 0.4), (0.9, 0.1)];
+        assert_eq!(said.map(|(used, stick)| see(used, stick)), [false, false, false, true, true, false, false]);
         let nothing = Estimates::default();
-        assert_eq!([false, true, false].map(|slides| watch.see(&nothing, slides)), [false, true, false]);
+        let said = [false, true, false].map(|slides| watch.see(&nothing, true, Some(&evidence(slides)), None));
+        assert_eq!(said, [false, true, false]);
+    }
+
+    #[test]
+    fn what_is_not_known_gives_no_features() {
+        let (known, recent, seen) = (estimates(0.5, 0.5), moving(1.0, 0.0), evidence(false));
+        assert!(
+            features(&known, Some(&seen), Some(&recent)).is_some_and(|features| features.iter().all(|v| v.is_finite()))
+        );
+        assert_eq!(features(&Estimates::default(), Some(&seen), Some(&recent)), None);
+        assert_eq!(features(&known, None, Some(&recent)), None);
+        assert_eq!(features(&known, Some(&seen), None), None);
     }
 }

@@ -6,7 +6,7 @@
 //!   else it stands:                                                used = used then x load now / load then,  stick as then
 //! ```
 
-use super::trees::Said;
+use super::said::Said;
 
 /// Share of motion or load by which it must change to count as moving on.
 const MOVED_FRACTION: f64 = 0.05;
@@ -27,6 +27,15 @@ struct Then {
     said: Said,
     load: f64,
     rigid_px: f64,
+    age_frames: u32,
+}
+
+/// What is known with a frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Carried {
+    pub said: Said,
+    /// Frames since it last moved.
+    pub age_frames: u32,
 }
 
 impl LastMotion {
@@ -40,23 +49,25 @@ impl LastMotion {
     }
 
     /// What is known with this frame. `load`: over the grip force where that is known, in any unit; `floor_px`: motion that is noise.
-    pub fn see(&mut self, said: Said, load: f64, rigid_px: f64, floor_px: f64) -> Said {
-        let Some(then) = self.then else {
-            self.then = Some(Then { said, load, rigid_px });
-            return said;
-        };
+    pub fn see(&mut self, said: Said, load: f64, rigid_px: f64, floor_px: f64) -> Carried {
+        let Some(then) = &mut self.then else { return self.moves(said, load, rigid_px) };
         // What the load alone would make of it; with hardly a load there is nothing to go by.
         let grown = if then.load > 0.0 { load / then.load } else { 1.0 };
         let carried = Said { used: then.said.used * grown, ..then.said };
         let (moved_px, grown) = ((rigid_px - then.rigid_px).abs(), (load - then.load).abs());
         let changed = |share: f64| moved_px >= share * rigid_px + floor_px || grown >= share * load.max(then.load);
         if !changed(MOVED_FRACTION) {
-            return carried;
+            then.age_frames = then.age_frames.saturating_add(1);
+            return Carried { said: carried, age_frames: then.age_frames };
         }
         let weight = if changed(ALONE_FRACTION) { 1.0 } else { NEWEST_WEIGHT };
         let said = Said { used: weight * said.used + (1.0 - weight) * carried.used, ..said };
-        self.then = Some(Then { said, load, rigid_px });
-        said
+        self.moves(said, load, rigid_px)
+    }
+
+    fn moves(&mut self, said: Said, load: f64, rigid_px: f64) -> Carried {
+        self.then = Some(Then { said, load, rigid_px, age_frames: 0 });
+        Carried { said, age_frames: 0 }
     }
 }
 
@@ -76,19 +87,21 @@ mod tests {
             last.see(said(0.09 * x, 1.0 - 0.09 * x), x, x, 0.1);
         }
         // It slides on: nothing moves, and the trees take it for a load that is held.
-        for _ in 0..50 {
-            let now = last.see(said(0.5, 0.6), 10.0, 10.0, 0.1);
+        for frame in 1..=50 {
+            let Carried { said: now, age_frames } = last.see(said(0.5, 0.6), 10.0, 10.0, 0.1);
             assert!(now.used > 0.83 && now.stick < 0.2, "{now:?}");
+            assert_eq!(age_frames, frame, "known from the last motion");
         }
-        let lighter = last.see(said(0.5, 0.6), 9.6, 9.9, 0.1);
+        let lighter = last.see(said(0.5, 0.6), 9.6, 9.9, 0.1).said;
         assert!((lighter.used - 0.96 * 0.87).abs() < 0.05, "a little less load: {lighter:?}");
         // It moves on.
-        let moved = last.see(said(0.3, 0.8), 5.0, 6.0, 0.1);
+        let Carried { said: moved, age_frames } = last.see(said(0.3, 0.8), 5.0, 6.0, 0.1);
+        assert_eq!(age_frames, 0);
         assert!(moved.used < 0.4 && moved.stick > 0.4, "{moved:?}");
-        let stiff = last.see(said(0.9, 0.1), 9.0, 6.0, 0.1);
+        let stiff = last.see(said(0.9, 0.1), 9.0, 6.0, 0.1).said;
         assert!(stiff.used > 0.6, "a load that moves nothing counts: {stiff:?}");
         last.regripped();
-        assert!((last.see(said(0.2, 0.9), 5.0, 6.0, 0.1).used - 0.2).abs() < 1e-12, "nothing is left of before");
+        assert!((last.see(said(0.2, 0.9), 5.0, 6.0, 0.1).said.used - 0.2).abs() < 1e-12, "nothing is left of before");
     }
 
     #[test]
@@ -100,7 +113,7 @@ mod tests {
                 let x = f64::from(step) / f64::from(steps);
                 // Friction is taken for twice what it is until half of it is used.
                 let used = if x < 0.5 { 0.5 * x } else { x };
-                now = last.see(said(used, 1.0 - x), x, 10.0 * x, 0.1);
+                now = last.see(said(used, 1.0 - x), x, 10.0 * x, 0.1).said;
             }
             now.used
         });

@@ -119,15 +119,15 @@ impl SlidingWatch {
     }
 }
 
-fn minus(a: Motion3, b: Motion3) -> Motion3 {
+pub(super) fn minus(a: Motion3, b: Motion3) -> Motion3 {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-fn dot(a: Motion3, b: Motion3) -> f64 {
+pub(super) fn dot(a: Motion3, b: Motion3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn length(a: Motion3) -> f64 {
+pub(super) fn length(a: Motion3) -> f64 {
     dot(a, a).sqrt()
 }
 

@@ -342,20 +342,14 @@ impl Matching {
     /// there along x and along y, least squares over the neighbours.
     pub(super) fn stretch(&self, markers: &[Marker], places: &[Vec2], i: usize) -> [Vec2; 2] {
         let (here, place) = (markers[i].rest, places[i]);
-        let ridge = 0.5 * self.pitch_px * self.pitch_px;
-        let (mut xx, mut xy, mut yy) = (ridge, 0.0, ridge);
-        let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
-        for &n in &self.neighbours[i][..self.neighbours_count[i]] {
-            let (rest, now) = (markers[n as usize].rest - here, places[n as usize] - place);
-            let d = now - rest;
-            xx += now.x * now.x;
-            xy += now.x * now.y;
-            yy += now.y * now.y;
-            by_x += d * now.x;
-            by_y += d * now.y;
-        }
-        let det = xx * yy - xy * xy;
-        [(by_x * yy - by_y * xy) / det, (by_y * xx - by_x * xy) / det]
+        let neighbours = self.neighbours[i][..self.neighbours_count[i]].iter();
+        slopes(
+            neighbours.map(|&n| {
+                let (rest, now) = (markers[n as usize].rest - here, places[n as usize] - place);
+                (now, now - rest)
+            }),
+            self.pitch_px,
+        )
     }
 
     /// Rest position plus the displacement of the neighbours whose place is known, carried over by a plane fitted to it; None
@@ -377,21 +371,23 @@ impl Matching {
             return None;
         }
         let (arm, shift) = (arm / count as f64, shift / count as f64);
-        // Least squares for the slope of the displacement, held down where the neighbours do not determine it.
-        let ridge = 0.5 * self.pitch_px * self.pitch_px;
-        let (mut xx, mut xy, mut yy) = (ridge, 0.0, ridge);
-        let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
-        for &(a, d) in &found[..count] {
-            let (a, d) = (a - arm, d - shift);
-            xx += a.x * a.x;
-            xy += a.x * a.y;
-            yy += a.y * a.y;
-            by_x += d * a.x;
-            by_y += d * a.y;
-        }
-        let det = xx * yy - xy * xy;
-        let slope_x = (by_x * yy - by_y * xy) / det;
-        let slope_y = (by_y * xx - by_x * xy) / det;
+        let [slope_x, slope_y] = slopes(found[..count].iter().map(|&(a, d)| (a - arm, d - shift)), self.pitch_px);
         Some(here + shift - slope_x * arm.x - slope_y * arm.y)
     }
+}
+
+/// Slopes along x and along y of displacements at these arms, by least squares, held down where the arms do not determine them.
+fn slopes(points: impl Iterator<Item = (Vec2, Vec2)>, pitch_px: f64) -> [Vec2; 2] {
+    let ridge = 0.5 * pitch_px * pitch_px;
+    let (mut xx, mut xy, mut yy) = (ridge, 0.0, ridge);
+    let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
+    for (arm, d) in points {
+        xx += arm.x * arm.x;
+        xy += arm.x * arm.y;
+        yy += arm.y * arm.y;
+        by_x += d * arm.x;
+        by_y += d * arm.y;
+    }
+    let det = xx * yy - xy * xy;
+    [(by_x * yy - by_y * xy) / det, (by_y * xx - by_x * xy) / det]
 }

@@ -1,0 +1,102 @@
+//! Rows for the verdict on gross slip: the training split's trials and guided slides, seen with and without the grip force.
+
+use super::row::Row;
+use super::split::{TRAINING_SEED, gross_later, monitor_at_rest, reading, training_trial};
+use crate::eval::facts::facts;
+use crate::eval::slides::Slides;
+use crate::eval::watch::{Restarts, Watch};
+use crate::eval::{EvalError, Facts};
+use crate::world::{Physics, World};
+use slipbound::monitor::SlideFeatures;
+use slipbound::port::{FrameBuffer, FrameSource, Next};
+
+/// The first trial of the split: those below it taught the estimates, which are features here, and would look better than they are.
+const FIRST_TRIAL: u64 = 1000;
+
+/// Every fifth is a guided slide.
+const SLIDES_EVERY: u64 = 5;
+
+/// A frame between this load fraction and gross slip teaches nothing: either word is right.
+const EITHER_FROM_FRACTION: f64 = 0.8;
+
+/// Once it has slid, a frame of which more sticks does not slide; below, either word is right.
+const STICKS_AGAIN: f64 = 0.3;
+
+/// An object that moves less than this in a frame stands, mm at the rim.
+const STANDS_MM: f64 = 0.002;
+
+/// What is seen of a frame, with the grip force and without it, and what is true of it.
+struct Seen {
+    features: [Option<SlideFeatures>; 2],
+    facts: Facts,
+    slides: bool,
+}
+
+fn watched(number: u64) -> Option<Watch> {
+    if number % SLIDES_EVERY == 0 {
+        return Slides::new(TRAINING_SEED, None).watch_of(number / SLIDES_EVERY).ok().map(|(_, watch)| watch);
+    }
+    let trial = training_trial(FIRST_TRIAL + number).ok()?;
+    Some(Watch::new(trial, Restarts::Rivals))
+}
+
+/// The rows of a trial with the grip force, then those without; none for one whose object does not fit on the pad.
+pub fn gross_rows_of(number: u64) -> Result<[Vec<Row>; 2], EvalError> {
+    let Some(watch) = watched(number) else { return Ok(Default::default()) };
+    let trial = &watch.trial;
+    let profile = watch.profile.clone().map_or_else(|| trial.load_profile(), Ok);
+    let world = profile.ok().and_then(|profile| World::with(trial, profile, &Physics::default()).ok());
+    let Some(mut world) = world else { return Ok(Default::default()) };
+    let mut frame = FrameBuffer::default();
+    let mut monitor = monitor_at_rest(&mut world, &mut frame)?;
+    let mut alone = monitor.clone();
+    let (reading, mut readings) = reading(FIRST_TRIAL + number);
+    let mut told = reading.of(0.0, &mut readings);
+    let mut seen: Vec<Seen> = Vec::new();
+    let (mut gross_grip_n, mut before, mut after) = (None, None::<Facts>, 0);
+    while world.next(&mut frame)? == Next::Frame {
+        monitor.step(&frame.frame()?, Some(told));
+        alone.step(&frame.frame()?, None);
+        let facts = facts(&world, frame.seq);
+        told = reading.of(facts.grip_n, &mut readings);
+        if world.gross().is_none() || gross_grip_n.is_none() {
+            gross_grip_n = Some(facts.grip_n);
+        }
+        let moved_mm = before.map_or(0.0, |before| {
+            (facts.pose.position_mm - before.pose.position_mm).length()
+                + (facts.pose.turn_rad - before.pose.turn_rad).abs() * facts.arm_mm
+        });
+        before = Some(facts);
+        let features = [monitor.slide_features().copied(), alone.slide_features().copied()];
+        seen.push(Seen { features, facts, slides: facts.slides && moved_mm > STANDS_MM });
+        after += u64::from(world.gross().is_some());
+        if watch.frames_after_gross.is_some_and(|most| after > most) {
+            break;
+        }
+    }
+    let gross = world.gross().or_else(|| gross_later(trial));
+    let truth = |Seen { facts, slides, .. }: &Seen| -> Option<[f64; 2]> {
+        let stick_ratio = facts.stick_ratio?;
+        if world.gross().is_some_and(|gross| facts.time_s >= gross.time_s) {
+            return match slides {
+                true => Some([1.0, 1.0]),
+                false if stick_ratio > STICKS_AGAIN => Some([0.0, 1.0]),
+                false => None,
+            };
+        }
+        let used = match (facts.load, &gross) {
+            (None, _) => facts.wrench.force_n.length() / (trial.mu() * facts.grip_n).max(1e-6),
+            // What slides at a grip slides at twice the load at twice the grip.
+            (Some(load), Some(gross)) => load / facts.grip_n.max(1e-6) * gross_grip_n? / gross.load,
+            (Some(_), None) => return None,
+        };
+        (used < EITHER_FROM_FRACTION).then_some([0.0, used])
+    };
+    let rows = |knowing: usize| {
+        seen.iter()
+            .filter_map(|seen| Some((seen.features[knowing]?, truth(seen)?)))
+            .map(|(features, targets)| Row::new(number, trial.object().name, 1.0, targets, &features))
+            .collect()
+    };
+    Ok([rows(0), rows(1)])
+}
