@@ -79,7 +79,7 @@ fn estimates_follow_the_truth_of_a_ramp() {
     assert!((friction / 0.5 - 1.0).abs() < 0.35, "friction {friction}");
     for (report, _) in &loaded {
         let margin = report.estimates.margin.expect("known");
-        assert!(margin.sd > 0.0 && margin.sd < 0.5 && margin.age_frames == 0, "{margin:?}");
+        assert!(margin.sd > 0.0 && margin.sd < 0.5 && margin.age_frames <= 2, "{margin:?}");
     }
 }
 

@@ -137,6 +137,23 @@ fn a_margin_follows_the_load_at_once_and_lets_go_slowly() {
 }
 
 #[test]
+fn the_more_slippery_the_more_is_held_in_reserve() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    // 13 N hold it; where the grip ends that begins with 10 N.
+    let holds_n = |friction: Option<f64>| {
+        let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
+        (0..90).fold(10.0, |force_n, frame| {
+            let hand = HandReport { margin: Some(1.0 - 13.0 / force_n), friction, ..hand(SlipState::Stick) };
+            controller.decide(frame * FRAME_NS, &hand, &gripper(force_n)).force_n
+        })
+    };
+    for (friction, used) in [(None, 0.65), (Some(0.2), 0.65), (Some(0.5), 0.65), (Some(0.65), 0.685), (Some(0.9), 0.72)]
+    {
+        assert!((holds_n(friction) - 13.0 / used).abs() < 0.1, "{friction:?}: {}", holds_n(friction));
+    }
+}
+
+#[test]
 fn nothing_is_let_go_while_the_load_grows() {
     // 10 N hold 1 N: far too much. Then the load grows by 1 N/s, and little of the friction seems to be used for long.
     let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
@@ -195,6 +212,7 @@ fn settings_that_are_no_numbers_or_out_of_range_are_refused_by_name() {
     with(|s| s.grip.blind_force_n = Some(100.0), "grip.blind_force_n");
     with(|s| s.on_slip.step_n = f64::INFINITY, "on_slip.step_n");
     with(|s| s.margin.target_fraction = 1.5, "margin.target_fraction");
+    with(|s| s.margin.slippery_target_fraction = 0.73, "margin.slippery_target_fraction");
     with(|s| s.screw.rate_rad_per_s = 0.0, "screw.rate_rad_per_s");
     with(|s| s.unscrew.open_rad = -1.0, "unscrew.open_rad");
     with(|s| s.place.laying_mm_per_s = 0.1, "place.laying_mm_per_s");

@@ -7,6 +7,9 @@
 //!   f < target - slack : P falls by `release_n_per_s`, not below the floor, once the load has stood for half a second
 //! ```
 //!
+//! On something slippery a jump of the load takes more force, and the gripper more time: there the target is lower. The friction is the
+//! monitor's; where it is not known the contact is taken to be slippery.
+//!
 //! A finger that touches but cannot be judged while it is loaded is a reason to grip harder, slowly and by so much at most: see
 //! [`MarginSettings::unsure_n_per_s`].
 //!
@@ -31,6 +34,9 @@ const STANDS_S: f64 = 0.5;
 const GROWN_FRACTION: f64 = 0.03;
 const GROWN_N: f64 = 0.1;
 
+/// Friction coefficients down from which a contact is slippery, and from which it is not.
+const FRICTION: (f64, f64) = (0.5, 0.8);
+
 /// Settings of [`Margin`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -38,8 +44,10 @@ const GROWN_N: f64 = 0.1;
 pub struct MarginSettings {
     /// Shear stiffness of the gel, MPa/mm; 0 takes that of the sensor file.
     pub stiffness_mpa_per_mm: f64,
-    /// Used fraction to hold, 0 to 1.
+    /// Used fraction to hold from a friction coefficient of 0.8 on, 0 to 1.
     pub target_fraction: f64,
+    /// Used fraction to hold down from a friction coefficient of 0.5 and where none is known, at most the other; even in between.
+    pub slippery_target_fraction: f64,
     /// Used fraction above which a single frame counts, not the average.
     pub urgent_fraction: f64,
     /// Time over which the least force that holds is averaged, ns.
@@ -60,10 +68,11 @@ impl Default for MarginSettings {
     fn default() -> Self {
         MarginSettings {
             stiffness_mpa_per_mm: 0.0,
-            target_fraction: 0.65,
+            target_fraction: 0.72,
+            slippery_target_fraction: 0.65,
             urgent_fraction: 0.8,
             average_ns: 100_000_000,
-            slack_fraction: 0.1,
+            slack_fraction: 0.05,
             raise_n_per_s: 120.0,
             release_n_per_s: 5.0,
             unsure_n_per_s: 10.0,
@@ -83,13 +92,22 @@ impl MarginSettings {
     pub fn check(&self) -> Result<(), SettingError> {
         within("margin.stiffness_mpa_per_mm", self.stiffness_mpa_per_mm, 0.0, 100.0)?;
         within("margin.target_fraction", self.target_fraction, 0.05, 0.95)?;
+        within("margin.slippery_target_fraction", self.slippery_target_fraction, 0.05, self.target_fraction)?;
         within("margin.urgent_fraction", self.urgent_fraction, self.target_fraction, 1.0)?;
         within("margin.average_ns", self.average_ns as f64, 0.0, 1e9)?;
-        within("margin.slack_fraction", self.slack_fraction, 0.0, self.target_fraction)?;
+        within("margin.slack_fraction", self.slack_fraction, 0.0, self.slippery_target_fraction)?;
         within("margin.raise_n_per_s", self.raise_n_per_s, 0.1, 10_000.0)?;
         within("margin.release_n_per_s", self.release_n_per_s, 0.0, 1000.0)?;
         within("margin.unsure_n_per_s", self.unsure_n_per_s, 0.0, 1000.0)?;
         within("margin.unsure_most_fraction", self.unsure_most_fraction, 0.0, 10.0)
+    }
+
+    /// The used fraction to hold at this friction.
+    fn target(&self, friction: Option<f64>) -> f64 {
+        let (slippery, firm) = FRICTION;
+        let firm_fraction =
+            friction.map_or(0.0, |friction| ((friction - slippery) / (firm - slippery)).clamp(0.0, 1.0));
+        self.slippery_target_fraction + firm_fraction * (self.target_fraction - self.slippery_target_fraction)
     }
 
     /// The same with the stiffness of the finger where the settings have none. Refused when nobody knows it.
@@ -193,7 +211,7 @@ impl GripController for Margin {
             return self.without_margin(hand, seconds);
         };
         self.unsure_from_n = None;
-        let target = self.settings.target_fraction;
+        let target = self.settings.target(hand.friction);
         let least_n = self.least_n(used, pressed_n, seconds);
         let used = least_n / pressed_n;
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
