@@ -55,6 +55,25 @@ fn a_load_raises_the_alarm_and_a_squeeze_does_not() {
 }
 
 #[test]
+fn a_slide_that_hardly_shears_the_gel_is_said_soon_not_before_and_until_it_ends() {
+    // 10 N on a wide face shear the gel by less than a tenth of a pitch.
+    let seen = watch(
+        "shear?object=crayons_box&force_n=10&mu=0.45&speed_mm_per_s=10&distance_mm=8&at_x_mm=-4&seed=11",
+        true,
+        |sensor| sensor,
+    );
+    let began = seen.iter().position(|(_, truth)| truth.load_fraction.is_some_and(|f| f >= 0.99)).expect("it slides");
+    let moves: Vec<usize> = (began..seen.len())
+        .filter(|&n| seen[n].1.pose.position_mm.x - seen[n - 1].1.pose.position_mm.x > 0.1)
+        .collect();
+    let gross: Vec<usize> = (0..seen.len()).filter(|&n| seen[n].0.state == SlipState::Gross).collect();
+    let first = *gross.first().expect("said");
+    assert!(began <= first + 1 && first <= began + 3, "began in {began}, said in {first}");
+    assert!(moves.len() > 15, "{}", moves.len());
+    assert!(moves.iter().filter(|n| **n >= first).all(|n| gross.contains(n)), "{gross:?} of {moves:?}");
+}
+
+#[test]
 fn estimates_follow_the_truth_of_a_ramp() {
     let seen = watch(RAMP, true, |sensor| sensor);
     let loaded: Vec<_> =

@@ -115,7 +115,7 @@ impl SlipMonitor {
             in_contact_count: 0,
             alarmed: false,
             small_margin_frames_count: 0,
-            gross: gross::GrossWatch::default(),
+            gross: gross::GrossWatch::new(),
             slides: false,
             imprint,
             settings: settings.clone(),

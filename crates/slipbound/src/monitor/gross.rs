@@ -37,6 +37,7 @@ const GOES_ON_USED: f64 = 0.8;
 const GOES_ON_STICK: f64 = 0.3;
 
 /// The trees, with grip force and from the picture alone.
+#[derive(Debug)]
 struct Trees {
     grip: Ensemble<1>,
     alone: Ensemble<1>,
@@ -77,17 +78,23 @@ pub(super) fn features(
 }
 
 /// Remembers whether it slides.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct GrossWatch {
+    trees: &'static Trees,
     slides: bool,
     likely_frames_count: u32,
     pub features: Option<SlideFeatures>,
 }
 
 impl GrossWatch {
+    /// Reads the table, which no frame may wait for.
+    pub fn new() -> Self {
+        GrossWatch { trees: shipped(), slides: false, likely_frames_count: 0, features: None }
+    }
+
     /// Nothing touches, or nothing is known any more.
     pub fn clear(&mut self) {
-        *self = GrossWatch::default();
+        *self = GrossWatch::new();
     }
 
     /// Takes a frame; whether the object slides as a whole. Where nothing is estimated the imprint alone tells.
@@ -106,8 +113,7 @@ impl GrossWatch {
         self.features = features(estimates, evidence, recent);
         let (likely, goes_on) = match &self.features {
             Some(features) => {
-                let trees = shipped();
-                let [logit] = if knows_grip { &trees.grip } else { &trees.alone }.at(features);
+                let [logit] = if knows_grip { &self.trees.grip } else { &self.trees.alone }.at(features);
                 let probability = 1.0 / (1.0 + libm::exp(-logit));
                 (probability >= BEGINS, probability >= GOES_ON)
             }
@@ -174,7 +180,7 @@ mod tests {
     #[test]
     fn a_slide_is_said_in_its_second_frame_and_until_the_imprint_stands_on_a_gel_that_carries_it() {
         for knows_grip in [true, false] {
-            let mut watch = GrossWatch::default();
+            let mut watch = GrossWatch::new();
             let mut see = |used, stick, recent: Recent| {
                 watch.see(&estimates(used, stick), knows_grip, Some(&evidence(true)), Some(&recent))
             };
@@ -192,7 +198,7 @@ mod tests {
 
     #[test]
     fn without_an_imprint_the_load_tells_and_without_a_load_the_imprint() {
-        let mut watch = GrossWatch::default();
+        let mut watch = GrossWatch::new();
         let mut see = |used, stick| watch.see(&estimates(used, stick), true, Some(&evidence(true)), None);
         let said = [(1.0, 0.0), (0.9, 0.0), (1.0, 0.0), (1.0, 0.05), (0.85, 0.2), (0.7, 0.4), (0.9, 0.1)];
         assert_eq!(said.map(|(used, stick)| see(used, stick)), [false, false, false, true, true, false, false]);
