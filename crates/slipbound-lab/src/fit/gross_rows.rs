@@ -33,7 +33,7 @@ struct Seen {
 }
 
 fn watched(number: u64) -> Option<Watch> {
-    if number % SLIDES_EVERY == 0 {
+    if number.is_multiple_of(SLIDES_EVERY) {
         return Slides::new(TRAINING_SEED, None).watch_of(number / SLIDES_EVERY).ok().map(|(_, watch)| watch);
     }
     let trial = training_trial(FIRST_TRIAL + number).ok()?;
