@@ -69,10 +69,9 @@ fn verdicts(name: &str, rows: &[Row], likely: &[f64]) {
         let said = |trial: &[(&Row, f64)], from: usize, to: usize| {
             (from..to).any(|n| n + 1 >= in_a_row && (n + 1 - in_a_row..=n).all(|n| trial[n].1 >= least))
         };
-        let (mut unheld, mut falsely, mut slides, mut soon) = (0, 0, 0, 0);
+        let (mut falsely, mut slides, mut soon) = (0, 0, 0);
         for trial in &trials {
             let began = trial.iter().position(|(row, _)| row.targets[0] == 1.0);
-            unheld += 1;
             falsely += u32::from(said(trial, 0, began.unwrap_or(trial.len())));
             if let Some(began) = began {
                 slides += 1;
@@ -80,7 +79,8 @@ fn verdicts(name: &str, rows: &[Row], likely: &[f64]) {
             }
         }
         println!(
-            "{name}: said from {least:.2} in {in_a_row}: false in {falsely} of {unheld} trials, within 2 frames in {soon} of {slides} ({:.1} %)",
+            "{name}: said from {least:.2} in {in_a_row}: false in {falsely} of {} trials, within 2 frames in {soon} of {slides} ({:.1} %)",
+            trials.len(),
             100.0 * f64::from(soon) / f64::from(slides)
         );
     }

@@ -15,8 +15,12 @@ use super::report::{Estimates, EvidenceReport};
 use super::trees::{Ensemble, parse};
 use std::sync::LazyLock;
 
+/// Features that are no motion over a window, and features of each window.
+const OTHERS_COUNT: usize = 8;
+const OF_WINDOW_COUNT: usize = 3;
+
 /// How many features there are.
-pub const SLIDE_FEATURES_COUNT: usize = 8 + 3 * WINDOWS_S.len();
+pub const SLIDE_FEATURES_COUNT: usize = OTHERS_COUNT + OF_WINDOW_COUNT * WINDOWS_S.len();
 
 /// What the verdict rests on: `used` and `stick` of step 5; how far the gel is sheared (pitches); speed of the imprint over its last
 /// 0.13 pitch (pitches/s) and the share of it by which the gel went along; the values of the evidence (0 where one is not known);
@@ -60,7 +64,7 @@ pub(super) fn features(
 ) -> Option<SlideFeatures> {
     let (margin, stick, evidence, recent) = (estimates.margin?, estimates.stick_ratio?, evidence?, recent?);
     let mut features = [0.0; SLIDE_FEATURES_COUNT];
-    let (head, windows) = features.split_at_mut(8);
+    let (head, windows) = features.split_at_mut(OTHERS_COUNT);
     head.copy_from_slice(&[
         1.0 - margin.value,
         stick.value,
@@ -71,7 +75,7 @@ pub(super) fn features(
         evidence.relaxation,
         evidence.centre_rim_ratio.unwrap_or(0.0),
     ]);
-    for (into, moved) in windows.chunks_exact_mut(3).zip(&recent.windows) {
+    for (into, moved) in windows.chunks_exact_mut(OF_WINDOW_COUNT).zip(&recent.windows) {
         into.copy_from_slice(&[moved.over_pitch, moved.carried_fraction, moved.gel_pitch]);
     }
     Some(features)

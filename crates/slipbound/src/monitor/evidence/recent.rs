@@ -8,7 +8,7 @@ const MOST_COUNT: usize = 96;
 /// Times that are looked back over, s. A frame counts for the time that lies nearest.
 pub(in crate::monitor) const WINDOWS_S: [f64; 4] = [1.0 / 30.0, 2.0 / 30.0, 0.1, 0.2];
 
-/// How far back a pace is looked for, s.
+/// How far back a pace is looked for, s; above 120 frames/s as far as frames are remembered.
 const PACE_S: f64 = 0.8;
 
 /// Over this way of the imprint the pace is taken, pitches.
@@ -38,7 +38,7 @@ pub(in crate::monitor) struct Recent {
     pub windows: [Moved; WINDOWS_S.len()],
     /// How far the gel is sheared since the reference, pitches.
     pub sheared_pitch: f64,
-    /// Speed of the imprint over its last 0.13 pitch, pitches/s; 0 where it took longer than 0.8 s.
+    /// Speed of the imprint over its last 0.13 pitch, pitches/s; 0 where it took longer than is looked back.
     pub pace_pitch_per_s: f64,
     /// How far the gel went along meanwhile, over it; 1 where nothing slides.
     pub pace_carried_fraction: f64,
