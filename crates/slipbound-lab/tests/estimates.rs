@@ -55,6 +55,26 @@ fn a_load_raises_the_alarm_and_a_squeeze_does_not() {
 }
 
 #[test]
+fn a_flat_face_over_the_whole_pad_is_felt_by_what_it_drags_along() {
+    // The camera of the Mini sees neither a rim nor a weave.
+    for load in ["twist_fraction=-1&force_n=18&mu=0.9", "direction_deg=140&force_n=12&mu=0.7"] {
+        let seen = watch(
+            &format!("ramp?object=crayons_box&camera=gelsight_mini&{load}&ramp_s=1&peak_fraction=1.8&seed=4"),
+            true,
+            |sensor| sensor,
+        );
+        let felt = seen.iter().find(|(report, _)| report.state != SlipState::NoContact);
+        let used = felt.and_then(|(_, truth)| truth.load_fraction).expect("felt while it is loaded");
+        assert!(used < 0.5, "{load}: no contact until f = {used}");
+        let (report, truth) = alarm(&seen).expect("it slides in the end");
+        let used = truth.load_fraction.expect("it slides");
+        assert!(used > 0.2 && used < 1.0, "{load}: an alarm at f = {used}: {report:?}");
+        let at_rest = seen.iter().take_while(|(_, truth)| truth.load_fraction.is_none_or(|f| f == 0.0));
+        assert!(at_rest.into_iter().all(|(report, _)| report.state == SlipState::NoContact), "{load}");
+    }
+}
+
+#[test]
 fn a_slide_that_hardly_shears_the_gel_is_said_soon_not_before_and_until_it_ends() {
     // 10 N on a wide face shear the gel by less than a tenth of a pitch.
     let seen = watch(

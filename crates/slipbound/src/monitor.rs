@@ -141,7 +141,7 @@ impl SlipMonitor {
         }
         probe.after(Step::Imprint, self);
 
-        self.contact.find(&self.imprint, self.markers.all.iter().map(|m| m.now));
+        self.contact.find(&self.imprint, &self.markers.all);
         probe.after(Step::Contact, self);
 
         match self.imprint.repeats() {
@@ -189,6 +189,10 @@ impl SlipMonitor {
             return;
         }
         let had_reference = self.estimator.has_reference();
+        let by_displacement = self.contact.by_displacement;
+        if by_displacement && !had_reference {
+            self.estimator.count_from_rest();
+        }
         self.estimator.see(frame.time_ns, grip, area_px2, &self.markers.all);
         let (evidence, recent) = (self.evidence.report.as_ref(), self.evidence.recent.as_ref());
         self.slides = self.settings.evidence.used
@@ -197,7 +201,7 @@ impl SlipMonitor {
         if settings.rule == SlipRule::Markers {
             return;
         }
-        if self.estimator.has_reference() && !had_reference {
+        if self.estimator.has_reference() && !had_reference && !by_displacement {
             // The slip field counts from the squeezed finger, too.
             self.rebase_from = Some(frame.seq);
         }

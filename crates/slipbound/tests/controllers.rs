@@ -113,27 +113,42 @@ fn a_controller_that_asks_for_what_cannot_be_never_lets_go() {
     assert_eq!(told, [30.0, 30.0, 30.0, 60.0, 5.0, 5.0, 5.0]);
 }
 
-#[test]
-fn a_margin_follows_the_load_at_once_and_lets_go_slowly() {
-    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
-    // A load that would make the object slide at 13 N, then at 26 N, then at 2.6 N: the margin that is left at 65 %.
+/// Forces told for a load that would make the object slide at 6.5 N for 30 frames, at 19.5 N for 60, at 2.6 N for 90: the margin that is
+/// left at 65 % holds them with 10, 30 and 4 N.
+fn told_n(settings: MarginSettings) -> Vec<f64> {
     let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
-    let mut force_n = 10.0;
-    let mut told = Vec::new();
+    let mut told = vec![10.0];
     for (slides_at_n, frames) in [(6.5, 30), (19.5, 60), (2.6, 90)] {
         for _ in 0..frames {
+            let force_n = told[told.len() - 1];
             let hand = HandReport { margin: Some(1.0 - slides_at_n / force_n), ..hand(SlipState::Stick) };
-            let decided = controller.decide(told.len() as u64 * FRAME_NS, &hand, &gripper(force_n));
-            force_n = decided.force_n;
-            told.push(force_n);
+            told.push(controller.decide(told.len() as u64 * FRAME_NS, &hand, &gripper(force_n)).force_n);
         }
     }
-    assert!((told[29] - 10.0).abs() < 0.1, "held at its target: {}", told[29]);
-    assert!((told[89] - 30.0).abs() < 0.5, "19.5 N over 0.65: {}", told[89]);
-    assert!(told[34] > 25.0, "within five frames: {}", told[34]);
-    let fall_n = told[100] - told[130];
+    told
+}
+
+#[test]
+fn a_margin_follows_the_load_at_once_and_lets_go_slowly() {
+    let mut settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    settings.release_excess_per_s = 0.0;
+    let told = told_n(settings);
+    assert!((told[30] - 10.0).abs() < 0.1, "held at its target: {}", told[30]);
+    assert!((told[90] - 30.0).abs() < 0.5, "19.5 N over 0.65: {}", told[90]);
+    assert!(told[35] > 25.0, "within five frames: {}", told[35]);
+    let fall_n = told[101] - told[131];
     assert!((fall_n - 5.0).abs() < 0.1, "5 N a second, not {fall_n} N in 1 s");
     assert!(told.iter().all(|n| (5.0..=60.0).contains(n)));
+}
+
+#[test]
+fn many_times_what_is_needed_is_let_go_faster_but_not_all_of_it() {
+    let told = told_n(MarginSettings::default().with_stiffness_mpa_per_mm(0.05));
+    // 6 N are one and a half times what is wanted: from 30 N on the excess falls by a factor e in a quarter of a second.
+    assert!(told[110] < 6.0 + 24.0 * 0.2, "after 0.67 s: {}", told[110]);
+    assert!(told[105] > 8.0, "after half a second: {}", told[105]);
+    let (last_n, before_n) = (told[125], told[124]);
+    assert!((before_n - last_n - 5.0 / 30.0).abs() < 0.02, "then slowly: {before_n} to {last_n}");
 }
 
 #[test]

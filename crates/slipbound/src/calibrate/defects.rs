@@ -6,7 +6,7 @@ use crate::pixels::background::Background;
 use crate::pixels::components::Components;
 use crate::pixels::dots::DotFinder;
 use crate::pixels::morphology::{Element, Morphology};
-use crate::pixels::patch::clear_disc;
+use crate::pixels::patch::write_disc;
 use crate::pixels::threshold::far_from;
 use crate::pixels::warp::WarpTable;
 
@@ -36,7 +36,7 @@ pub(super) fn find(rectified: &[u8], table: &WarpTable, grid: &Grid) -> Vec<[usi
     let radius_px = 0.5 * grid.diameter_px + 0.2 * grid.pitch_px;
     let spots = finder.run(rectified, 4.0).iter().map(|s| s.position);
     for centre in spots.chain(grid.dots.keys().map(|n| grid.plane(*n))) {
-        clear_disc(&mut differs, centre, radius_px);
+        write_disc(&mut differs, centre, radius_px, false);
     }
     let mut opened = Mask::new(size);
     morphology.open(&differs, &Element::rect(wide, wide), &mut opened);

@@ -4,8 +4,11 @@
 //!   fabric skin: the pressed weave has edges           smooth gel: shading has left the rest picture
 //!   flat --Canny--> edges --close, erode, dilate-->    cells - rest cells --fill, close, outline-->
 //!                                      \_____ region _____/
+//!                                              | empty
+//!                       markers that moved, with their neighbours --> region
 //! ```
 
+mod displaced;
 mod illumination;
 mod shading;
 
@@ -13,12 +16,13 @@ pub(super) use illumination::{illumination, roughness_levels};
 
 use crate::image::Mask;
 use crate::monitor::imprint::Imprint;
+use crate::monitor::report::Marker;
 use crate::monitor::rest::{Rest, RestKind};
 use crate::pixels::canny::Canny;
 use crate::pixels::morphology::{Element, Morphology};
-use crate::plane::Vec2;
 use crate::sensor::{EdgeBand, Sensor, Skin};
 use crate::setting::{SettingError, within};
+use displaced::DisplacedContact;
 use serde::{Deserialize, Serialize};
 use shading::ShadingContact;
 
@@ -48,6 +52,9 @@ pub struct ContactSettings {
     pub change_fraction: f64,
     /// Smooth gel: gaps of this width inside the region are closed; the rim of a flat object shows, its middle hardly.
     pub smooth_close_pitch: f64,
+    /// Where the picture shows no contact, there is one where markers are displaced by more than this, and their neighbours
+    /// with them: a flat face over the whole pad has no rim to be seen. Zero: the picture alone decides, as in the paper.
+    pub displaced_pitch: f64,
     /// Markers in contact at which the patch is large enough for full quality.
     pub full_markers_count: u32,
     /// Below this quality the state is `unsure`.
@@ -69,6 +76,8 @@ impl Default for ContactSettings {
             change_levels: 6.0,
             change_fraction: 0.25,
             smooth_close_pitch: 1.2,
+            // Deviation: D18 displaced markers are contact
+            displaced_pitch: 0.05,
             full_markers_count: 12,
             unsure_below_quality: 0.35,
         }
@@ -86,6 +95,7 @@ impl ContactSettings {
         within("contact.change_levels", self.change_levels, 0.5, 255.0)?;
         within("contact.change_fraction", self.change_fraction, 0.0, 0.5)?;
         within("contact.smooth_close_pitch", self.smooth_close_pitch, 0.0, 10.0)?;
+        within("contact.displaced_pitch", self.displaced_pitch, 0.0, 10.0)?;
         within("contact.full_markers_count", f64::from(self.full_markers_count), 1.0, 1000.0)?;
         within("contact.unsure_below_quality", self.unsure_below_quality, 0.0, 1.0)
     }
@@ -169,9 +179,12 @@ const FULL_EDGE_SHARE: f64 = 0.2;
 pub(super) struct Contact {
     settings: ContactSettings,
     finder: RegionFinder,
+    displaced: Option<DisplacedContact>,
     frames_above_count: u32,
     /// Whether something touches.
     pub(super) touches: bool,
+    /// Whether only displacement says so.
+    pub(super) by_displacement: bool,
     /// The region; empty while nothing touches.
     pub(super) region: Mask,
     /// Its area in px.
@@ -202,7 +215,10 @@ impl Contact {
                 RegionFinder::Shading(Box::new(shading))
             }
         };
+        let rest_px: Vec<_> = rest.markers.iter().map(|m| m.position).collect();
         Contact {
+            displaced: DisplacedContact::new(sensor, settings, &rest_px),
+            by_displacement: false,
             settings: settings.clone(),
             finder,
             frames_above_count: 0,
@@ -213,8 +229,8 @@ impl Contact {
         }
     }
 
-    /// Finds the region in a frame. `markers`: where markers were last seen, px.
-    pub(super) fn find(&mut self, imprint: &Imprint, markers: impl Iterator<Item = Vec2>) {
+    /// Finds the region in a frame. `markers`: as they were last seen.
+    pub(super) fn find(&mut self, imprint: &Imprint, markers: &[Marker]) {
         self.strength = match &mut self.finder {
             RegionFinder::Texture(texture) => {
                 texture.find(&imprint.flat, imprint.seen(), &mut self.region) / FULL_EDGE_SHARE
@@ -222,24 +238,39 @@ impl Contact {
             RegionFinder::Shading(shading) => {
                 let level = self.settings.change_levels;
                 let share = self.settings.change_fraction as f32;
-                shading.find(&imprint.cells, markers, level as f32, share, &mut self.region) / level - 1.0
+                let places = markers.iter().map(|m| m.now);
+                shading.find(&imprint.cells, places, level as f32, share, &mut self.region) / level - 1.0
+            }
+        };
+        let on = self.settings.on_area_fraction;
+        let share = self.area_fraction();
+        let seen = share > on || (self.touches && !self.by_displacement && share >= self.settings.off_area_fraction);
+        if let Some(displaced) = &mut self.displaced {
+            if seen {
+                displaced.yield_to_picture(markers);
+            } else {
+                self.strength = displaced.find(markers, &mut self.region);
             }
         }
-        .clamp(0.0, 1.0);
-        self.area_px2 = self.region.area_px2();
-        let share = self.area_px2 as f64 / self.region.size().area() as f64;
-        let above = share > self.settings.on_area_fraction;
-        self.frames_above_count = if above { self.frames_above_count + 1 } else { 0 };
+        self.strength = self.strength.clamp(0.0, 1.0);
+        let share = self.area_fraction();
+        self.frames_above_count = if share > on { self.frames_above_count + 1 } else { 0 };
         if self.touches {
             self.touches = share >= self.settings.off_area_fraction;
         } else {
             self.touches = self.frames_above_count >= self.settings.on_frames_count;
         }
+        self.by_displacement = self.touches && !seen && self.displaced.is_some();
+        self.area_px2 = self.region.area_px2();
         if !self.touches {
             self.region.clear();
             self.area_px2 = 0;
             self.strength = 0.0;
         }
+    }
+
+    fn area_fraction(&self) -> f64 {
+        self.region.area_px2() as f64 / self.region.size().area() as f64
     }
 
     /// Quality of the patch, 0 to 1: the smaller of its share of markers and its strength.

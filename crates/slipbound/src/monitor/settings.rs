@@ -39,6 +39,7 @@ impl Settings {
             imprint: ImprintSettings { illumination: Illumination::Gaussian, ..ImprintSettings::default() },
             contact: ContactSettings {
                 hide_rest_edges: false,
+                displaced_pitch: 0.0,
                 dilate_pitch: 25.0 / 15.2,
                 ..ContactSettings::default()
             },

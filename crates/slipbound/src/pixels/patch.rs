@@ -79,8 +79,8 @@ pub fn dot_colours(image: Rgb<'_>, place: Vec2, core_px: f64, ring_px: (f64, f64
     })
 }
 
-/// Clears the pixels within a radius of a place.
-pub fn clear_disc(mask: &mut Mask, centre: Vec2, radius_px: f64) {
+/// Sets or clears the pixels within a radius of a place.
+pub fn write_disc(mask: &mut Mask, centre: Vec2, radius_px: f64, on: bool) {
     let size = mask.size();
     let span = |at: f64, len: usize| {
         let from = (at - radius_px).max(0.0) as usize;
@@ -90,7 +90,7 @@ pub fn clear_disc(mask: &mut Mask, centre: Vec2, radius_px: f64) {
         for x in span(centre.x, size.width) {
             let inside = (Vec2::new(x as f64, y as f64) - centre).length() <= radius_px;
             if inside && x < size.width && y < size.height {
-                mask.set(x, y, false);
+                mask.set(x, y, on);
             }
         }
     }
