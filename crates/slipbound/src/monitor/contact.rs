@@ -77,7 +77,7 @@ impl Default for ContactSettings {
             change_fraction: 0.25,
             smooth_close_pitch: 1.2,
             // Deviation: D18 displaced markers are contact
-            displaced_pitch: 0.05,
+            displaced_pitch: 0.03,
             full_markers_count: 12,
             unsure_below_quality: 0.35,
         }
