@@ -46,7 +46,8 @@ impl Calibrate {
         let mut found = calibrate(&frames, &known).map_err(|e| Failure::Arguments(anyhow!("{}: {e}", self.source)))?;
         if let Some([low_levels, high_levels]) = calibration::raise_edges(&frames, &mut found) {
             terminal.note(&format!(
-                "{}: the weave shows edges at rest: their thresholds are raised to {low_levels} and {high_levels} (edge_bands);                  if something touches the finger there, say which frames: --frames A..B",
+                "{}: the weave shows edges at rest: their thresholds are raised to {low_levels} and {high_levels} (edge_bands); \
+                 if something touches the finger there, say which frames: --frames A..B",
                 self.source
             ));
         }
