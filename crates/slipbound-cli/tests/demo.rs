@@ -51,7 +51,7 @@ fn a_cap_is_opened_and_the_recording_gives_the_same_commands_bit_for_bit() {
     fs::write(&reports, changed).expect("written");
     let differs = slipbound(&["replay", path]);
     assert_eq!(differs.status.code(), Some(1));
-    assert!(told(&differs).contains("recorded Hold { force_n: 20.000000000000004"), "{}", told(&differs));
+    assert!(told(&differs).contains("recorded hold with 20.000000000000004 N"), "{}", told(&differs));
 }
 
 #[test]
