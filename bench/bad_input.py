@@ -267,6 +267,7 @@ def cases():
          "run --sensor painted.toml --json notes.txt"),
         ("a name with escape sequences", None, "$'\\e[31mred' --sensor painted.toml"),
         ("--json onto a full disk", None, "run --sensor painted.toml --json /dev/full"),
+        ("--json onto a disk that fills up", None, f"run {me} # FULL"),
         ("--timings into no folder", None, f"run {me} --timings no/where.jsonl"),
         ("--timings and --json the same", None, "run --sensor painted.toml --json r.jsonl --timings ./r.jsonl"),
         ("--overlay below a file", None, f"run {me} --overlay painted.toml/pictures"),
@@ -322,7 +323,9 @@ def run(binary, folder, line):
         environment["PATH"] = "/nonexistent"
     interrupted = "timeout --preserve-status -s INT 1 " if how == "INT" else ""
     command = line if line.startswith("calibrate ") else f"watch {line}"
-    shell = f"set -o pipefail; {interrupted}{binary} {command}"
+    # A limit on the size of a file stands for the disk; without the trap it would end the process.
+    full = "trap '' XFSZ; ulimit -f 32; " if how == "FULL" else ""
+    shell = f"set -o pipefail; {full}{interrupted}{binary} {command}"
     ended = subprocess.run(["/bin/bash", "-c", shell], cwd=folder, env=environment, capture_output=True, text=True,
                            check=False, timeout=120)
     report = folder / "report.jsonl"
@@ -345,7 +348,7 @@ def row(title, line, code, err, out, kept):
     unjudged = [part for part in out.splitlines() if "; the first is" in part]
     said += [f"*{part}*" for part in unjudged if part.split(": ", 1)[1] not in err]
     line, _, how = line.partition(" # ")
-    notes = {"PATH=": ", `PATH` without ffmpeg", "INT": ", Ctrl-C after 1 s"}.get(how, "")
+    notes = {"PATH=": ", `PATH` without ffmpeg", "INT": ", Ctrl-C after 1 s", "FULL": ", 32 kB left"}.get(how, "")
     line = line.replace(ME, "...").strip()
     line = re.sub(r"(long|a/){9,}", r"\1\1\1[..]", line)
     said = re.sub(r"(long|a/){9,}", r"\1\1\1[..]", " ".join(said).replace("slipbound: ", ""))

@@ -5,10 +5,14 @@
 Each page below has a folder of its own. Blocks fenced as ```sh are run in their order by `bash -e`, with the program on the PATH; what
 they print is shown when one fails. A block fenced as ```python runs before the next block of the page. Blocks fenced as ```console are
 commands of an installation: each line of theirs has to stand in one of the scripts RUN_BY, which run it.
+
+Of the README and the pages that are not run, because they need a camera, a gripper or hours, every line that begins with `slipbound` (or
+`$ slipbound`) is given to the program with `--help` behind it: it refuses a command, an option or a value that it does not know.
 """
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -21,6 +25,10 @@ PAGES = [
     "troubleshooting.md", "faq.md",
 ]
 RUN_BY = [".ci/run", "packaging/build.sh", "packaging/try-deb.sh"]
+ELSEWHERE = ["../README.md", *sorted(page.name for page in DOCS.glob("*.md") if page.name not in PAGES)]
+"""Pages whose commands are not run."""
+COMMAND = re.compile(r"^(?:    )?(?:\$ )?(slipbound .*)$", re.M)
+FENCED_OR_INDENTED = re.compile(r"^```(?:sh|text|console)\n(.*?)^```|((?:^    [^\n]*\n)+)", re.M | re.S)
 BLOCK = re.compile(r"^```(sh|python|console)\n(.*?)^```", re.M | re.S)
 
 
@@ -42,6 +50,32 @@ def run(page: str, folder: str, path: str) -> list[str]:
     return failed
 
 
+def words(line: str) -> list[str]:
+    """A command as a shell takes it, up to the first redirection, pipe, `&` or comment."""
+    lexer = shlex.shlex(line, posix=True, punctuation_chars="|&;<>")
+    lexer.whitespace_split = True
+    lexer.commenters = ""
+    taken = []
+    for word in lexer:
+        if word.startswith("#") or set(word) <= set("|&;<>"):
+            break
+        taken.append(word)
+    return taken
+
+
+def refused(page: str, path: str) -> list[str]:
+    """The lines of a page that are not run and that the program would not take."""
+    failed, seen = [], 0
+    for fenced, indented in FENCED_OR_INDENTED.findall((DOCS / page).read_text()):
+        for line in COMMAND.findall(fenced or indented):
+            done = subprocess.run([*words(line), "--help"], env={**os.environ, "PATH": path}, capture_output=True, text=True)
+            seen += 1
+            if done.returncode != 0:
+                failed.append(f"{page}: {line}: {done.stderr.strip().splitlines()[0]}")
+    print(f"{page}: {seen} commands, each known to the program", flush=True)
+    return failed
+
+
 def main() -> None:
     program, *pages = sys.argv[1:]
     path = f"{Path(program).resolve().parent}:{os.environ['PATH']}"
@@ -49,6 +83,8 @@ def main() -> None:
     for page in pages or PAGES:
         with tempfile.TemporaryDirectory() as folder:
             failed += run(page, folder, path)
+    for page in [] if pages else ELSEWHERE:
+        failed += refused(page, path)
     for line in failed:
         print(line)
     sys.exit(1 if failed else 0)

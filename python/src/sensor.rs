@@ -7,6 +7,7 @@ use slipbound::calibrate::{FRAMES_MOST, KnownFacts, calibrate as calibrate_frame
 use slipbound::image::{Frame, SizePx};
 use slipbound::monitor::Settings as CoreSettings;
 use slipbound::sensor::{Flip, Polarity, Sensor as CoreSensor, Skin};
+use slipbound_rig::calibration::raise_edges;
 use slipbound_rig::{config, sensors};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -211,6 +212,12 @@ pub fn calibrate(
         .collect();
     let frames = frames?;
     let first = &frames[..frames.len().min(FRAMES_MOST)];
-    let found = py.detach(|| guarded(|| calibrate_frames(first, &known).map_err(calibration)))?;
+    let found = py.detach(|| {
+        guarded(|| {
+            let mut found = calibrate_frames(first, &known).map_err(calibration)?;
+            raise_edges(first, &mut found);
+            Ok(found)
+        })
+    })?;
     Ok(Sensor(Arc::new(found.sensor)))
 }

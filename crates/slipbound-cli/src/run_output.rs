@@ -104,9 +104,9 @@ impl RunOutput {
     ) -> Result<Outcome, Failure> {
         let RunOutput { recorder, console: Console { mut terminal, .. }, lost_count, mut lost, .. } = self;
         terminal.clear_bar();
-        for row in rows {
-            terminal.say(&format!("  {:<28}{:<22}{}", row.name, row.value, row.target))?;
-        }
+        // The page is written also where nobody reads the terminal any more.
+        let mut said: Result<(), Failure> =
+            rows.iter().try_for_each(|row| terminal.say(&format!("  {:<28}{:<22}{}", row.name, row.value, row.target)));
         if lost_count > 0 {
             lost.push(format!("{lost_count} cycles were not written: the disk did not keep up"));
         }
@@ -117,12 +117,13 @@ impl RunOutput {
                     lost.push(format!("{count} times something could not be written, the first: {first}"));
                 }
                 match recorder.finish(rows, ending) {
-                    Ok(page) => terminal.say(&last_line(&page.display().to_string()))?,
+                    Ok(page) => said = said.and_then(|()| terminal.say(&last_line(&page.display().to_string()))),
                     Err(error) => lost.push(error.to_string()),
                 }
             }
         }
         lost.iter().for_each(|line| terminal.note(line));
+        said?;
         Ok(if lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
     }
 }

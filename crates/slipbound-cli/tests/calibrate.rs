@@ -42,6 +42,33 @@ fn one_frame_of_the_papers_finger_gives_its_homography_back() {
     }
 }
 
+/// The weave of the simulated GelSlim is sharper in the mixture of colours that calibration takes than in that of the built-in finger.
+#[test]
+fn a_calibrated_fabric_skin_is_untouched_at_rest_and_slips_where_the_built_in_one_does() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for seed in ["3", "8"] {
+        let done = slipbound(folder.path(), &["simulate", "twist?grid=fast", "--seed", seed, "-o", seed]);
+        assert!(done.status.success(), "{done:?}");
+        let file = format!("{seed}.toml");
+        let words = ["calibrate", seed, "-o", &file, "--flip", "vertical", "--skin", "fabric", "--pitch-mm", "1.5"];
+        let done = slipbound(folder.path(), &words);
+        assert!(done.status.success(), "{done:?}");
+        let slips = |words: &[&str]| {
+            let name = format!("{seed}.jsonl");
+            let done = slipbound(folder.path(), &[words, &["--slips", &name, "--force"]].concat());
+            let told = String::from_utf8_lossy(&done.stdout).into_owned() + &String::from_utf8_lossy(&done.stderr);
+            assert!(done.status.success() && !told.contains("starts in contact"), "{told}");
+            let slips = std::fs::read_to_string(folder.path().join(name)).expect("slips");
+            let first =
+                |line: &str| serde_json::from_str::<serde_json::Value>(line).expect("JSON")["first_seq"].as_u64();
+            slips.lines().filter_map(first).collect::<Vec<u64>>()
+        };
+        let (ours, built_in) = (slips(&["watch", seed, "--sensor", &file]), slips(&["watch", seed]));
+        assert_eq!((ours.len(), built_in.len()), (1, 1), "seed {seed}: {ours:?} and {built_in:?}");
+        assert!(ours[0].abs_diff(built_in[0]) <= 6, "seed {seed}: {ours:?} and {built_in:?}");
+    }
+}
+
 #[test]
 fn what_cannot_be_done_is_refused_with_the_reason_and_leaves_no_file() {
     let folder = tempfile::tempdir().expect("a folder");

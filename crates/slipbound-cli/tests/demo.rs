@@ -51,7 +51,22 @@ fn a_cap_is_opened_and_the_recording_gives_the_same_commands_bit_for_bit() {
     fs::write(&reports, changed).expect("written");
     let differs = slipbound(&["replay", path]);
     assert_eq!(differs.status.code(), Some(1));
-    assert!(told(&differs).contains("recorded Hold { force_n: 20.000000000000004"), "{}", told(&differs));
+    assert!(told(&differs).contains("recorded hold with 20.000000000000004 N"), "{}", told(&differs));
+}
+
+#[test]
+fn a_reader_that_leaves_does_not_take_the_page_with_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = folder.path().join("run");
+    let mut words = Command::new(env!("CARGO_BIN_EXE_slipbound"));
+    words.args(["demo", "--task", "lift", "--fingers", "1", "--set", "longest_s=2", "-o"]).arg(&run);
+    let mut child = words.stdout(std::process::Stdio::piped()).spawn().expect("runs");
+    let mut first = [0];
+    let mut stdout = child.stdout.take().expect("piped");
+    std::io::Read::read_exact(&mut stdout, &mut first).expect("begins");
+    drop(stdout);
+    child.wait().expect("ends");
+    assert!(run.join("report.html").exists());
 }
 
 #[test]

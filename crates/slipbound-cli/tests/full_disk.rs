@@ -66,6 +66,25 @@ fn a_full_disk_changes_nothing_in_the_loop_and_is_told_at_the_end() {
 }
 
 #[test]
+fn what_watch_writes_ends_with_a_whole_line_on_a_full_disk() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| scratch.path().join(name).to_str().expect("UTF-8").to_owned();
+    for (option, name) in [("--json", "run.jsonl"), ("--csv", "run.csv"), ("--timings", "times.jsonl")] {
+        let file = path(name);
+        // Twelve blocks are 6 kB: a header and a few frames, and not on the end of a line.
+        let output = slipbound("12", &["watch", "sim:press?grid=fast", option, &file]);
+        assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+        assert!(told(&output).contains(&format!("{name}: cannot write: ")), "{}", told(&output));
+        let text = fs::read_to_string(&file).expect("lines");
+        assert!(text.ends_with('\n') && text.lines().count() > 2, "{name}: {text}");
+    }
+    let page = path("page.html");
+    let output = slipbound("12", &["watch", "sim:press?grid=fast", "--report", &page]);
+    assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+    assert!(!Path::new(&page).exists(), "half a page is none");
+}
+
+#[test]
 fn a_run_without_a_single_cycle_is_not_called_the_same() {
     let scratch = tempfile::tempdir().expect("a folder");
     let run = scratch.path().join("run").to_str().expect("UTF-8").to_owned();

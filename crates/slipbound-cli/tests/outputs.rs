@@ -70,6 +70,7 @@ fn a_name_that_promises_another_format_is_refused() {
         (&["watch", "sim:press", "--csv", "x.jsonl"], "--csv x.jsonl: expected a file of comma-separated values"),
         (&["watch", "sim:press", "--overlay", "x.MP4"], "--overlay x.MP4: expected a folder for pictures, or FILE.avi"),
         (&["watch", "sim:press", "--record", "x.bag"], "--record x.bag: expected a FILE.mcap"),
+        (&["watch", "sim:press", "--csv", "-"], "--csv -: expected the name of a file"),
         (&["watch", "a.bmp"], "a.bmp: expected images (.jpg, .jpeg, .png), got 1 .bmp file"),
         (&["watch", "."], ".: expected images (.jpg, .jpeg, .png), got 1 .bmp file"),
         (&["watch", "sim:rmp"], "did you mean ramp?"),

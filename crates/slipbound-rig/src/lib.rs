@@ -61,6 +61,7 @@ pub mod run;
 pub mod sheet;
 pub mod source;
 pub mod timings;
+pub mod whole_lines;
 pub mod wrist;
 pub mod written;
 

@@ -31,6 +31,7 @@ mod notes;
 mod page;
 mod recorder;
 mod replay;
+mod words;
 
 pub use error::Error;
 pub use event::{Event, TimedEvent};
@@ -42,3 +43,4 @@ pub use notes::{CameraLimits, RunNotes};
 pub use page::recording::RecordingPage;
 pub use recorder::RunRecorder;
 pub use replay::{Replay, ReplayError, Replayed};
+pub use words::ending_name;

@@ -1,8 +1,8 @@
 //! How long each step of the monitor takes: the only clock that looks at the method, through its [`Probe`].
 
+use crate::whole_lines::WholeLines;
 use slipbound::monitor::{Probe, SlipMonitor, SlipReport, Step};
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -45,13 +45,13 @@ impl Probe for Stopwatch {
 #[derive(Debug)]
 pub struct Timings {
     path: PathBuf,
-    to: BufWriter<File>,
+    to: WholeLines,
 }
 
 impl Timings {
     /// Creates the file.
     pub fn create(path: &Path) -> io::Result<Self> {
-        Ok(Timings { path: path.to_owned(), to: BufWriter::new(File::create(path)?) })
+        Ok(Timings { path: path.to_owned(), to: WholeLines::create(path)? })
     }
 
     /// Its path.
@@ -66,7 +66,6 @@ impl Timings {
             write!(self.to, ",\"{}_us\":{us:.1}", format!("{step:?}").to_lowercase())?;
         }
         let all_us: f64 = stopwatch.steps_us.iter().map(|(_, us)| us).sum();
-        writeln!(self.to, ",\"all_us\":{all_us:.1}}}")?;
-        self.to.flush()
+        writeln!(self.to, ",\"all_us\":{all_us:.1}}}")
     }
 }

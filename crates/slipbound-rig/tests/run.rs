@@ -170,6 +170,55 @@ fn a_slip_is_over_when_it_is_quiet_however_often_it_is_answered() {
     }
 }
 
+#[test]
+fn a_slip_is_at_the_force_before_its_answer_also_where_the_gripper_measures_none() {
+    let mut cycles = screw::cycles();
+    for i in 1..cycles.len() {
+        cycles[i].gripper.force_n = None;
+        cycles[i].gripper.target_n = cycles[i - 1].grip_command.force_n();
+    }
+    let at = screw::SLIPS[1] as usize;
+    let before_n = cycles[at - 1].grip_command.force_n();
+    cycles[at].grip_command = GripCommand::Hold { force_n: 57.0 }; // answered at once
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), &screw::info(), &cycles).finish(&[], None).expect("finishes");
+    let told = events(folder.path()).into_iter().find_map(|e| match e.event {
+        Event::SlipBegins { slip: 2, force_n, .. } => Some(force_n),
+        _ => None,
+    });
+    assert_eq!(told, Some(before_n));
+}
+
+#[test]
+fn a_run_that_held_to_its_end_is_not_called_broken_off() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let cycles = &screw::cycles()[..200];
+    let ends = |ending| {
+        let scratch = tempfile::tempdir_in(folder.path()).expect("a folder");
+        let run = written(scratch.path(), &screw::info(), cycles);
+        fs::read_to_string(run.finish(&[], ending).expect("finishes")).expect("reads")
+    };
+    let (held, left) = (ends(Some(Ending::Held)), ends(None));
+    assert!(held.contains("</b> in all") && !held.contains("until it broke off"), "{held}");
+    assert!(left.contains("</b> until it broke off"), "{left}");
+}
+
+#[test]
+fn the_slip_of_a_finger_whose_pitch_is_unknown_is_shown_in_pitches() {
+    let mut info = screw::info();
+    info.fingers.iter_mut().for_each(|finger| finger.sensor.pitch_mm = None);
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut run = RunFolder::create(folder.path(), &info).expect("creates");
+    for (i, mut cycle) in screw::cycles().into_iter().enumerate() {
+        cycle.hand.slip_max_mm = None;
+        run.cycle_with_slip(&cycle, Some(0.01 * i as f64)).expect("writes");
+    }
+    let html = fs::read_to_string(run.finish(&[], None).expect("finishes")).expect("reads");
+    let plot = html.split("<b>Slip</b>").nth(1).expect("a plot of the slip");
+    assert!(plot.starts_with(", marker pitches") && !html.contains("<b>Slip</b>, mm"), "{}", &plot[..80]);
+    assert!(plot.contains("largest of a marker, since the reference"), "{}", &plot[..400]);
+}
+
 /// The page of a run; with a picture of every finger at each slip.
 fn page(info: &RunInfo, cycles: &[Cycle]) -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().expect("a folder");

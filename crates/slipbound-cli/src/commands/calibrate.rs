@@ -43,7 +43,14 @@ impl Calibrate {
         let frames: Result<Vec<Frame<'_>>, _> = same.iter().map(|b| b.frame()).collect();
         let frames = frames.map_err(|e| Failure::work(&self.source, e))?;
         let known = self.known();
-        let found = calibrate(&frames, &known).map_err(|e| Failure::Arguments(anyhow!("{}: {e}", self.source)))?;
+        let mut found = calibrate(&frames, &known).map_err(|e| Failure::Arguments(anyhow!("{}: {e}", self.source)))?;
+        if let Some([low_levels, high_levels]) = calibration::raise_edges(&frames, &mut found) {
+            terminal.note(&format!(
+                "{}: the weave shows edges at rest: their thresholds are raised to {low_levels} and {high_levels} (edge_bands); \
+                 if something touches the finger there, say which frames: --frames A..B",
+                self.source
+            ));
+        }
         let [from, to] = found.averaged.map(|i| same[i].seq);
         if !found.untouched {
             terminal.note(&format!(

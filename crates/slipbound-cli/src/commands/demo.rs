@@ -117,7 +117,7 @@ impl Demo {
         let mut output = RunOutput::create(&folder, &info, keeps_frames)?.recording(container);
         let stop = interruption::listen()?;
         let began = Instant::now();
-        output.say(&format!("{scene}"))?;
+        output.say(&info.source_in_words())?;
         if let Some(clamped) = clamped {
             output.note(0, &clamped);
         }

@@ -70,7 +70,7 @@ fn facts(sensor: &Sensor) -> String {
     }
     if !sensor.edge_bands.is_empty() {
         line(
-            "\n# Canny's thresholds: those of the paper's finger. Raise them if an untouched finger shows contact."
+            "\n# Canny's thresholds: those of the paper's finger, raised until the untouched weave shows no contact."
                 .into(),
         );
     }

@@ -1,6 +1,7 @@
 //! Does this gripper hold on while its force is changed, and how does a new force reach the jaws? It is not
 //! published for a WSG-50, so this measures it: up, down, up, down, with an object that may fall.
 
+use super::settled::jaws_name;
 use slipbound::grip::ForceSense;
 use slipbound::port::{GripCommand, GripperState, Jaws};
 
@@ -97,11 +98,13 @@ impl CheckHold {
         match state.jaws {
             Jaws::Holding => {}
             Jaws::Nothing | Jaws::Lost | Jaws::Stopped => {
-                return failed(format!("expected the object to stay held, got jaws {:?}", state.jaws));
+                return failed(format!("expected the object to stay held, got jaws {}", jaws_name(state.jaws)));
             }
             _ if self.changes_count == 0 && waited_ns < GRASP_NS => return Step::Wait,
-            jaws if self.changes_count == 0 => return failed(format!("expected something held, got jaws {jaws:?}")),
-            jaws => return failed(format!("expected the object to stay held, got jaws {jaws:?}")),
+            jaws if self.changes_count == 0 => {
+                return failed(format!("expected something held, got jaws {}", jaws_name(jaws)));
+            }
+            jaws => return failed(format!("expected the object to stay held, got jaws {}", jaws_name(jaws))),
         }
         if let Some(why) = self.watch(state) {
             return failed(why);
@@ -116,7 +119,8 @@ impl CheckHold {
             ));
         }
         if state.target_n.is_none_or(|target_n| (target_n - asked_n).abs() > reach_n) {
-            return failed(format!("expected {asked_n} N to be taken over, got {:?}", state.target_n));
+            let got = state.target_n.map_or("an unknown force".into(), |target_n| format!("{target_n} N"));
+            return failed(format!("expected {asked_n} N to be taken over, got {got}"));
         }
         self.held_mm = self.held_mm.or(state.opening_mm).or(Some(0.0));
         self.changes_count += 1;

@@ -44,7 +44,8 @@ pub enum Event {
         fingers_count: u32,
         /// Whether the whole contact slides.
         gross: bool,
-        /// Force at which it slipped, N per finger: measured, else commanded; None when neither is a number.
+        /// Force at which it slipped, N per finger: measured, else what the gripper was told before; None when neither is a
+        /// number.
         force_n: Option<f64>,
     },
     /// It came to rest.
@@ -155,7 +156,8 @@ impl EventLog {
         // The number is the loop's own: a queue may have lost cycles before this one.
         events.extend(change.ended.map(|slip| ends(&slip, self.slips_count())));
         if change.began.is_some() {
-            let force_n = cycle.gripper.force_n.or(cycle.grip_command.force_n());
+            // What this cycle commands is the answer to the slip.
+            let force_n = cycle.gripper.pressed_n().or(cycle.grip_command.force_n());
             events.push(Event::SlipBegins {
                 slip: cycle.slips_count,
                 direction: cycle.hand.slip.as_ref().map_or_else(String::new, direction),

@@ -5,11 +5,12 @@ use super::event::{Event, EventLog, TimedEvent};
 use super::info::{FORMAT_VERSION, Row, RunInfo, file_stem};
 use super::line;
 use super::page::{Page, Picture, picture};
+use crate::whole_lines::WholeLines;
 use slipbound::control::Cycle;
 use slipbound::image::Rgb;
 use slipbound::task::Ending;
-use std::fs::{self, File};
-use std::io::{Seek, SeekFrom, Write};
+use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// A folder of this name, or with the next number that is free: `run`, `run-2`, `run-3`, ...
@@ -40,6 +41,8 @@ pub struct RunFolder {
     events: Lines,
     log: EventLog,
     cycles: Vec<Cycle>,
+    /// Of every cycle, in marker pitches: what the page shows where a finger's pitch in mm is not known.
+    slips_pitch: Vec<Option<f64>>,
     timed_events: Vec<TimedEvent>,
     pictures: Vec<Picture>,
 }
@@ -59,6 +62,7 @@ impl RunFolder {
             events: Lines::create(folder.join("events.jsonl"))?,
             log: EventLog::new(info.finger_names()),
             cycles: Vec::new(),
+            slips_pitch: Vec::new(),
             timed_events: Vec::new(),
             pictures: Vec::new(),
         })
@@ -66,9 +70,15 @@ impl RunFolder {
 
     /// Appends a cycle, and the events that it brings.
     pub fn cycle(&mut self, cycle: &Cycle) -> Result<(), Error> {
+        self.cycle_with_slip(cycle, None)
+    }
+
+    /// The same with the largest slip of a marker since the reference, in marker pitches, for the page.
+    pub fn cycle_with_slip(&mut self, cycle: &Cycle, slip_pitch: Option<f64>) -> Result<(), Error> {
         let line = line::write(cycle).map_err(|why| Error::Encode { path: self.reports.path.clone(), why })?;
         self.reports.push(&line)?;
         self.cycles.push(*cycle);
+        self.slips_pitch.push(slip_pitch);
         for event in self.log.see(cycle) {
             self.event(cycle.time_ns, event)?;
         }
@@ -116,6 +126,7 @@ impl RunFolder {
         let html = Page {
             info: &self.info,
             cycles: &self.cycles,
+            slips_pitch: &self.slips_pitch,
             events: &self.timed_events,
             pictures: &self.pictures,
             results,
@@ -177,57 +188,19 @@ pub fn read(folder: &Path) -> Result<(toml::Table, Vec<Cycle>), Error> {
 #[derive(Debug)]
 pub(super) struct Lines {
     path: PathBuf,
-    file: File,
-    /// Bytes of the whole lines.
-    length: u64,
+    to: WholeLines,
 }
 
 impl Lines {
     pub(super) fn create(path: PathBuf) -> Result<Self, Error> {
-        match File::create(&path) {
-            Ok(file) => Ok(Lines { path, file, length: 0 }),
+        match WholeLines::create(&path) {
+            Ok(to) => Ok(Lines { path, to }),
             Err(source) => Err(Error::Write { path, source }),
         }
     }
 
-    /// One write a line: not buffered, so nothing is lost when the loop breaks off. Of a line that cannot be written
-    /// whole nothing stays, so that the lines after it can be read.
+    /// One write a line, so nothing is lost when the loop breaks off.
     pub(super) fn push(&mut self, line: &str) -> Result<(), Error> {
-        let bytes = format!("{line}\n");
-        let written = self.file.write_all(bytes.as_bytes());
-        match written {
-            Ok(()) => self.length += bytes.len() as u64,
-            Err(_) => self.drop_half_line(),
-        }
-        written.map_err(|source| Error::Write { path: self.path.clone(), source })
-    }
-
-    fn drop_half_line(&mut self) {
-        // What fails here too is the same disk: its first failure is what is told.
-        let _ = self.file.set_len(self.length).and_then(|()| self.file.seek(SeekFrom::Start(self.length)));
-    }
-}
-
-#[cfg(all(test, target_os = "linux"))]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_full_disk_is_an_error_and_leaves_no_half_line() {
-        let mut full = Lines::create("/dev/full".into()).expect("opens");
-        assert!(matches!(full.push("{}"), Err(Error::Write { .. })));
-        assert_eq!(full.length, 0);
-    }
-
-    #[test]
-    fn lines_after_one_that_failed_can_be_read() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("lines");
-        let mut lines = Lines::create(path.clone()).expect("creates");
-        lines.push("first").expect("writes");
-        lines.file.write_all(b"half of").expect("writes"); // as a disk that fills up in the middle of a line leaves it
-        lines.drop_half_line();
-        lines.push("second").expect("writes");
-        assert_eq!(fs::read_to_string(path).expect("reads"), "first\nsecond\n");
+        writeln!(self.to, "{line}").map_err(|source| Error::Write { path: self.path.clone(), source })
     }
 }

@@ -22,6 +22,7 @@ mod time_axis;
 
 use super::event::{Event, TimedEvent};
 use super::info::{Row, RunInfo};
+use super::words::ending_name;
 use crate::sheet::markup::{Escaped, base64};
 use slipbound::control::Cycle;
 use slipbound::task::{Ending, Phase};
@@ -51,6 +52,8 @@ pub(super) struct Picture {
 pub(super) struct Page<'a> {
     pub info: &'a RunInfo,
     pub cycles: &'a [Cycle],
+    /// The largest slip of a marker since the reference, in marker pitches, of every cycle; what no picture says is None.
+    pub slips_pitch: &'a [Option<f64>],
     pub events: &'a [TimedEvent],
     pub pictures: &'a [Picture],
     pub results: &'a [Row],
@@ -59,7 +62,7 @@ pub(super) struct Page<'a> {
 
 impl fmt::Display for Page<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let title = format!("{}, held by {}", capital(&self.info.name), self.info.task_settings.controller);
+        let title = format!("{}, controller {}", capital(&self.info.name), self.info.task_settings.controller);
         head_of_page(f, &title)?;
         self.head(f, &title)?;
         self.table(f)?;
@@ -84,10 +87,10 @@ fn head_of_page(f: &mut fmt::Formatter<'_>, title: &str) -> fmt::Result {
 impl Page<'_> {
     fn head(&self, f: &mut fmt::Formatter<'_>, title: &str) -> fmt::Result {
         writeln!(f, "<header>\n<p class=\"above\">Slipbound run</p>\n<h1>{}</h1>", Escaped(title))?;
-        writeln!(f, "<p class=\"below\">{}, seed {}</p>", Escaped(&brief(&self.info.source)), self.info.seed)?;
+        writeln!(f, "<p class=\"below\">{}</p>", Escaped(&self.info.source_in_words()))?;
         let (class, name, why) = match self.ending {
-            Some(ending) if ending.is_success() => ("good", name_of(ending), ending.evidence()),
-            Some(ending) => ("bad", name_of(ending), ending.evidence()),
+            Some(ending) if ending.is_success() => ("good", ending_name(ending), ending.evidence()),
+            Some(ending) => ("bad", ending_name(ending), ending.evidence()),
             None => ("bad", "Broken off".to_owned(), "the loop stopped before the task was over"),
         };
         writeln!(f, "<p class=\"ending {class}\"><strong>{}</strong>: {}.</p>", Escaped(&name), Escaped(why))?;
@@ -99,10 +102,14 @@ impl Page<'_> {
         let facts = [
             (
                 seconds(ended.or(last).map_or(0, |c| c.time_ns)),
-                if ended.is_some() { "until it ended" } else { "until it broke off" },
+                match (ended, self.ending) {
+                    (Some(_), _) => "until it ended",
+                    (None, Some(_)) => "in all",
+                    (None, None) => "until it broke off",
+                },
             ),
             (self.marks().count().to_string(), "slips"),
-            (last.map_or(0, |c| c.alarms_count).to_string(), "alarms answered"),
+            (last.map_or(0, |c| c.alarms_count).to_string(), "alarms of the controller"),
             (format!("{most_n:.1} N"), "largest force commanded, per finger"),
             (self.info.fingers.len().to_string(), if self.info.fingers.len() == 1 { "finger" } else { "fingers" }),
         ];
@@ -146,7 +153,7 @@ impl Page<'_> {
             marks: self.marks().map(mark).collect(),
         };
         strips::write(f, &time, "Phases", &strips::of_run(&self.info.finger_names(), self.cycles, self.events))?;
-        let panels = panels::of(self.cycles);
+        let panels = panels::of(self.cycles, self.slips_pitch, self.info);
         for (i, panel) in panels.iter().enumerate() {
             timeline.write(f, panel, i, i + 1 == panels.len())?;
         }
@@ -226,49 +233,7 @@ impl Page<'_> {
     }
 }
 
-/// Of `TASK?key=value&...` what a reader tells runs apart by; any other source as it is. All of it is among the settings.
-fn brief(source: &str) -> String {
-    const SHOWN: [&str; 7] = ["object", "mu", "mu_right", "fingers", "camera", "surroundings", "fault"];
-    let Some((task, settings)) = source.split_once('?') else { return source.to_owned() };
-    let shown = settings.split('&').filter_map(|setting| setting.split_once('=')).filter_map(|(key, value)| {
-        let usual = matches!((key, value), ("fault", "none") | ("surroundings", "camera") | (_, "object"));
-        let words = value.replace('_', " ");
-        (SHOWN.contains(&key) && !usual).then(|| match key {
-            "object" | "camera" => words,
-            "mu_right" => format!("mu {words} on the right"),
-            _ => format!("{key} {words}"),
-        })
-    });
-    std::iter::once(format!("simulated {task}")).chain(shown).collect::<Vec<_>>().join(", ")
-}
-
-/// `SlipAtMost` as `Slip at most`.
-fn name_of(ending: Ending) -> String {
-    let mut words = String::new();
-    for sign in format!("{ending:?}").chars() {
-        if sign.is_uppercase() && !words.is_empty() {
-            words.push(' ');
-        }
-        words.extend(if words.is_empty() { sign.to_uppercase().next() } else { sign.to_lowercase().next() });
-    }
-    words
-}
-
 fn capital(word: &str) -> String {
     let mut signs = word.chars();
     signs.next().map_or_else(String::new, |first| first.to_uppercase().chain(signs).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_simulated_source_is_told_in_a_few_words_and_a_real_one_as_it_is() {
-        let source =
-            "lift?seed=1&object=water_bottle&mu=0.25&mu_right=object&fingers=2&grid=fast&camera=gelslim&fault=none";
-        assert_eq!(brief(source), "simulated lift, water bottle, mu 0.25, fingers 2, gelslim");
-        assert_eq!(brief("screw?fault=lost@3&mu=object"), "simulated screw, fault lost@3");
-        assert_eq!(brief("v4l2:28GM"), "v4l2:28GM");
-    }
 }

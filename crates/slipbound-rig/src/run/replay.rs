@@ -4,6 +4,7 @@
 use super::error::Error;
 use super::folder::read;
 use super::frames;
+use super::words::commanded;
 use crate::config;
 use crate::sensors;
 use serde::de::DeserializeOwned;
@@ -69,8 +70,7 @@ impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Difference { recorded: a, replayed: b } = self;
         write!(f, " at {:.3} s: recorded ", a.time_ns as f64 * 1e-9)?;
-        write!(f, "{:?} {:?} {:?}, ", a.grip_command, a.wrist_command, a.phase)?;
-        write!(f, "replayed {:?} {:?} {:?}", b.grip_command, b.wrist_command, b.phase)?;
+        write!(f, "{}, replayed {}", commanded(a), commanded(b))?;
         if a.hand != b.hand {
             write!(f, "; the hand's report differs")?;
         }

@@ -3,7 +3,7 @@
 use slipbound::task::TaskSettings;
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::score::{RunScore, most_ground_n};
-use slipbound_rig::run::Row;
+use slipbound_rig::run::{Row, ending_name};
 
 /// The table of results.
 pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<Row> {
@@ -15,7 +15,7 @@ pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<R
     };
     let mut rows = Vec::new();
     let right = scene.task_name().parse().ok().map(|task| run.succeeded(task));
-    let ending = run.ending.map_or("not before the end of the scene".into(), |ending| format!("{ending:?}"));
+    let ending = run.ending.map_or("not before the end of the scene".into(), ending_name);
     rows.push(row("ended", ending, "", right));
     if let Some(fraction) = run.torque_fraction(scene.mean_mu()) {
         let value = format!("{:.0} N mm, {:.0} %", run.torque_n_mm, 100.0 * fraction);

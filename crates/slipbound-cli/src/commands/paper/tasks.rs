@@ -6,6 +6,7 @@ use slipbound::monitor::Settings;
 use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::lockstep::LockStep;
+use slipbound_rig::run::ending_name;
 use slipbound_rig::sheet::{Chart, Draw, Part, Series};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -120,7 +121,7 @@ pub fn all(seed: u64, stop: &AtomicBool) -> Result<Vec<Part>, Failure> {
         rows.push(vec![
             shown.title.into(),
             settings.controller.to_string(),
-            score.ending.map_or("not ended".into(), |ending| format!("{ending:?}")),
+            score.ending.map_or("not ended".into(), ending_name),
             if score.succeeded(task) { "yes" } else { "no" }.into(),
             course.slips_s.len().to_string(),
             format!("{:.0} N", score.most_n),

@@ -13,7 +13,8 @@ use slipbound_rig::report_slips::ReportSlips;
 use slipbound_rig::report_summary::ReportSummary;
 use slipbound_rig::run::RecordingPage;
 use slipbound_rig::timings::{Stopwatch, Timings};
-use std::fs::{self, File};
+use slipbound_rig::whole_lines::WholeLines;
+use std::fs;
 use std::io::{self, ErrorKind, Write};
 use std::path::PathBuf;
 
@@ -34,10 +35,10 @@ pub struct Outputs {
     /// Measures the steps while a frame is judged.
     pub stopwatch: Stopwatch,
     json: Option<Json>,
-    csv: Option<(PathBuf, ReportCsv<File>)>,
+    csv: Option<(PathBuf, ReportCsv<WholeLines>)>,
     recorded: Option<(ReportJson<ReportLines>, McapAnnotations)>,
     finger: String,
-    slips: Option<(PathBuf, ReportSlips<File>)>,
+    slips: Option<(PathBuf, ReportSlips<WholeLines>)>,
     page: Option<(PathBuf, RecordingPage)>,
     overlay: Option<(Overlay, OverlayWriter)>,
     timings: Option<Timings>,
@@ -82,7 +83,7 @@ impl Outputs {
                 let failed = |e| cannot_write(path, e);
                 let to: Box<dyn Write> = match args.json_on_stdout() {
                     true => Box::new(io::stdout()),
-                    false => Box::new(File::create(path).map_err(failed)?),
+                    false => Box::new(WholeLines::create(path).map_err(failed)?),
                 };
                 let lines = ReportJson::new(to, &header).map_err(failed)?;
                 Some(Json { path: path.clone(), lines, markers: args.markers })
@@ -91,14 +92,14 @@ impl Outputs {
         let csv = match &args.csv {
             None => None,
             Some(path) => {
-                let table = File::create(path).and_then(|file| ReportCsv::new(file, &args.finger));
+                let table = WholeLines::create(path).and_then(|file| ReportCsv::new(file, &args.finger));
                 Some((path.clone(), table.map_err(|e| cannot_write(path, e))?))
             }
         };
         let slips = match &args.slips {
             None => None,
             Some(path) => {
-                let file = File::create(path).map_err(|e| cannot_write(path, e))?;
+                let file = WholeLines::create(path).map_err(|e| cannot_write(path, e))?;
                 Some((path.clone(), ReportSlips::new(file, &args.finger)))
             }
         };
@@ -161,9 +162,14 @@ impl Outputs {
     /// Finishes the files.
     pub fn close(self, summary: &ReportSummary) -> Result<(), Failure> {
         let slips = self.slips.map_or(Ok(()), |(path, slips)| slips.finish().map_err(|e| cannot_write(&path, e)));
-        let page = self
-            .page
-            .map_or(Ok(()), |(path, page)| fs::write(&path, page.html(summary)).map_err(|e| cannot_write(&path, e)));
+        let page = self.page.map_or(Ok(()), |(path, page)| {
+            fs::write(&path, page.html(summary)).map_err(|e| {
+                if path.is_file() {
+                    let _ = fs::remove_file(&path); // half a page is none
+                }
+                cannot_write(&path, e)
+            })
+        });
         let drawn = self.overlay.map_or(Ok(()), |(_, writer)| writer.finish().map_err(cannot_draw));
         slips.and(page).and(drawn)
     }

@@ -25,6 +25,11 @@ pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
         ("--record", &args.record, &["avi", "bag", "db3", "mp4", "json", "jsonl"], "a FILE.mcap"),
     ] {
         let Some(path) = path else { continue };
+        if path.as_os_str() == "-" && name != "--json" {
+            return Err(Failure::Arguments(anyhow!(
+                "{name} -: expected the name of a file; only --json writes to standard output"
+            )));
+        }
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         if refused.contains(&ending.as_str()) {
             let path = path.display();

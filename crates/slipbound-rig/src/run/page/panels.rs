@@ -1,7 +1,9 @@
 //! Which plots a run has, by what is known of it.
 
+use crate::run::info::RunInfo;
 use slipbound::control::Cycle;
 use slipbound::hand::HandVector;
+use slipbound::monitor::{SlipRule, SlipSettings};
 use slipbound::plant::PlantTruth;
 
 /// Standard gravity, m/s2 (ISO 80000-3).
@@ -60,8 +62,11 @@ impl Panel {
     }
 }
 
-/// The plots of these cycles. A line without a value is left out, and a plot without a line.
-pub(super) fn of(cycles: &[Cycle]) -> Vec<Panel> {
+/// The plots of these cycles. A line without a value is left out, and a plot without a line. Lengths are in mm where the pitch
+/// of some finger is known, else in pitches.
+pub(super) fn of(cycles: &[Cycle], slips_pitch: &[Option<f64>], info: &RunInfo) -> Vec<Panel> {
+    let knows_mm = info.fingers.iter().any(|finger| finger.sensor.pitch_mm.is_some());
+    let alarm_margin = alarm_margin(&info.monitor_settings.slip);
     let line = |name, colour, stroke, value: &dyn Fn(&Cycle) -> Option<f64>| Line {
         name,
         colour,
@@ -78,6 +83,10 @@ pub(super) fn of(cycles: &[Cycle]) -> Vec<Panel> {
     };
     let turned = moved(cycles, |c| c.wrist.angle_rad);
     let lowered = moved(cycles, |c| c.wrist.lowered_mm);
+    let mut largest = line("largest of a marker, since the reference", "--c1", Solid, &|c| c.hand.slip_max_mm);
+    if !knows_mm {
+        largest.values = slips_pitch.to_vec();
+    }
     let mut panels = vec![
         panel(
             "Grip force",
@@ -114,7 +123,7 @@ pub(super) fn of(cycles: &[Cycle]) -> Vec<Panel> {
             0,
             vec![
                 truth("carried (truth)", "--c3", Solid, &|t| t.torque_n_mm),
-                truth("most the fingers can exert (truth)", "--c2", Dashed, &|t| t.torque_limit_n_mm),
+                truth("2 mu P R, as of a flat contact (truth)", "--c2", Dashed, &|t| t.torque_limit_n_mm),
             ],
         ),
         panel(
@@ -139,19 +148,18 @@ pub(super) fn of(cycles: &[Cycle]) -> Vec<Panel> {
                 vec![
                     truth("stick ratio (truth)", "--c4", Dashed, &|t| t.stick_ratio),
                     truth("margin (truth)", "--c3", Solid, &|t| t.margin),
-                    line("margin reckoned with", "--c1", Solid, &|c| c.margin),
+                    line("margin as estimated, least of the fingers", "--c1", Solid, &|c| c.hand.margin),
+                    line("margin of the controller", "--c2", Step, &|c| c.margin),
+                    line("alarm", "--c2", Dashed, &|c| c.hand.margin.and(alarm_margin)),
                 ],
             )
         },
         panel(
             "Slip",
-            "mm",
+            if knows_mm { "mm" } else { "marker pitches" },
             150.0,
             3,
-            vec![
-                truth("object through the fingers (truth)", "--c3", Solid, &|t| t.slid_mm),
-                line("largest of a marker, since the reference", "--c1", Solid, &|c| c.hand.slip_max_mm),
-            ],
+            vec![truth("object through the fingers (truth)", "--c3", Solid, &|t| t.slid_mm), largest],
         ),
         panel(
             "Shear of the gels",
@@ -171,6 +179,11 @@ pub(super) fn of(cycles: &[Cycle]) -> Vec<Panel> {
     }
     panels.retain(|panel| !panel.lines.is_empty());
     panels
+}
+
+/// The margin at which incipient slip is said; None where another rule says it.
+pub(super) fn alarm_margin(slip: &SlipSettings) -> Option<f64> {
+    (slip.rule == SlipRule::Margin).then_some(slip.alarm_margin_fraction)
 }
 
 fn moved(cycles: &[Cycle], value: impl Fn(&Cycle) -> f64) -> bool {

@@ -1,7 +1,7 @@
 //! What was going on over time, as stretches and as the thin band above each plot.
 
-use super::text::phase_name;
 use super::time_axis::TimeAxis;
+use crate::run::words::phase_name;
 use slipbound::control::Cycle;
 use slipbound::task::Phase;
 use std::fmt;

@@ -8,7 +8,7 @@
 //!   events, settings (folded)
 //! ```
 
-use super::panels::{Line, Panel, Stroke};
+use super::panels::{Line, Panel, Stroke, alarm_margin};
 use super::phases::stretches;
 use super::plot::{Mark, Timeline};
 use super::strips::{self, Row};
@@ -35,6 +35,7 @@ pub struct RecordingPage {
     settings: String,
     /// px of the rectified image a marker pitch, and mm, where that is known.
     pitch: (f64, Option<f64>),
+    alarm_margin: Option<f64>,
     overlay: Overlay,
     reports: Vec<SlipReport>,
     events: Vec<(Place, String)>,
@@ -66,6 +67,7 @@ impl RecordingPage {
             below: format!("{finger}: sensor {}{below}", sensor.name),
             settings: format!("{settings}\n# the finger\n{}", table(toml::to_string_pretty(sensor))),
             pitch: (sensor.pitch_px, sensor.pitch_mm),
+            alarm_margin: alarm_margin(&monitor.settings().slip),
             overlay: Overlay::new(sensor),
             reports: Vec::new(),
             events: Vec::new(),
@@ -184,6 +186,7 @@ impl RecordingPage {
                     vec![
                         line("stick ratio", "--c4", Dashed, &|r| value(r.estimates.stick_ratio)),
                         line("margin", "--c1", Solid, &|r| value(r.estimates.margin)),
+                        line("alarm", "--c2", Dashed, &|r| value(r.estimates.margin).and(self.alarm_margin)),
                     ],
                 )
             },

@@ -1,23 +1,12 @@
 //! Text for the page: events in words.
 
 use crate::run::event::{Event, TimedEvent};
+use crate::run::words::phase_name;
 use slipbound::hand::Health;
-use slipbound::task::Phase;
 
 /// `4.20 s`
 pub(super) fn seconds(time_ns: u64) -> String {
     format!("{:.2} s", time_ns as f64 / 1e9)
-}
-
-/// What a phase is called.
-pub(super) fn phase_name(phase: Phase) -> &'static str {
-    match phase {
-        Phase::Grasping => "grasping",
-        Phase::Working => "working",
-        Phase::Waiting => "waiting",
-        Phase::Releasing => "releasing",
-        Phase::Ended(_) => "ended",
-    }
 }
 
 /// What a finger's health is called.

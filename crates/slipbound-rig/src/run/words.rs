@@ -1,0 +1,97 @@
+//! What a run is, how it ended and what it commanded, in words that terminal and page share.
+
+use super::info::RunInfo;
+use slipbound::control::Cycle;
+use slipbound::port::{GripCommand, WristMotion};
+use slipbound::task::{Ending, Phase};
+
+/// Of a scene's settings those that a reader tells runs apart by.
+const SHOWN: [&str; 6] = ["object", "mu", "mu_right", "camera", "surroundings", "fault"];
+
+/// What an ending is called: `SlipAtMost` is `Slip at most`.
+pub fn ending_name(ending: Ending) -> String {
+    let mut words = String::new();
+    for sign in format!("{ending:?}").chars() {
+        if sign.is_uppercase() && !words.is_empty() {
+            words.push(' ');
+        }
+        words.extend(if words.is_empty() { sign.to_uppercase().next() } else { sign.to_lowercase().next() });
+    }
+    words
+}
+
+impl RunInfo {
+    /// The source in a line: of a scene what a reader tells runs apart by, hardware and recordings as they were named.
+    pub fn source_in_words(&self) -> String {
+        source_in_words(&self.source, self.seed)
+    }
+}
+
+fn source_in_words(source: &str, seed: u64) -> String {
+    let Some((task, settings)) = source.split_once('?') else { return source.to_owned() };
+    if !settings.split('&').any(|setting| setting.starts_with("seed=")) {
+        return source.to_owned(); // the settings of a camera
+    }
+    let shown = settings.split('&').filter_map(|setting| setting.split_once('=')).filter_map(|(key, value)| {
+        let usual = matches!((key, value), ("fault", "none") | ("surroundings", "camera") | (_, "object"));
+        let words = value.replace('_', " ");
+        (SHOWN.contains(&key) && !usual).then(|| match key {
+            "object" | "camera" => words,
+            "mu_right" => format!("mu {words} on the right"),
+            _ => format!("{key} {words}"),
+        })
+    });
+    let seed = std::iter::once(format!("seed {seed}"));
+    std::iter::once(format!("simulated {task}")).chain(shown).chain(seed).collect::<Vec<_>>().join(", ")
+}
+
+/// What a cycle commanded, and in which phase.
+pub(super) fn commanded(cycle: &Cycle) -> String {
+    let grip = match cycle.grip_command {
+        GripCommand::Hold { force_n } => format!("hold with {force_n} N"),
+        GripCommand::Release => "release".to_owned(),
+    };
+    let wrist = match cycle.wrist_command.motion {
+        WristMotion::Turn { rate_rad_per_s, most_rad } => {
+            format!("turn at {rate_rad_per_s} rad/s by at most {most_rad} rad")
+        }
+        WristMotion::Lower { rate_mm_per_s, most_mm } => {
+            format!("lower at {rate_mm_per_s} mm/s by at most {most_mm} mm")
+        }
+        WristMotion::Pause => "pause".to_owned(),
+    };
+    format!("{grip}, {wrist}, while {}", phase_name(cycle.phase))
+}
+
+/// What a phase is called.
+pub(crate) fn phase_name(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Grasping => "grasping",
+        Phase::Working => "working",
+        Phase::Waiting => "waiting",
+        Phase::Releasing => "releasing",
+        Phase::Ended(_) => "ended",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_simulated_source_is_told_in_a_few_words_and_a_real_one_as_it_is() {
+        let source =
+            "lift?seed=1&object=water_bottle&mu=0.25&mu_right=object&fingers=2&grid=fast&camera=gelslim&fault=none";
+        assert_eq!(source_in_words(source, 1), "simulated lift, water bottle, mu 0.25, gelslim, seed 1");
+        assert_eq!(source_in_words("screw?seed=7&fault=lost@3&mu=object", 7), "simulated screw, fault lost@3, seed 7");
+        for real in ["v4l2:28GM", "v4l2:28GM?size=640x480&rate_hz=30", "clips/run_07"] {
+            assert_eq!(source_in_words(real, 0), real);
+        }
+    }
+
+    #[test]
+    fn an_ending_is_called_in_words() {
+        assert_eq!(ending_name(Ending::SlipAtMost), "Slip at most");
+        assert_eq!(ending_name(Ending::Held), "Held");
+    }
+}
