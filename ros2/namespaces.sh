@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Runs a command in a network namespace that has a cable (veth, device finger0) to another one, slipbound-there, as between two machines. Both
 # are gone afterwards. Needs root and iproute2.
-#   ros2/namespaces.sh slipbound-ros2 measure --node-netns slipbound-there --link finger0 --down-s 2 --down-s 90
-#   ros2/namespaces.sh cargo test --test network -- --ignored --nocapture
+#   ./namespaces.sh slipbound-ros2 measure --node-netns slipbound-there --link finger0 --down-s 2 --down-s 90
+#   ./namespaces.sh cargo test --test network -- --ignored --nocapture
 set -euo pipefail
 here=slipbound-here there=slipbound-there
 ip netns add "$here"
