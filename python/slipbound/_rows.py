@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from . import _slipbound as _native
 
@@ -26,7 +26,8 @@ def _template() -> dict[str, Any]:
 def _put(row: dict[str, Value], key: str, value: Any, template: Any) -> None:
     prefix = f"{key}_" if key else ""
     if isinstance(template, dict):
-        for name, part in template.items():
+        parts = cast("dict[str, Any]", template)
+        for name, part in parts.items():
             _put(row, prefix + name, None if value is None else value.get(name), part)
     elif isinstance(template, list):
         for i, name in enumerate(("x", "y")):

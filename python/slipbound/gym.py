@@ -140,7 +140,8 @@ def register() -> None:
     for name, entry in (("HoldBottle", HoldBottle), ("ScrewCap", ScrewCap)):
         id = f"slipbound/{name}-v0"
         if id not in gymnasium.registry:
-            gymnasium.register(id, entry_point=f"slipbound.gym:{entry.__name__}")
+            # Its own types are incomplete.
+            gymnasium.register(id, entry_point=f"slipbound.gym:{entry.__name__}")  # pyright: ignore[reportUnknownMemberType]
 
 
 register()

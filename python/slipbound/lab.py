@@ -10,17 +10,22 @@ True
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from . import _slipbound as _native
 from ._slipbound import HandRun as _HandRun
-from ._slipbound import Sensor, Settings, SimulatedFrame, Simulation, Truth
+from ._slipbound import Report, Sensor, Settings, SimulatedFrame, Simulation, Truth
 
 if TYPE_CHECKING:
     from .control import Controller, Cycle, Observer
 
-__all__ = ["Hand", "SimulatedFrame", "Simulation", "Truth", "simulate"]
+__all__ = ["Detector", "Hand", "SimulatedFrame", "Simulation", "Truth", "judge_ramps", "ramps_tables", "simulate"]
 
 Parameter = str | float | bool
 
@@ -129,3 +134,76 @@ class Hand:
     def sensor(self, finger: int = 0) -> Sensor:
         """Return the facts of a finger, with the stiffness of its gel."""
         return self._run.sensor(finger)
+
+
+class Detector(ABC):
+    """A slip detector of your own, told what every rival in ``slipbound eval`` is told.
+
+    Attributes
+    ----------
+    name : str
+        What it is called in the tables; none of the names that ``slipbound eval`` knows.
+    threshold : float
+        The score above which it raises the alarm.
+    """
+
+    name: str = "mine"
+    threshold: float = 1.0
+
+    def begin(self) -> None:
+        """Forget everything: a trial begins. Does nothing unless overridden."""
+
+    @abstractmethod
+    def see(self, report: Report, image: NDArray[np.uint8]) -> float:
+        """Return the score of a frame: the larger, the more it speaks for slip.
+
+        Parameters
+        ----------
+        report : Report
+            What a monitor found that is told no grip force; ``report.field`` has the markers.
+        image : array
+            The frame, uint8, H x W x 3, BGR.
+        """
+
+    def restart(self) -> None:
+        """Count from the frame seen last: the object is held, the load begins. Does nothing unless overridden."""
+
+
+def judge_ramps(
+    detector: Detector, trials: int = 10, *, seed: int = 0, beside: Sequence[str] = ("ours_frames", "displacement")
+) -> list[dict[str, Any]]:
+    """Judge a detector by the protocol ``ramps`` of ``slipbound eval``: the same trials, the same definitions.
+
+    Parameters
+    ----------
+    detector : Detector
+        Yours.
+    trials : int
+        How many trials, the first of the protocol's.
+    seed : int
+        What they are drawn from.
+    beside : sequence of str
+        Detectors of ``slipbound eval`` that see the same frames.
+
+    Returns
+    -------
+    list of dict
+        A record for each detector and trial, with the keys of a line of ``trials.jsonl``: ``outcome``, ``f_at_alarm``, ``score``, ...
+
+    Examples
+    --------
+    >>> class Deaf(Detector):
+    ...     def see(self, report, image):
+    ...         return 0.0
+    >>> [(record["detector"], record["outcome"]) for record in judge_ramps(Deaf(), 1, beside=[])]
+    [('mine', 'missed')]
+    """
+    records: list[dict[str, Any]] = []
+    for number in range(trials):
+        records += _native.judge_ramp(detector, detector.name, detector.threshold, (seed, number), list(beside))
+    return records
+
+
+def ramps_tables(records: list[dict[str, Any]]) -> list[str]:
+    """Return the tables of ``slipbound eval ramps`` from the records of :func:`judge_ramps`, as Markdown; alarms first."""
+    return _native.ramps_tables(records)

@@ -4,6 +4,7 @@ mod control;
 mod cycle;
 mod errors;
 mod field;
+mod judge;
 mod lab;
 mod monitor;
 mod overlay;
@@ -53,5 +54,7 @@ fn _slipbound(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(watch::watch, m)?)?;
     m.add_function(wrap_pyfunction!(overlay::overlay, m)?)?;
     m.add_function(wrap_pyfunction!(lab::simulate, m)?)?;
+    m.add_function(wrap_pyfunction!(judge::judge_ramp, m)?)?;
+    m.add_function(wrap_pyfunction!(judge::ramps_tables, m)?)?;
     Ok(())
 }

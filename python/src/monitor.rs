@@ -144,18 +144,22 @@ impl Monitor {
     }
 
     /// Judges one frame `count` times in Rust alone and answers the ns of each step: what `bench/python.md` compares with.
-    fn _time_steps(&self, py: Python<'_>, frame: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u64>> {
+    fn _time_steps(&self, py: Python<'_>, frame: &Bound<'_, PyAny>, count: u64) -> PyResult<Vec<u64>> {
         let picture = Picture::new(frame, self.order)?;
         let mut state = exclusive(&self.state, WHAT)?;
+        let state = &mut *state;
         let Phase::Judging(monitor, _) = &mut state.phase else { return Err(rest_error(NoRest::Empty)) };
         let mut scratch = Vec::new();
-        let frame = Frame { pixels: picture.pixels(&mut scratch)?, seq: 0, time_ns: None };
+        let pixels = picture.pixels(&mut scratch)?;
+        // Numbered on: a gap would be searched for what moved meanwhile, which costs.
+        let first = state.frames_count;
+        state.frames_count += count;
         py.detach(|| {
             guarded(|| {
-                Ok((0..count)
-                    .map(|_| {
+                Ok((first..first + count)
+                    .map(|seq| {
                         let start = Instant::now();
-                        black_box(monitor.step(&frame, None));
+                        black_box(monitor.step(&Frame { pixels, seq, time_ns: None }, None));
                         start.elapsed().as_nanos() as u64
                     })
                     .collect())

@@ -5,7 +5,7 @@
 //!                                                        '--> overlay thread, where it is free
 //! ```
 
-use crate::config::{Finger as FingerConfig, ImageQos, ImageType};
+use crate::config::{Config, Finger as FingerConfig, ImageQos, ImageType};
 use crate::error::Error;
 use crate::finger::{Finger, Seen};
 use crate::msg::{CompressedImage, Header, Image, SlipReport, WrenchStamped};
@@ -64,6 +64,20 @@ impl Pictures {
         }
     }
 
+    fn count_from(&mut self, last_seq: i64) {
+        match self {
+            Pictures::Compressed(inbox) => inbox.count_from(last_seq),
+            Pictures::Raw(inbox) => inbox.count_from(last_seq),
+        }
+    }
+
+    fn last_seq(&self) -> i64 {
+        match self {
+            Pictures::Compressed(inbox) => inbox.last_seq(),
+            Pictures::Raw(inbox) => inbox.last_seq(),
+        }
+    }
+
     fn take(&mut self) -> Result<Option<(Picture, u64)>, String> {
         Ok(match self {
             Pictures::Compressed(inbox) => {
@@ -71,6 +85,20 @@ impl Pictures {
             }
             Pictures::Raw(inbox) => inbox.take()?.map(|Received { message, seq }| (Picture::Raw(message), seq)),
         })
+    }
+}
+
+/// A finger without topics: what stays of it when the network is joined anew.
+pub struct Kept {
+    finger: Finger,
+    frames_count: u64,
+    last_seq: i64,
+}
+
+impl Kept {
+    /// A finger that has seen nothing.
+    pub fn new(config: &FingerConfig, settings: &Settings) -> Self {
+        Kept { finger: Finger::new(config.finger.sensor.clone(), settings.clone()), frames_count: 0, last_seq: 0 }
     }
 }
 
@@ -107,36 +135,31 @@ pub struct Joints {
 
 impl FingerThread {
     /// Makes the topics of finger number `place`.
-    pub fn new(
-        ros: &mut Ros,
-        place: usize,
-        config: &FingerConfig,
-        settings: &Settings,
-        image_qos: ImageQos,
-        has_overlay: bool,
-        joints: Joints,
-    ) -> Result<Self, Error> {
-        let name = config.finger.name.clone();
-        let (qos, waiting_most_count) = match image_qos {
+    pub fn new(ros: &mut Ros, place: usize, config: &Config, kept: Kept, joints: Joints) -> Result<Self, Error> {
+        let finger = &config.fingers[place];
+        let name = finger.finger.name.clone();
+        let (qos, waiting_most_count) = match config.image_qos {
             ImageQos::SensorData => (SENSOR_DATA, WAITING_COUNT),
             ImageQos::Reliable => (RELIABLE, WAITING_RELIABLE_COUNT),
         };
-        let pictures = match config.image_type {
-            ImageType::Compressed => Pictures::Compressed(ros.inbox(&config.image_topic, &qos)?),
-            ImageType::Raw => Pictures::Raw(ros.inbox(&config.image_topic, &qos)?),
+        let mut pictures = match finger.image_type {
+            ImageType::Compressed => Pictures::Compressed(ros.inbox(&finger.image_topic, &qos)?),
+            ImageType::Raw => Pictures::Raw(ros.inbox(&finger.image_topic, &qos)?),
         };
-        let overlay = has_overlay
+        pictures.count_from(kept.last_seq);
+        let overlay = config
+            .overlay
             .then(|| ros.publisher(&format!("{name}/overlay/compressed"), &SENSOR_DATA).map(OverlayThread::new))
             .transpose()?;
         let Joints { shared, tally, tares, hand } = joints;
         Ok(FingerThread {
             place,
-            finger: Finger::new(config.finger.sensor.clone(), settings.clone()),
+            finger: kept.finger,
             pictures,
             waiting: VecDeque::new(),
             waiting_most_count,
             frame: FrameBuffer::default(),
-            frames_count: 0,
+            frames_count: kept.frames_count,
             reports: ros.publisher(&format!("{name}/report"), &RELIABLE)?,
             wrenches: ros.publisher(&format!("{name}/wrench"), &SENSOR_DATA)?,
             overlay,
@@ -148,8 +171,8 @@ impl FingerThread {
         })
     }
 
-    /// Runs until the node stops.
-    pub fn run(mut self) {
+    /// Runs until the node stops or joins anew; what stays.
+    pub fn run(mut self) -> Kept {
         while !self.shared.stop.load(Ordering::Relaxed) {
             self.take_all();
             if self.tares.try_recv().is_ok()
@@ -162,6 +185,7 @@ impl FingerThread {
                 None => self.pictures.wait(LONGEST_WAIT),
             }
         }
+        Kept { last_seq: self.pictures.last_seq(), finger: self.finger, frames_count: self.frames_count }
     }
 
     /// Takes whatever has come in, and keeps the newest.

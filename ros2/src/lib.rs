@@ -21,6 +21,7 @@ pub mod msg;
 pub mod node;
 pub mod overlay;
 pub mod picture;
+mod returns;
 pub mod ros;
 pub mod tally;
 mod tare;

@@ -2,10 +2,11 @@
 
 use crate::config::Config;
 use crate::error::Error;
-use crate::finger_thread::{FingerThread, Joints, Shared, Told};
+use crate::finger_thread::{FingerThread, Joints, Kept, Shared, Told};
 use crate::msg::{
     DiagnosticArray, Empty, GetStateResponse, GripperState, HandReport, Header, LifecycleState, TriggerResponse,
 };
+use crate::returns::Returns;
 use crate::ros::{Inbox, LATCHED, RELIABLE, Ros, SENSOR_DATA, stamp, unix_ns};
 use crate::tally::Tally;
 use crate::tare::Tare;
@@ -34,26 +35,48 @@ const GRIP_AGE_NS: u64 = 500_000_000;
 /// Time between two looks at services and topics.
 const LOOK: Duration = Duration::from_millis(5);
 
+/// What the node is on the network.
+struct Joined {
+    ros: Ros,
+    returns: Returns,
+    hand_reports: Publisher<HandReport>,
+    diagnostics: Publisher<DiagnosticArray>,
+    states: Publisher<LifecycleState>,
+    get_state: Server<Empty, GetStateResponse>,
+    tare_service: Server<Empty, TriggerResponse>,
+    gripper: Option<Inbox<GripperState>>,
+}
+
+impl Joined {
+    fn new(config: &Config) -> Result<Self, Error> {
+        let mut ros = Ros::new(&config.namespace, &config.node, config.domain_id)?;
+        Ok(Joined {
+            returns: Returns::new(&ros),
+            hand_reports: ros.publisher("hand/report", &RELIABLE)?,
+            diagnostics: ros.publisher("/diagnostics", &RELIABLE)?,
+            states: ros.publisher("state", &LATCHED)?,
+            get_state: ros.server("get_state", "lifecycle_msgs", "GetState")?,
+            tare_service: ros.server("tare", "std_srvs", "Trigger")?,
+            gripper: config.gripper_state_topic.as_deref().map(|topic| ros.inbox(topic, &SENSOR_DATA)).transpose()?,
+            ros,
+        })
+    }
+}
+
 /// The node, ready to run.
 pub struct SlipNode {
-    ros: Ros,
+    config: Config,
+    joined: Joined,
     fingers: Vec<FingerOfNode>,
     told: Receiver<(usize, Told)>,
     shared: Arc<Shared>,
     hand: Hand,
-    hand_frame: String,
     /// Which fingers have reported since the last report of the hand.
     is_fresh: Vec<bool>,
     fresh_since_ns: Option<u64>,
     hand_reported_ns: u64,
-    hand_reports: Publisher<HandReport>,
-    diagnostics: Publisher<DiagnosticArray>,
     diagnosed_ns: u64,
-    states: Publisher<LifecycleState>,
-    get_state: Server<Empty, GetStateResponse>,
-    tare_service: Server<Empty, TriggerResponse>,
     tare: Option<Tare>,
-    gripper: Option<Inbox<GripperState>>,
     gripped_ns: u64,
 }
 
@@ -63,74 +86,102 @@ struct FingerOfNode {
     tally: Arc<Mutex<Tally>>,
     tares: Sender<()>,
     is_active: bool,
-    thread: Option<JoinHandle<()>>,
+    thread: Option<JoinHandle<Kept>>,
 }
 
 impl SlipNode {
     /// Joins the network and starts the fingers' threads.
     pub fn start(config: &Config) -> Result<Self, Error> {
-        let mut ros = Ros::new(&config.namespace, &config.node, config.domain_id)?;
         let mountings: Vec<Mounting> = config.fingers.iter().map(|f| f.finger.mounting).collect();
         let hand = Hand::new(&mountings)?;
-        let shared = Arc::new(Shared::default());
-        let (to_hand, told) = channel();
-        let mut threads = Vec::new();
-        let mut fingers = Vec::new();
-        for (place, finger) in config.fingers.iter().enumerate() {
-            let (tares, tared) = channel();
-            let tally = Arc::new(Mutex::new(Tally::default()));
-            let joints = Joints { shared: shared.clone(), tally: tally.clone(), tares: tared, hand: to_hand.clone() };
-            let (settings, qos, overlay) = (&config.settings, config.image_qos, config.overlay);
-            threads.push(FingerThread::new(&mut ros, place, finger, settings, qos, overlay, joints)?);
-            let (name, serial) = (finger.finger.name.clone(), finger.finger.serial.clone());
-            fingers.push(FingerOfNode { name, serial, tally, tares, is_active: false, thread: None });
-        }
-        let gripper = config.gripper_state_topic.as_deref().map(|topic| ros.inbox(topic, &SENSOR_DATA)).transpose()?;
+        let nobody = channel().1;
+        let fingers = config.fingers.iter().map(|finger| FingerOfNode {
+            name: finger.finger.name.clone(),
+            serial: finger.finger.serial.clone(),
+            tally: Arc::default(),
+            tares: channel().0,
+            is_active: false,
+            thread: None,
+        });
         let mut node = SlipNode {
-            hand_reports: ros.publisher("hand/report", &RELIABLE)?,
-            diagnostics: ros.publisher("/diagnostics", &RELIABLE)?,
-            states: ros.publisher("state", &LATCHED)?,
-            get_state: ros.server("get_state", "lifecycle_msgs", "GetState")?,
-            tare_service: ros.server("tare", "std_srvs", "Trigger")?,
-            is_fresh: vec![false; fingers.len()],
+            joined: Joined::new(config)?,
+            is_fresh: vec![false; config.fingers.len()],
             fresh_since_ns: None,
             hand_reported_ns: now_ns(),
             diagnosed_ns: now_ns(),
             tare: None,
-            gripper,
             gripped_ns: 0,
-            hand_frame: config.hand_frame.clone(),
             hand,
-            shared,
-            told,
-            fingers,
-            ros,
+            shared: Arc::default(),
+            told: nobody,
+            fingers: fingers.collect(),
+            config: config.clone(),
         };
-        for (finger, thread) in node.fingers.iter_mut().zip(threads) {
-            finger.thread = Some(thread::spawn(move || thread.run()));
-        }
-        node.say_state();
+        node.spawn(config.fingers.iter().map(|finger| Kept::new(finger, &config.settings)).collect())?;
         Ok(node)
     }
 
-    /// Runs until `stop` is set.
-    pub fn run(mut self, stop: &AtomicBool) {
+    /// Starts the threads of the fingers, on the network as it is joined.
+    fn spawn(&mut self, fingers: Vec<Kept>) -> Result<(), Error> {
+        self.shared = Arc::default();
+        let (to_hand, told) = channel();
+        self.told = told;
+        let mut threads = Vec::new();
+        for (place, kept) in fingers.into_iter().enumerate() {
+            let (tares, tared) = channel();
+            let tally = self.fingers[place].tally.clone();
+            let joints = Joints { shared: self.shared.clone(), tally, tares: tared, hand: to_hand.clone() };
+            threads.push(FingerThread::new(&mut self.joined.ros, place, &self.config, kept, joints)?);
+            self.fingers[place].tares = tares;
+        }
+        for (finger, thread) in self.fingers.iter_mut().zip(threads) {
+            finger.thread = Some(thread::spawn(move || thread.run()));
+        }
+        self.say_state();
+        Ok(())
+    }
+
+    /// Joins the network anew. Fingers keep their rest frames and everything they know; a tare under way is forgotten.
+    fn rejoin(&mut self) -> Result<(), Error> {
+        let joined = Joined::new(&self.config)?;
+        self.shared.stop.store(true, Ordering::Relaxed);
+        let mut kept = Vec::new();
+        for (finger, config) in self.fingers.iter_mut().zip(&self.config.fingers) {
+            let ended = finger.thread.take().and_then(|thread| thread.join().ok());
+            // One that has broken down begins anew.
+            finger.is_active &= ended.is_some();
+            kept.push(ended.unwrap_or_else(|| Kept::new(config, &self.config.settings)));
+            finger.tally.lock().unwrap_or_else(PoisonError::into_inner).rejoined_count += 1;
+        }
+        while let Ok((finger, told)) = self.told.try_recv() {
+            self.hear(finger, told);
+        }
+        (self.tare, self.joined) = (None, joined);
+        self.spawn(kept)
+    }
+
+    /// Runs until `stop` is set, or the network cannot be joined anew.
+    pub fn run(mut self, stop: &AtomicBool) -> Result<(), Error> {
         while !stop.load(Ordering::Relaxed) {
             match self.told.recv_timeout(LOOK) {
                 Ok((finger, told)) => self.hear(finger, told),
                 Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return, // every finger's thread has broken down
+                Err(RecvTimeoutError::Disconnected) => return Ok(()), // every finger's thread has broken down
             }
             self.report_hand();
             self.hear_gripper();
             self.serve();
             self.diagnose();
+            if self.joined.returns.seen() {
+                self.rejoin()?;
+            }
         }
+        Ok(())
     }
 
     /// Its full name on the network.
     pub fn full_name(&self) -> &str {
-        self.ros.full_name()
+        self.joined.ros.full_name()
     }
 
     fn is_active(&self) -> bool {
@@ -175,11 +226,11 @@ impl SlipNode {
         (self.fresh_since_ns, self.hand_reported_ns) = (None, now_ns);
         let report = self.hand.report(now_ns);
         // A reader that does not keep up loses reports; the next one is newer.
-        let _ = self.hand_reports.publish(HandReport::of(&self.hand_frame, &report));
+        let _ = self.joined.hand_reports.publish(HandReport::of(&self.config.hand_frame, &report));
     }
 
     fn hear_gripper(&mut self) {
-        let Some(inbox) = &mut self.gripper else { return };
+        let Some(inbox) = &mut self.joined.gripper else { return };
         let now_ns = now_ns();
         let told = inbox.newest().map(|state| [state.force_n, state.target_n].into_iter().find(|n| n.is_finite()));
         let is_old = now_ns - self.gripped_ns > GRIP_AGE_NS;
@@ -200,17 +251,17 @@ impl SlipNode {
     }
 
     fn say_state(&mut self) {
-        let _ = self.states.publish(self.state()); // also answered on request, and in the diagnostics
+        let _ = self.joined.states.publish(self.state()); // also answered on request, and in the diagnostics
     }
 
     fn serve(&mut self) {
-        while let Ok(Some((id, _))) = self.get_state.receive_request() {
-            let _ = self.get_state.send_response(id, GetStateResponse { current_state: self.state() }); // who asked is gone
+        while let Ok(Some((id, _))) = self.joined.get_state.receive_request() {
+            let _ = self.joined.get_state.send_response(id, GetStateResponse { current_state: self.state() }); // who asked is gone
         }
-        while let Ok(Some((id, _))) = self.tare_service.receive_request() {
+        while let Ok(Some((id, _))) = self.joined.tare_service.receive_request() {
             if self.tare.is_some() {
                 let message = "the fingers are being tared already".into();
-                let _ = self.tare_service.send_response(id, TriggerResponse { success: false, message });
+                let _ = self.joined.tare_service.send_response(id, TriggerResponse { success: false, message });
                 continue;
             }
             let names = self.fingers.iter().map(|finger| finger.name.clone()).collect();
@@ -220,7 +271,7 @@ impl SlipNode {
             }
         }
         if let Some((id, answer)) = self.tare.as_ref().and_then(|tare| tare.answer(now_ns())) {
-            let _ = self.tare_service.send_response(id, answer); // who asked is gone
+            let _ = self.joined.tare_service.send_response(id, answer); // who asked is gone
             self.tare = None;
         }
     }
@@ -231,13 +282,13 @@ impl SlipNode {
             return;
         }
         self.diagnosed_ns = now_ns;
-        let node = self.ros.full_name().trim_start_matches('/').to_owned();
+        let node = self.joined.ros.full_name().trim_start_matches('/').to_owned();
         let status = self.fingers.iter().map(|finger| {
             let mut tally = finger.tally.lock().unwrap_or_else(PoisonError::into_inner);
             tally.status(unix_ns(), &node, &finger.name, &finger.serial)
         });
         let header = Header { stamp: stamp(), frame_id: String::new() };
-        let _ = self.diagnostics.publish(DiagnosticArray { header, status: status.collect() }); // the next one is newer
+        let _ = self.joined.diagnostics.publish(DiagnosticArray { header, status: status.collect() }); // the next one is newer
     }
 }
 

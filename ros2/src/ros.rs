@@ -145,6 +145,16 @@ pub struct Inbox<M: TopicType> {
 }
 
 impl<M: TopicType> Inbox<M> {
+    /// Counts on from the number of the last message of an inbox before this one.
+    pub fn count_from(&mut self, last_seq: i64) {
+        self.last_seq = last_seq;
+    }
+
+    /// What [`Inbox::count_from`] of the next inbox takes.
+    pub fn last_seq(&self) -> i64 {
+        self.last_seq
+    }
+
     /// Waits until something has come in, at most so long. To be called when [`Inbox::take`] has nothing more.
     pub fn wait(&mut self, longest: Duration) {
         // A signal that interrupts it is as good as nothing that came.

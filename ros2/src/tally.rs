@@ -18,6 +18,8 @@ pub struct Tally {
     pub passed_over_count: u64,
     /// Pictures that could not be decoded.
     pub torn_count: u64,
+    /// How often the network was joined anew.
+    pub rejoined_count: u64,
     /// Messages that could not be read, and reports that could not be sent.
     pub failed_count: u64,
     /// The last failure, in words.
@@ -98,6 +100,7 @@ impl Tally {
             value("missing_count", self.missing_count.to_string()),
             value("passed_over_count", self.passed_over_count.to_string()),
             value("torn_count", self.torn_count.to_string()),
+            value("rejoined_count", self.rejoined_count.to_string()),
             value("failed_count", self.failed_count.to_string()),
         ];
         values.extend(self.last_failure.iter().map(|why| value("last_failure", why.clone())));

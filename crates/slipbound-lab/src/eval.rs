@@ -11,6 +11,7 @@
 mod error;
 pub(crate) mod facts;
 pub mod folder;
+pub mod guest;
 pub mod outcome;
 mod protocol;
 pub mod quiet;
@@ -27,6 +28,7 @@ pub mod watch;
 
 pub use error::{EvalError, FolderError, SweepError};
 pub use facts::Facts;
+pub use outcome::Outcome;
 pub use protocol::Protocol;
 pub use record::{RecordLineError, TrialRecord};
 pub use runner::run;

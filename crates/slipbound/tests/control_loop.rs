@@ -7,7 +7,7 @@ use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome,
 use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::{Health, Mounting, Side};
 use slipbound::image::SizePx;
-use slipbound::monitor::{RestKind, Settings, SlipRule, SlipSettings};
+use slipbound::monitor::{RestKind, Settings, SlipRule};
 use slipbound::plane::Vec2;
 use slipbound::port::{
     Clock, DriverEvent, FrameBuffer, FrameSource, GripCommand, Gripper, GripperError, GripperErrorKind, GripperState,
@@ -170,8 +170,7 @@ fn control_with(skin: Skin, scenes: impl IntoIterator<Item = Scene>, task: &Task
     let camera = Camera { painter, scenes: scenes.into_iter().collect(), seq: 0 };
     let mounting = Mounting::on(Side::Left);
     // Markers decide: a painted rim follows no physics of a contact.
-    let slip = SlipSettings { rule: SlipRule::Markers, ..SlipSettings::default() };
-    let settings = Settings { slip, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.slip.rule = SlipRule::Markers);
     let finger = FingerPipeline::new("left", mounting, sensor, settings, Box::new(camera));
     ControlLoop::new(vec![finger], task.task(TaskKind::Lift, None).expect("valid")).expect("a hand")
 }

@@ -5,15 +5,14 @@ mod picture;
 use picture::{Painter, Touch, frame};
 use slipbound::image::SizePx;
 use slipbound::monitor::{
-    MotionSettings, RestBuilder, RestKind, RigidField, Settings, SlipKind, SlipMonitor, SlipReport, SlipRule,
-    SlipSettings, SlipState,
+    RestBuilder, RestKind, RigidField, Settings, SlipKind, SlipMonitor, SlipReport, SlipRule, SlipState,
 };
 use slipbound::plane::{RigidMotion, Vec2};
 use slipbound::sensor::Skin;
 
 /// Steps 3 and 4 judge: the painted fields follow no physics of a contact.
 fn markers_decide() -> Settings {
-    Settings { slip: SlipSettings { rule: SlipRule::Markers, ..SlipSettings::default() }, ..Settings::default() }
+    Settings::default().with(|s| s.slip.rule = SlipRule::Markers)
 }
 
 /// A painted finger, `scale` times 320 x 240 px with some 150 dots, watched with these settings.
@@ -109,7 +108,7 @@ fn every_inner_marker_is_used_and_the_angle_is_measured() {
 fn a_large_rigid_rotation_is_slip_by_equation_1_but_not_exactly() {
     let mut slips = Vec::new();
     for field in [RigidField::SmallAngle, RigidField::Exact] {
-        let settings = Settings { slip: SlipSettings { field, ..markers_decide().slip }, ..markers_decide() };
+        let settings = markers_decide().with(|s| s.slip.field = field);
         let mut play = Play::new(2, Skin::Smooth, &settings);
         play.press();
         let centre = play.touch().centre;
@@ -186,8 +185,7 @@ fn a_finger_at_rest_touches_nothing_even_with_a_scratch() {
 fn deep_slip_is_seen_by_the_robust_fit_first() {
     use slipbound::monitor::Fit;
     let first = |fit: Fit| {
-        let motion = MotionSettings { fit, ..MotionSettings::default() };
-        let mut play = Play::new(1, Skin::Smooth, &Settings { motion, ..markers_decide() });
+        let mut play = Play::new(1, Skin::Smooth, &markers_decide().with(|s| s.motion.fit = fit));
         drag(&mut play, Vec2::new(1.0, 0.0), 0.7).map_or(u64::MAX, |r| r.seq)
     };
     let (robust, plain) = (first(Fit::RobustRigid), first(Fit::Rigid));

@@ -5,7 +5,7 @@ mod picture;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 use picture::{Painter, Touch, frame};
 use slipbound::image::SizePx;
-use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipRule, SlipSettings, SlipState};
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipRule, SlipState};
 use slipbound::plane::Vec2;
 use slipbound::port::GripSample;
 use slipbound::sensor::{Shear, Skin};
@@ -16,8 +16,7 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 #[test]
 fn frames_are_judged_without_an_allocation() {
     let size = SizePx::new(320, 240);
-    let by_markers = SlipSettings { rule: SlipRule::Markers, ..SlipSettings::default() };
-    let by_markers = Settings { slip: by_markers, ..Settings::default() };
+    let by_markers = Settings::default().with(|s| s.slip.rule = SlipRule::Markers);
     for (skin, settings) in [
         (Skin::Smooth, Settings::default()),
         (Skin::Fabric, Settings::default()),

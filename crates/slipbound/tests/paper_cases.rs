@@ -5,9 +5,7 @@ mod picture;
 
 use picture::{Painter, Touch, frame};
 use slipbound::image::SizePx;
-use slipbound::monitor::{
-    RestBuilder, RestKind, Settings, SlipKind, SlipMonitor, SlipReport, SlipRule, SlipSettings, SlipState,
-};
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipKind, SlipMonitor, SlipReport, SlipRule, SlipState};
 use slipbound::plane::{RigidMotion, Vec2};
 use slipbound::sensor::Skin;
 
@@ -25,8 +23,7 @@ fn touch() -> Touch {
 
 fn monitor(painter: &Painter) -> SlipMonitor {
     // Markers decide: the painted fields follow no physics of a contact.
-    let slip = SlipSettings { rule: SlipRule::Markers, ..SlipSettings::default() };
-    let settings = Settings { slip, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.slip.rule = SlipRule::Markers);
     let mut builder = RestBuilder::new(&painter.sensor, &settings, SIZE).expect("valid");
     for i in 0..10 {
         builder.add(&frame(&painter.paint(&painter.rest, None, 500 + i), SIZE, i)).expect("bright");

@@ -3,6 +3,8 @@
 //! ```text
 //!   this process: pictures, stamped --DDS--> slipbound-ros2 node (a second process) --DDS--> reports: this process
 //! ```
+//!
+//! The node's process may be in a network namespace of its own; `ros2/namespaces.sh` makes one, and a link to it.
 
 use super::simulate::jpegs;
 use super::{Done, domain_id};
@@ -23,11 +25,17 @@ use std::time::{Duration, Instant};
 /// Longest wait for reports to come, or to come again.
 const LONGEST_WAIT: Duration = Duration::from_secs(30);
 
+/// Longest wait for reports after a link was down: who was given up is announced every 10 s.
+const LONGEST_RETURN: Duration = Duration::from_secs(120);
+
 /// Time after the first reports before it is measured.
 const SETTLE: Duration = Duration::from_secs(2);
 
 /// Time for which an end stays away.
 const AWAY: Duration = Duration::from_secs(2);
+
+/// What was sent before a link went down has arrived after this long.
+const UNDERWAY: Duration = Duration::from_millis(300);
 
 /// The arguments of `slipbound-ros2 measure`.
 #[derive(Debug, clap::Args)]
@@ -44,6 +52,15 @@ pub struct Measure {
     /// What is simulated
     #[arg(long, default_value = "shear?distance_mm=3&grid=fast&rest_frames=24&jpeg_quality=75")]
     scene: String,
+    /// Network namespace that the node runs in
+    #[arg(long, value_name = "NAME")]
+    node_netns: Option<String>,
+    /// Network device to the node, here: taken down and up again
+    #[arg(long, value_name = "DEVICE")]
+    link: Option<String>,
+    /// For how long the link is down, s; may be given again
+    #[arg(long, value_name = "S", requires = "link", default_value = "2")]
+    down_s: Vec<u64>,
 }
 
 /// What came of one finger: stamp and arrival, ns since 1970.
@@ -79,16 +96,21 @@ impl Readers {
         }
     }
 
+    /// Whether nothing has come since it was forgotten.
+    fn is_silent(&self) -> bool {
+        self.fingers.iter().all(|a| a.lock().unwrap_or_else(PoisonError::into_inner).is_empty())
+    }
+
     /// Waits until every finger has reported again; how long that took from `since`.
-    fn await_all(&self, since: Instant, stop: &AtomicBool) -> Result<Duration, String> {
+    fn await_all(&self, since: Instant, longest: Duration, stop: &AtomicBool) -> Result<Duration, String> {
         self.forget();
-        while since.elapsed() < LONGEST_WAIT && !stop.load(Ordering::Relaxed) {
+        while since.elapsed() < longest && !stop.load(Ordering::Relaxed) {
             if self.fingers.iter().all(|a| !a.lock().unwrap_or_else(PoisonError::into_inner).is_empty()) {
                 return Ok(since.elapsed());
             }
             sleep(Duration::from_millis(2));
         }
-        Err(format!("expected reports of every finger within {} s, got none of some", LONGEST_WAIT.as_secs()))
+        Err(format!("expected reports of every finger within {} s, got none of some", longest.as_secs()))
     }
 }
 
@@ -167,9 +189,17 @@ impl Drop for Cameras {
 struct NodeProcess(Child);
 
 impl NodeProcess {
-    fn start(config: &Path) -> std::io::Result<Self> {
-        let child = Command::new(std::env::current_exe()?).arg("node").arg(config).stdout(Stdio::null()).spawn()?;
-        Ok(NodeProcess(child))
+    fn start(config: &Path, netns: Option<&str>) -> std::io::Result<Self> {
+        let program = std::env::current_exe()?;
+        let mut command = match netns {
+            None => Command::new(program),
+            Some(name) => {
+                let mut command = Command::new("ip");
+                command.args(["netns", "exec", name]).arg(program);
+                command
+            }
+        };
+        Ok(NodeProcess(command.arg("node").arg(config).stdout(Stdio::null()).spawn()?))
     }
 }
 
@@ -178,6 +208,36 @@ impl Drop for NodeProcess {
         let _ = self.0.kill(); // it may have ended by itself
         let _ = self.0.wait();
     }
+}
+
+/// A network device of this namespace; up again when dropped.
+struct Link<'a>(&'a str);
+
+impl Link<'_> {
+    fn set(&self, to: &str) -> Result<(), String> {
+        let asked = Command::new("ip").args(["link", "set", self.0, to]).status();
+        match asked.map_err(|e| format!("cannot run `ip`: {e}"))? {
+            status if status.success() => Ok(()),
+            status => Err(format!("`ip link set {} {to}`: {status}", self.0)),
+        }
+    }
+}
+
+impl Drop for Link<'_> {
+    fn drop(&mut self) {
+        if let Err(e) = self.set("up") {
+            eprintln!("slipbound-ros2: {e}");
+        }
+    }
+}
+
+/// How busy the computer was, and how this program was built: without these no figure means anything.
+fn machine_load() -> String {
+    let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    let over_1_min = load.split(' ').next().filter(|word| !word.is_empty()).unwrap_or("unknown");
+    let cores = std::thread::available_parallelism().map_or("unknown".into(), |count| count.to_string());
+    let build = if cfg!(debug_assertions) { "development" } else { "release" };
+    format!("cores {cores}, load over the last minute {over_1_min}, {build} build")
 }
 
 fn name(finger: u8) -> &'static str {
@@ -196,14 +256,15 @@ impl Measure {
         let mut ros = Ros::new("/", "slipbound_measure", domain_id)?;
         let readers = Readers::start(&mut ros, self.fingers)?;
         let cameras = Cameras::start(domain_id, self.fingers, self.rate_hz, jpegs.clone())?;
-        let node = NodeProcess::start(&config)?;
-        readers.await_all(Instant::now(), stop)?;
+        let node = NodeProcess::start(&config, self.node_netns.as_deref())?;
+        readers.await_all(Instant::now(), LONGEST_WAIT, stop)?;
         sleep(SETTLE);
         let from_ns = unix_ns();
         sleep(Duration::from_secs(self.seconds));
         let until_ns = unix_ns();
         sleep(Duration::from_millis(500)); // the last ones are on their way
         println!("{} fingers at {} Hz, JPEGs of at most {} kB", self.fingers, self.rate_hz, most_bytes / 1000);
+        println!("{}", machine_load());
         println!("| of | pictures sent | reports | per second | lost | p50 ms | p99 ms | worst ms |");
         println!("|---|---|---|---|---|---|---|---|");
         let is_within = |stamp_ns: u64| (from_ns..until_ns).contains(&stamp_ns);
@@ -222,11 +283,16 @@ impl Measure {
         let hand_count = hand.iter().filter(|(_, at_ns)| is_within(*at_ns)).count();
         println!("\nreports of the hand: {:.1} a second", hand_count as f64 / self.seconds as f64);
 
+        if let Some(device) = &self.link {
+            for down_s in &self.down_s {
+                Self::cut(&Link(device), Duration::from_secs(*down_s), &readers, stop)?;
+            }
+        }
         drop(node);
         sleep(AWAY);
         let began = Instant::now();
-        let _node = NodeProcess::start(&config)?;
-        let back = readers.await_all(began, stop)?;
+        let _node = NodeProcess::start(&config, self.node_netns.as_deref())?;
+        let back = readers.await_all(began, LONGEST_WAIT, stop)?;
         println!(
             "node killed for {} s: all fingers report {:.2} s after its start",
             AWAY.as_secs(),
@@ -237,12 +303,27 @@ impl Measure {
         readers.forget();
         let began = Instant::now();
         let _cameras = Cameras::start(domain_id, self.fingers, self.rate_hz, jpegs)?;
-        let back = readers.await_all(began, stop)?;
+        let back = readers.await_all(began, LONGEST_WAIT, stop)?;
         println!(
             "cameras away for {} s: all fingers report {:.2} s after their start",
             AWAY.as_secs(),
             back.as_secs_f64()
         );
+        Ok(())
+    }
+
+    /// Takes the link down for so long and says when reports come again. It is an error if they never stopped.
+    fn cut(link: &Link<'_>, down: Duration, readers: &Readers, stop: &AtomicBool) -> Done {
+        link.set("down")?;
+        sleep(UNDERWAY);
+        readers.forget();
+        sleep(down.saturating_sub(UNDERWAY));
+        if !readers.is_silent() {
+            return Err(format!("expected no report while `{}` is down, got some: they go another way", link.0).into());
+        }
+        link.set("up")?;
+        let back = readers.await_all(Instant::now(), LONGEST_RETURN, stop)?;
+        println!("link down for {} s: all fingers report {:.2} s after it is up", down.as_secs(), back.as_secs_f64());
         Ok(())
     }
 

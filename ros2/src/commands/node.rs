@@ -21,7 +21,7 @@ impl Node {
         let config = config::load(&self.config, domain_id.as_deref())?;
         let node = SlipNode::start(&config)?;
         println!("{} runs in domain {}; Ctrl-C ends it", node.full_name(), config.domain_id);
-        node.run(stop);
+        node.run(stop)?;
         Ok(())
     }
 }

@@ -186,12 +186,16 @@ struct Nodes {
 
 impl Nodes {
     fn start(domain_id: u16, more: &[&str]) -> Self {
+        Nodes::start_by(more, |args| Process::start(args, domain_id))
+    }
+
+    fn start_by(more: &[&str], run: impl Fn(&[&str]) -> Process) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let path = |name: &str| folder.path().join(name);
         let (gripper_log, wrist_log, again_log) = (path("gripper"), path("wrist"), path("again"));
         let start = |base: &str, log: &Path, more: &[&str]| {
             let log = log.to_str().expect("UTF-8");
-            Process::start(&[&["emulate", "--base", base, "--log", log], more].concat(), domain_id)
+            run(&[&["emulate", "--base", base, "--log", log], more].concat())
         };
         Nodes {
             gripper: Some(start("/one", &gripper_log, more)),
@@ -279,4 +283,37 @@ fn a_gripper_that_nobody_is_says_so() {
     assert!(told.to_string().contains("/nobody/state: expected a state every 300 ms"), "{told}");
     let told = gripper.command(GripCommand::Hold { force_n: f64::NAN }).expect_err("no number");
     assert_eq!(told.kind, GripperErrorKind::Value);
+}
+
+/// The namespace and the device that `ros2/namespaces.sh` makes.
+const THERE: &str = "slipbound-there";
+const LINK: &str = "finger0";
+
+fn set_link(to: &str) {
+    let asked = std::process::Command::new("ip").args(["link", "set", LINK, to]).status().expect("iproute2");
+    assert!(asked.success(), "ip link set {LINK} {to}");
+}
+
+#[test]
+#[ignore = "needs another network namespace and a link to it: ros2/namespaces.sh"]
+fn a_link_that_is_cut_stops_the_wrist_and_keeps_the_force() {
+    let domain_id = domain_id(6);
+    let nodes = Nodes::start_by(&[], |args| Process::start_in(THERE, args, domain_id));
+    let mut ros = Ros::new("/", "test_link", domain_id).expect("joins");
+    let gripper = TopicGripper::new(&mut ros, "/one/gripper").expect("topics");
+    let wrist = TopicWrist::new(&mut ros, "/two/wrist").expect("topics");
+    let control = Loop::start(gripper, wrist);
+    await_that("it lifts", LONGEST_WAIT, || control.seen().is_lifting && moves(&nodes.wrist_log));
+    set_link("down");
+    let stood = await_that("the wrist stands", WRIST, || !moves(&nodes.wrist_log));
+    await_that("the loop says why", WRIST, || control.seen().fault.is_some());
+    sleep(Duration::from_millis(1500));
+    assert!(control.seen().fault.is_some() && !moves(&nodes.wrist_log), "it waits");
+    set_link("up");
+    let back = await_that("it lifts again", Duration::from_secs(9), || moves(&nodes.wrist_log));
+    println!("link cut for 2 s: wrist stands after {stood:?}; up: it lifts again after {back:?}");
+    assert!(control.seen().commanded_n.iter().all(|n| *n == FORCE_N));
+    assert!(matches!(control.end(), Err(ControlError::Interrupted)));
+    let held: Vec<f64> = targets_n(&nodes.gripper_log).into_iter().skip_while(|n| *n != FORCE_N).collect();
+    assert!(!held.is_empty() && held.iter().all(|n| *n == FORCE_N), "nothing was let go");
 }

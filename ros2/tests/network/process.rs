@@ -14,7 +14,17 @@ pub struct Process(Child);
 
 impl Process {
     pub fn start(args: &[&str], domain_id: u16) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound-ros2"));
+        Process::run(Command::new(env!("CARGO_BIN_EXE_slipbound-ros2")), args, domain_id)
+    }
+
+    /// In a network namespace.
+    pub fn start_in(netns: &str, args: &[&str], domain_id: u16) -> Self {
+        let mut command = Command::new("ip");
+        command.args(["netns", "exec", netns, env!("CARGO_BIN_EXE_slipbound-ros2")]);
+        Process::run(command, args, domain_id)
+    }
+
+    fn run(mut command: Command, args: &[&str], domain_id: u16) -> Self {
         let child = command.args(args).env("ROS_DOMAIN_ID", domain_id.to_string()).stdout(Stdio::null()).spawn();
         Process(child.expect("starts"))
     }

@@ -20,6 +20,17 @@ fn flags(records: &[&TrialRecord], key: &str) -> Estimated {
     share_of(records.iter().filter_map(|r| r.flag_of(key)))
 }
 
+/// The detectors of some records: those of the list in its order, then others as they come.
+fn names(records: &[TrialRecord]) -> Vec<&str> {
+    let mut names: Vec<&str> = DETECTORS.iter().map(|entry| entry.name).collect();
+    for record in records {
+        if !names.contains(&record.detector.as_str()) {
+            names.push(&record.detector);
+        }
+    }
+    names
+}
+
 /// Those that come to gross slip.
 fn sliding<'a>(records: &'a [TrialRecord], detector: &str) -> Vec<&'a TrialRecord> {
     let slides = |r: &&TrialRecord| r.flag_of("reaches_gross") != Some(false);
@@ -95,8 +106,8 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
         "Said: in how many ramps at all, which end some four frames after gross slip. Delay from the first frame after it. False: said below f 0.8.",
         &["detector", "ramps", "said %", "delay frames, median", "within 2 frames %", "kept %", "false %"],
     );
-    for entry in &DETECTORS {
-        let all = sliding(records, entry.name);
+    for name in names(records) {
+        let all = sliding(records, name);
         if all.is_empty() {
             continue;
         }
@@ -106,7 +117,7 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
         let leads = numbers(&one_s, "lead_ms");
         let sum = |key: &str| numbers(&all, key).iter().sum::<f64>() as u64;
         alarms.rows.push(vec![
-            entry.name.into(),
+            name.into(),
             count.clone(),
             Cell::Share(before_gross(&all)),
             Cell::Share(is_false(&all)),
@@ -117,22 +128,22 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
             Cell::Share(share(sum("decided_frames"), sum("loaded_frames"))),
             Cell::Number(auc(&all.iter().map(|r| r.score).collect::<Vec<f64>>(), &numbers(&all, SCORE_BELOW)), 3),
         ]);
-        if !entry.is_ours() {
+        if !DETECTORS.iter().any(|entry| entry.name == name && entry.is_ours()) {
             continue;
         }
-        exact.rows.push(exactness(entry.name, &all));
+        exact.rows.push(exactness(name, &all));
         let alarmed: Vec<&TrialRecord> = all.iter().copied().filter(|r| r.more.contains_key("kind_true")).collect();
         let kind = share_of(alarmed.iter().map(|r| r.word_of("kind_true") == r.word_of("kind_said")));
         let apart = numbers(&alarmed, "direction_error_deg");
         slip.rows.push(vec![
-            entry.name.into(),
+            name.into(),
             Cell::Count(alarmed.len() as u64),
             Cell::Share(kind),
             Cell::Number(median(&apart), 1),
             Cell::Number(quantile(&apart, 0.95), 1),
             Cell::Share(flags(&alarmed, "sense_right")),
         ]);
-        gross.rows.push(gross_row(entry.name, &all));
+        gross.rows.push(gross_row(name, &all));
     }
     vec![alarms, exact, slip, gross]
 }
@@ -190,17 +201,17 @@ pub(super) fn split(title: &str, records: &[TrialRecord], parts: &[Part<'_>]) ->
             "friction %, median",
         ],
     );
-    for entry in &DETECTORS {
-        let all = sliding(records, entry.name);
-        for (name, is_in) in parts {
+    for name in names(records) {
+        let all = sliding(records, name);
+        for (part, is_in) in parts {
             let some: Vec<&TrialRecord> = all.iter().copied().filter(|r| is_in(r)).collect();
             if some.is_empty() {
                 continue;
             }
             let f = fractions(&some);
             table.rows.push(vec![
-                entry.name.into(),
-                (*name).into(),
+                name.into(),
+                (*part).into(),
                 Cell::Count(some.len() as u64),
                 Cell::Share(before_gross(&some)),
                 Cell::Share(is_false(&some)),

@@ -131,7 +131,7 @@ impl Ramps {
         Ramps { seed, trials_count: trials.unwrap_or(TRIALS_COUNT) }
     }
 
-    fn trial(&self, number: u64) -> Result<Trial, EvalError> {
+    pub(super) fn trial(&self, number: u64) -> Result<Trial, EvalError> {
         Ok(draw(self.seed, number).trial(self.seed, number, "")?)
     }
 }

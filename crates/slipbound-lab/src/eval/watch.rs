@@ -90,6 +90,12 @@ impl Watch {
             frames_after_gross: None,
         }
     }
+
+    /// Number of the first frame under load: the first after the grip has settled.
+    pub fn load_from_frame(&self) -> u64 {
+        let gripped_s = self.trial.number("press_s") + self.trial.number("settle_s");
+        self.trial.number("rest_frames") as u64 + (gripped_s * FRAME_RATE_HZ as f64 + 1e-6).floor() as u64
+    }
 }
 
 /// A frame as a detector saw it.
@@ -174,8 +180,7 @@ pub fn watch(
     let mut world = World::with(trial, profile, &watch.physics)?;
     let sensor = told_sensor(&world, watch.stiffness_scale);
     let rest_frames = trial.number("rest_frames") as u64;
-    let gripped_s = trial.number("press_s") + trial.number("settle_s");
-    let load_from_frame = rest_frames + (gripped_s * FRAME_RATE_HZ as f64 + 1e-6).floor() as u64;
+    let load_from_frame = watch.load_from_frame();
     let mut desks = desks(&mut world, &sensor, entries, rest_frames)?;
     let mut readings = Random::of(trial.seed, 0x6121);
     let mut told = watch.reading.of(0.0, &mut readings);

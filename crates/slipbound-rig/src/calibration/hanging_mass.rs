@@ -6,7 +6,7 @@ use slipbound::calibrate::{
 };
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::image::ImageError;
-use slipbound::monitor::{RestError, RestKind, Settings, SlipMonitor, SlipRule, SlipSettings};
+use slipbound::monitor::{RestError, RestKind, Settings, SlipMonitor, SlipRule};
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound::sensor::{Sensor, Shear};
 use slipbound::setting::SettingError;
@@ -96,8 +96,7 @@ impl HangingMass {
 /// A monitor whose rest frame is the start of the recording, untouched.
 fn monitor_from_start(source: &mut ReadAhead, sensor: &Sensor) -> Result<SlipMonitor, HangingMassError> {
     // Without the stiffness, which is sought here, markers tell more surely than an estimate whether the mass slips.
-    let slip = SlipSettings { rule: SlipRule::Markers, ..SlipSettings::default() };
-    let settings = Settings { slip, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.slip.rule = SlipRule::Markers);
     let window_count = settings.rest.window_count as usize;
     let mut whole = source.read_ahead(window_count).filter(|ahead| ahead.torn.is_none()).peekable();
     let size = whole.peek().map(|ahead| ahead.buffer.size).ok_or(HangingMassError::NoFrame)?;

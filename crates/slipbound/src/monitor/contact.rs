@@ -29,6 +29,7 @@ use shading::ShadingContact;
 /// Settings of step 1. Lengths are in marker pitches, areas in shares of the rectified image.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct ContactSettings {
     /// Contact begins when the region is larger than this. The released code: 3072 of 327 x 320 px.
     pub on_area_fraction: f64,

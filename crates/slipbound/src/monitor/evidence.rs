@@ -62,6 +62,7 @@ impl EvidenceScale {
 /// Settings of the evidence.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct EvidenceSettings {
     /// Whether the evidence is computed. [`Settings::paper`](super::Settings::paper) does without.
     pub used: bool,

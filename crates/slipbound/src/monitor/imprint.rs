@@ -34,6 +34,7 @@ pub enum Illumination {
 /// Settings of step 0.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct ImprintSettings {
     /// A frame whose mean grey level is below this is not judged.
     pub dark_below_levels: f64,

@@ -31,6 +31,7 @@ pub enum Fit {
 /// Settings of step 3.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct MotionSettings {
     /// What is fitted.
     pub fit: Fit,

@@ -12,6 +12,7 @@ use std::fmt;
 /// How the rest frame is made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct RestSettings {
     /// How many of the first frames are looked at to find the finger at rest.
     pub window_count: u32,

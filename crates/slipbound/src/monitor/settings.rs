@@ -12,8 +12,15 @@ use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
 
 /// The settings of every step. `Settings::default()` is what we ship, [`Settings::paper`] the paper as written.
+///
+/// ```
+/// # use slipbound::monitor::{Settings, SlipRule};
+/// let settings = Settings::default().with(|s| s.slip.rule = SlipRule::Markers).with(|s| s.rest.average_count = 5);
+/// assert!(settings.check().is_ok());
+/// ```
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct Settings {
     /// How the rest frame is made.
     pub rest: RestSettings,
@@ -54,6 +61,13 @@ impl Settings {
             slip: SlipSettings { rule: SlipRule::Markers, field: RigidField::SmallAngle, ..SlipSettings::default() },
             evidence: EvidenceSettings { used: false, ..EvidenceSettings::default() },
         }
+    }
+
+    /// The same with what `change` sets otherwise.
+    #[must_use]
+    pub fn with(mut self, change: impl FnOnce(&mut Settings)) -> Self {
+        change(&mut self);
+        self
     }
 
     /// Checks every setting, and that the finger can be watched with them.

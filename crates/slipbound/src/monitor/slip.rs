@@ -35,6 +35,7 @@ pub enum SlipRule {
 /// Settings of step 4.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct SlipSettings {
     /// What raises the alarm.
     pub rule: SlipRule,

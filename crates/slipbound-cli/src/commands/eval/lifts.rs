@@ -48,12 +48,11 @@ fn fit<'a>(examples: impl Iterator<Item = Example<'a>> + Clone) -> Option<Eviden
         };
         Some(EvidenceScale { held: of(false)?, slid: of(true)? })
     };
-    Some(EvidenceSettings {
-        relaxation: scale(|latch| latch.relaxation)?,
-        centre_rim_ratio: scale(|latch| latch.centre_rim_ratio.unwrap_or(0.0))?,
-        imprint_change: scale(|latch| latch.imprint_change.unwrap_or(0.0))?,
-        ..EvidenceSettings::default()
-    })
+    let mut settings = EvidenceSettings::default();
+    settings.relaxation = scale(|latch| latch.relaxation)?;
+    settings.centre_rim_ratio = scale(|latch| latch.centre_rim_ratio.unwrap_or(0.0))?;
+    settings.imprint_change = scale(|latch| latch.imprint_change.unwrap_or(0.0))?;
+    Some(settings)
 }
 
 /// The scale for clips of an object, fitted to those of all others.

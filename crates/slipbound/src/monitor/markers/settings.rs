@@ -16,6 +16,7 @@ pub enum Finder {
 /// Settings of step 2.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct MarkerSettings {
     /// How markers are found.
     pub finder: Finder,

@@ -1,0 +1,150 @@
+//! A detector that is in no list, somebody's own, on the ramps: judged on the same frames and by the same definitions.
+//!
+//! ```text
+//!   a rival's monitor --frame, report--> Guest --score--> records --> the tables of `ramps`
+//! ```
+
+use super::error::EvalError;
+use super::ramps::{Ramps, records};
+use super::record::TrialRecord;
+use super::watch::{Restarts, Seen, Watch, Watched, watch};
+use crate::rivals::{DETECTORS, Entry, Inputs, Said, named};
+use slipbound::monitor::{SlipMonitor, SlipReport};
+use slipbound::port::FrameBuffer;
+use slipbound::setting::SettingError;
+
+/// The rival whose place in the run a guest takes: it is told what all rivals are told.
+const SEAT: &str = "displacement";
+
+/// Somebody's own detector, told what rivals are told: frames, and what a monitor says of them.
+pub trait Guest {
+    /// It has seen nothing: a trial begins.
+    fn begin(&mut self);
+
+    /// Judges a frame: the larger the score, the more it speaks for slip. One that is not finite counts as 0.
+    fn see(&mut self, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) -> f64;
+
+    /// Counts from the frame it has seen last, the one before the load.
+    fn restart(&mut self);
+}
+
+/// The rivals of these names, to be judged on the frames that the guest sees.
+pub fn rivals(names: &[&str]) -> Result<Vec<&'static Entry>, SettingError> {
+    names.iter().map(|name| named(name)).collect()
+}
+
+/// The records of one ramp: the guest's, called `name`, then those of `beside`.
+pub fn judge(
+    ramps: &Ramps,
+    number: u64,
+    (name, threshold, guest): (&str, f64, &mut dyn Guest),
+    beside: &[&'static Entry],
+) -> Result<Vec<TrialRecord>, EvalError> {
+    check(name, threshold)?;
+    let trial = ramps.trial(number)?;
+    let what = Watch::new(trial.clone(), Restarts::Rivals);
+    let seat = named(SEAT)?;
+    let mut entries = beside.to_vec();
+    if !entries.iter().any(|entry| entry.name == SEAT) {
+        entries.push(seat);
+    }
+    debug_assert_eq!(seat.inputs, Inputs::Frames);
+    let load_from_frame = what.load_from_frame();
+    let mut seen = Vec::new();
+    guest.begin();
+    let mut look = |frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor| {
+        let told = guest.see(frame, report, monitor);
+        let score = if told.is_finite() { told } else { 0.0 };
+        seen.push(Seen { score, alarms: score > threshold, state: report.state, said: Said::default() });
+        if frame.seq + 1 == load_from_frame {
+            guest.restart();
+        }
+    };
+    let mut watched = watch(&what, &entries, Some((SEAT, &mut look)))?;
+    let others = std::mem::take(&mut watched.seen);
+    let record_all = |seen| {
+        let watched = Watched { seen, ..watched.clone() };
+        records(number, &trial.to_string(), &trial, Some(trial.mu()), &watched)
+    };
+    let mut all = record_all(vec![(seat, seen)]);
+    for record in &mut all {
+        record.detector = name.into();
+    }
+    all.extend(record_all(others).into_iter().filter(|r| beside.iter().any(|entry| entry.name == r.detector)));
+    Ok(all)
+}
+
+fn check(name: &str, threshold: f64) -> Result<(), SettingError> {
+    let refuse =
+        |key: &str, expected: &str, got: String| Err(SettingError { key: key.into(), expected: expected.into(), got });
+    if name.is_empty() || DETECTORS.iter().any(|entry| entry.name == name) {
+        return refuse("name", "a name that no detector of the list has", format!("`{name}`"));
+    }
+    if !threshold.is_finite() {
+        return refuse("threshold", "a finite number", threshold.to_string());
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::eval::{Outcome, Protocol, ramps::Ramps};
+    use crate::rivals::{Detector, Displacement};
+
+    /// A detector of the list as somebody's own.
+    struct Same(Displacement);
+
+    impl Guest for Same {
+        fn begin(&mut self) {
+            self.0 = Displacement::default();
+        }
+
+        fn see(&mut self, _: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) -> f64 {
+            self.0.see(monitor, report)
+        }
+
+        fn restart(&mut self) {
+            self.0.restart();
+        }
+    }
+
+    #[test]
+    fn a_detector_of_the_list_gets_the_same_record_as_a_guest() {
+        let ramps = Ramps::new(5, Some(2));
+        let mut same = Same(Displacement::default());
+        let threshold = Displacement::default().threshold();
+        for number in 0..2 {
+            let judged = judge(&ramps, number, ("mine", threshold, &mut same), &[]).expect("a sound trial");
+            let listed = ramps.judge(number, &rivals(&[SEAT]).expect("one")).expect("a sound trial");
+            assert_eq!((judged.len(), judged[0].detector.as_str()), (1, "mine"));
+            assert_eq!(TrialRecord { detector: SEAT.into(), ..judged[0].clone() }, listed[0]);
+            let table = ramps.tables(&judged).remove(0).markdown();
+            assert!(table.contains("| mine | 1 |"), "{table}");
+        }
+    }
+
+    #[test]
+    fn one_that_is_deaf_misses_and_one_of_a_listed_name_is_refused() {
+        struct Deaf;
+        impl Guest for Deaf {
+            fn begin(&mut self) {}
+            fn see(&mut self, _: &FrameBuffer, _: &SlipReport, _: &SlipMonitor) -> f64 {
+                f64::NAN
+            }
+            fn restart(&mut self) {}
+        }
+        let ramps = Ramps::new(5, Some(1));
+        let beside = rivals(&["ours_frames", "paper"]).expect("two");
+        let records = judge(&ramps, 0, ("deaf", 1.0, &mut Deaf), &beside).expect("a sound trial");
+        let names: Vec<&str> = records.iter().map(|r| r.detector.as_str()).collect();
+        assert_eq!(names, ["deaf", "ours_frames", "paper"]);
+        assert_eq!((Outcome::of(&records[0]), records[0].score), (Some(Outcome::Missed), 0.0));
+        assert_eq!(records[1], ramps.judge(0, &beside).expect("sound")[0], "ours is not disturbed by the guest");
+        for (name, threshold, key) in [("paper", 1.0, "name"), ("", 1.0, "name"), ("mine", f64::NAN, "threshold")] {
+            let error = judge(&ramps, 0, (name, threshold, &mut Deaf), &[]).expect_err("refused").to_string();
+            assert!(error.contains(key), "{error}");
+        }
+        assert!(rivals(&["nobody"]).is_err());
+    }
+}
