@@ -10,7 +10,7 @@ pub struct PlantTruth {
     pub cap_angle_rad: Option<f64>,
     /// Torque that the cap carries, N mm.
     pub torque_n_mm: Option<f64>,
-    /// Torque that the fingers could exert at the largest force, N mm.
+    /// Torque that the fingers can exert at the present force before the cap turns in them, N mm.
     pub torque_limit_n_mm: Option<f64>,
     /// Tangential load on the fingers, N, both together.
     pub load_n: Option<f64>,
