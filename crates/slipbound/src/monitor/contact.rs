@@ -218,7 +218,7 @@ impl Contact {
         };
         let rest_px: Vec<_> = rest.markers.iter().map(|m| m.position).collect();
         Contact {
-            displaced: DisplacedContact::new(sensor, settings, &rest_px),
+            displaced: DisplacedContact::new(sensor, settings.displaced_pitch, &rest_px),
             by_displacement: false,
             settings: settings.clone(),
             finder,

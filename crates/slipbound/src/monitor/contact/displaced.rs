@@ -9,7 +9,6 @@
 //!
 //! A flat face that covers the whole pad has no rim in the picture of a smooth gel, and a light one presses no weave: what it drags it still shows.
 
-use super::ContactSettings;
 use crate::image::Mask;
 use crate::monitor::report::Marker;
 use crate::pixels::components::Components;
@@ -48,9 +47,9 @@ pub(super) struct DisplacedContact {
 }
 
 impl DisplacedContact {
-    /// `rest_px`: markers at rest. None where the settings want none.
-    pub fn new(sensor: &Sensor, settings: &ContactSettings, rest_px: &[Vec2]) -> Option<Self> {
-        if settings.displaced_pitch <= 0.0 {
+    /// `begins_pitch`: displacement that counts as contact, and none does where it is zero. `rest_px`: markers at rest.
+    pub fn new(sensor: &Sensor, begins_pitch: f64, rest_px: &[Vec2]) -> Option<Self> {
+        if begins_pitch <= 0.0 {
             return None;
         }
         let reach_px = NEIGHBOUR_PITCH * sensor.pitch_px;
@@ -65,7 +64,7 @@ impl DisplacedContact {
             moved_px: vec![Vec2::ZERO; rest_px.len()],
             components: Components::new(sensor.rectified_px()),
             radius_px: RADIUS_PITCH * sensor.pitch_px,
-            begins_px: settings.displaced_pitch * sensor.pitch_px,
+            begins_px: begins_pitch * sensor.pitch_px,
             touches: false,
             longest_px: 0.0,
         })
@@ -159,7 +158,7 @@ mod tests {
         let mut sensor = smooth();
         sensor.pitch_px = 30.0;
         let rest: Vec<Vec2> = moved(|_| Vec2::ZERO).iter().map(|m| m.rest).collect();
-        let finder = DisplacedContact::new(&sensor, &ContactSettings::default(), &rest).expect("wanted by default");
+        let finder = DisplacedContact::new(&sensor, 0.03, &rest).expect("wanted");
         (finder, Mask::new(sensor.rectified_px()))
     }
 
