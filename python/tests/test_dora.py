@@ -1,4 +1,4 @@
-"""The dataflow of examples/dora, by dora itself: camera, slipbound and gripper as three processes."""
+"""The dataflow of examples/dora_dataflow, by dora itself: camera, slipbound and gripper as three processes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SCENE = "ramp?object=scissors&rest_frames=24&ramp_s=0.4&grid=fast&seed=3"
 @pytest.mark.skipif(shutil.which("dora", path=str(Path(sys.executable).parent)) is None, reason="dora-rs-cli is not installed")
 def test_every_report_of_the_dataflow_is_that_of_a_monitor(tmp_path):
     flow = tmp_path / "flow"
-    shutil.copytree(ROOT / "python" / "examples" / "dora", flow)
+    shutil.copytree(ROOT / "python" / "examples" / "dora_dataflow", flow)
     reports = tmp_path / "reports.jsonl"
     # dora starts the nodes with the first `python` of the path.
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
