@@ -244,17 +244,20 @@ impl Contact {
             }
         };
         let on = self.settings.on_area_fraction;
-        let share = self.area_fraction();
+        let whole_px2 = self.region.size().area() as f64;
+        self.area_px2 = self.region.area_px2();
+        let share = self.area_px2 as f64 / whole_px2;
         let seen = share > on || (self.touches && !self.by_displacement && share >= self.settings.off_area_fraction);
         if let Some(displaced) = &mut self.displaced {
             if seen {
                 displaced.yield_to_picture(markers);
             } else {
                 self.strength = displaced.find(markers, &mut self.region);
+                self.area_px2 = self.region.area_px2();
             }
         }
         self.strength = self.strength.clamp(0.0, 1.0);
-        let share = self.area_fraction();
+        let share = self.area_px2 as f64 / whole_px2;
         self.frames_above_count = if share > on { self.frames_above_count + 1 } else { 0 };
         if self.touches {
             self.touches = share >= self.settings.off_area_fraction;
@@ -262,16 +265,11 @@ impl Contact {
             self.touches = self.frames_above_count >= self.settings.on_frames_count;
         }
         self.by_displacement = self.touches && !seen && self.displaced.is_some();
-        self.area_px2 = self.region.area_px2();
         if !self.touches {
             self.region.clear();
             self.area_px2 = 0;
             self.strength = 0.0;
         }
-    }
-
-    fn area_fraction(&self) -> f64 {
-        self.region.area_px2() as f64 / self.region.size().area() as f64
     }
 
     /// Quality of the patch, 0 to 1: the smaller of its share of markers and its strength.

@@ -70,23 +70,8 @@ impl Markers {
         let at_rest = &rest.markers;
         let mut detector = Detector::new(sensor, settings);
         detector.learn(&rest.flat);
-        let all: Vec<Marker> = at_rest
-            .iter()
-            .enumerate()
-            .map(|(id, m)| Marker {
-                id: id as u32,
-                rest: m.position,
-                reference: m.position,
-                now: m.position,
-                matched: true,
-                whole: true,
-                in_reference: true,
-                in_contact: false,
-                inner: false,
-                slip: Vec2::ZERO,
-                over: false,
-            })
-            .collect();
+        let all: Vec<Marker> =
+            at_rest.iter().enumerate().map(|(id, m)| Marker::at_rest(id as u32, m.position)).collect();
         // Deviation: D17 looks
         let looked_at = sensor.skin == Skin::Fabric && settings.finder == Finder::Edges && settings.ask_neighbours;
         Markers {

@@ -302,6 +302,23 @@ pub struct Marker {
 }
 
 impl Marker {
+    /// A marker that stands where it stood in the rest frame, px.
+    pub(crate) const fn at_rest(id: u32, rest: Vec2) -> Self {
+        Marker {
+            id,
+            rest,
+            reference: rest,
+            now: rest,
+            matched: true,
+            whole: true,
+            in_reference: true,
+            in_contact: false,
+            inner: false,
+            slip: Vec2::ZERO,
+            over: false,
+        }
+    }
+
     /// Displacement from rest in px.
     pub fn now_from_rest(&self) -> Vec2 {
         self.now - self.rest

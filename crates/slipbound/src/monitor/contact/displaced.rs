@@ -137,19 +137,7 @@ mod tests {
     fn moved(by: impl Fn(Vec2) -> Vec2) -> Vec<Marker> {
         let marker = |id: u32| {
             let rest = Vec2::new(15.0 + 30.0 * f64::from(id % 12), 15.0 + 30.0 * f64::from(id / 12));
-            Marker {
-                id,
-                rest,
-                reference: rest,
-                now: rest + by(rest),
-                matched: true,
-                whole: true,
-                in_reference: true,
-                in_contact: false,
-                inner: false,
-                slip: Vec2::ZERO,
-                over: false,
-            }
+            Marker { now: rest + by(rest), ..Marker::at_rest(id, rest) }
         };
         (0..108).map(marker).collect()
     }

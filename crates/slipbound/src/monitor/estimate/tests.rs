@@ -12,20 +12,7 @@ fn finger(scale: f64) -> (Sensor, Vec<Marker>) {
     sensor.pitch_px *= scale;
     sensor.shear = Some(Shear { stiffness_n_per_pitch: 0.1, provenance: "made".into() });
     let place = |i: u32| Vec2::new(15.0 + 30.0 * f64::from(i % 12), 15.0 + 30.0 * f64::from(i / 12)) * scale;
-    let marker = |id| Marker {
-        id,
-        rest: place(id),
-        reference: place(id),
-        now: place(id),
-        matched: true,
-        whole: true,
-        in_reference: true,
-        in_contact: false,
-        inner: false,
-        slip: Vec2::ZERO,
-        over: false,
-    };
-    (sensor, (0..108).map(marker).collect())
+    (sensor, (0..108).map(|id| Marker::at_rest(id, place(id))).collect())
 }
 
 const AREA_PX2: f64 = 25_000.0;
