@@ -65,6 +65,8 @@ fn a_flat_face_over_the_whole_pad_is_felt_by_what_it_drags_along() {
         );
         let felt = seen.iter().find(|(report, _)| report.state != SlipState::NoContact);
         let used = felt.and_then(|(_, truth)| truth.load_fraction).expect("felt while it is loaded");
+        let margin = felt.and_then(|(report, _)| report.estimates.margin);
+        assert!(margin.is_some(), "{load}: what has moved the gel so far is load, not squeeze");
         assert!(used < 0.5, "{load}: no contact until f = {used}");
         let (report, truth) = alarm(&seen).expect("it slides in the end");
         let used = truth.load_fraction.expect("it slides");
