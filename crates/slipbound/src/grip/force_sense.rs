@@ -29,6 +29,10 @@ const MOST_READINGS_COUNT: f64 = 15.0;
 /// Time in which an average may not move to stand still, ns.
 const STILL_NS: u64 = 200_000_000;
 
+/// Time for which the command must have stood before what is left between it and the reading is taken for an error of the sensor: jaws
+/// follow a command that moves at some distance.
+const TARGET_STANDS_NS: u64 = 400_000_000;
+
 /// Least band within which it stands still, N per finger, and the band in standard deviations of the average.
 const STILL_N: f64 = 0.25;
 const STILL_SD: f64 = 3.0;
@@ -61,6 +65,8 @@ pub struct ForceSense {
     /// Since when the average stands still, ns, and at what.
     still: Option<(u64, f64)>,
     is_still: bool,
+    /// Since when this has been commanded, ns and N.
+    target: Option<(u64, f64)>,
     /// What the average is multiplied with.
     gain: f64,
 }
@@ -78,6 +84,7 @@ impl Default for ForceSense {
             leaves_count: 0,
             still: None,
             is_still: true,
+            target: None,
             gain: 1.0,
         }
     }
@@ -117,8 +124,14 @@ impl ForceSense {
         let average_n = self.average_n.unwrap_or(reading_n - self.idle_n);
         self.look_still(now_ns, average_n);
         let force_n = match state.target_n.filter(|_| state.jaws == Jaws::Holding) {
-            Some(target_n) => self.against(average_n, target_n, state.force_error_n),
+            Some(target_n) => {
+                let since_ns = self.target.filter(|(_, n)| *n == target_n).map_or(now_ns, |(since_ns, _)| since_ns);
+                self.target = Some((since_ns, target_n));
+                let target_stands = now_ns.saturating_sub(since_ns) >= TARGET_STANDS_NS;
+                self.against(average_n, target_n, target_stands, state.force_error_n)
+            }
             None => {
+                self.target = None;
                 self.gain = 1.0;
                 average_n
             }
@@ -187,20 +200,21 @@ impl ForceSense {
     }
 
     /// The force of jaws that hold, given what was commanded.
-    fn against(&mut self, mut average_n: f64, target_n: f64, error_n: Option<f64>) -> f64 {
+    fn against(&mut self, mut average_n: f64, target_n: f64, target_stands: bool, error_n: Option<f64>) -> f64 {
         let (left_n, band_n) = self.left_and_band_n();
         let exact_n = EXACT_N.max(EXACT_FRACTION * target_n);
         let stated_n = error_n.unwrap_or(ERROR_N.max(ERROR_FRACTION * target_n)).max(exact_n) + left_n;
         let is_as_commanded = |force_n: f64| (force_n - target_n).abs() <= stated_n && force_n > 0.0;
         // An idle reading that was the motor's own is gone when it presses.
         let untared_n = average_n + self.idle_n;
-        if self.is_still && !is_as_commanded(average_n) && is_as_commanded(untared_n) {
+        let has_followed = self.is_still && target_stands;
+        if has_followed && !is_as_commanded(average_n) && is_as_commanded(untared_n) {
             (average_n, self.average_n, self.still) = (untared_n, Some(untared_n), None);
             self.set_idle(0.0);
         }
         let is_near = is_as_commanded(average_n);
         let is_exact = (average_n * self.gain - target_n).abs() <= exact_n;
-        if self.is_still && is_near && !is_exact {
+        if has_followed && is_near && !is_exact {
             self.gain = target_n / average_n;
         }
         let force_n = average_n * self.gain;
@@ -287,6 +301,20 @@ mod tests {
             told_n = sense.see(cycle * CYCLE_NS, &state, cycle >= 30).force_n.expect("measured");
         }
         assert!((told_n - 20.0).abs() < 0.5, "{told_n}");
+    }
+
+    /// A controller that raises the force little by little, over jaws that follow late.
+    #[test]
+    fn jaws_that_follow_a_command_behind_are_no_wrong_sensor() {
+        let mut sense = ForceSense::default();
+        let mut true_n = 5.0;
+        for cycle in 0..300u64 {
+            let target_n = if cycle < 30 { 5.0 } else { 5.0 + 0.04 * (cycle - 30) as f64 };
+            true_n += 0.05 * (target_n - true_n);
+            let state = state(cycle, true_n, target_n, Jaws::Holding);
+            let told_n = sense.see(cycle * CYCLE_NS, &state, true).force_n.expect("measured");
+            assert!((told_n - true_n).abs() < 1e-9, "cycle {cycle}: {told_n} of {true_n}, {target_n} commanded");
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@
 //!                                |
 //!                  boosted trees, fitted to the contact simulator  -> f = load over load at gross slip, phi = stick ratio
 //!                                |
-//!                  friction mu = F / (f P), pooled over the last frames
+//!                  friction mu = F / (f P), gathered over the frames of a contact (friction.rs)
 //! ```
 //!
 //! The sum over all markers is the load on a bonded layer whatever the contact looks like: the compliance of a uniform
@@ -16,6 +16,7 @@
 
 mod features;
 mod field;
+mod friction;
 mod last_motion;
 mod load;
 mod reference;
@@ -29,6 +30,7 @@ use crate::plane::{RigidMotion, Vec2};
 use crate::port::GripSample;
 use crate::sensor::Sensor;
 use field::{Given, Learned, Point};
+use friction::{Friction, Shown, half_width_px, sunk};
 use last_motion::{Carried, LastMotion};
 use load::Load;
 use reference::Reference;
@@ -77,7 +79,7 @@ pub(super) struct Estimator {
     time_s: f64,
     last_ns: Option<u64>,
     load: Load,
-    friction: Pool,
+    friction: Friction,
     counts_from_rest: bool,
     pub(super) estimates: Estimates,
     pub(super) features: Option<Features>,
@@ -85,18 +87,15 @@ pub(super) struct Estimator {
     pub(super) load_px3: (Vec2, f64),
 }
 
-/// After the grip has grown under load: by how many standard deviations a frame must contradict what is known of the friction to
-/// be believed, and the weight of one that tells of more friction.
-const CONTRADICTION_SDS: f64 = 1.5;
-const MORE_FRICTION_WEIGHT: f64 = 0.1;
-
-/// Friction pooled over the frames of a contact: the object and the gel stay the same.
-#[derive(Debug, Clone, Copy, Default)]
-struct Pool {
-    log_sum: f64,
-    weight: f64,
-    /// Whether the grip has changed under load: what is known of the friction is from before, and slip counts anew.
-    remembered: bool,
+/// What a frame shows of load and contact.
+struct Seen {
+    force_px3: Vec2,
+    moment_px4: f64,
+    /// Both as one number, see [`Learned::load_px3`].
+    load_px3: f64,
+    /// Middle of the contact, px.
+    middle: Vec2,
+    area_px2: f64,
 }
 
 impl Estimator {
@@ -131,7 +130,7 @@ impl Estimator {
             time_s: 0.0,
             last_ns: None,
             load: Load::new(markers, sensor.pitch_px, skirt_px, inside),
-            friction: Pool::default(),
+            friction: Friction::default(),
             counts_from_rest: starts_in_contact,
             estimates: Estimates::default(),
             features: None,
@@ -159,7 +158,7 @@ impl Estimator {
         self.stiffest_px2 = 0.0;
         (self.grip_n, self.time_s, self.last_ns) = (None, 0.0, None);
         self.load.clear();
-        self.friction = Pool::default();
+        self.friction = Friction::default();
         self.counts_from_rest = false;
         (self.estimates, self.features) = (Estimates::default(), None);
     }
@@ -242,7 +241,7 @@ impl Estimator {
             sample.rigid_px = learned.rigid_px;
         }
         if self.reference.regripped(self.grip_n) {
-            self.friction.remember();
+            self.friction.regripped();
             self.stretches.restart(learned.load_px3, learned.rigid_px);
             self.last_motion.regripped();
             for point in &self.points {
@@ -251,7 +250,7 @@ impl Estimator {
         }
         self.features = Some(learned.features);
         self.load_px3 = (force_px3, learned.arm_px.recip() * moment_px4);
-        self.estimate(&learned, force_px3, moment_px4);
+        self.estimate(&learned, &Seen { force_px3, moment_px4, load_px3: learned.load_px3, middle, area_px2 });
     }
 
     /// Time since the last frame.
@@ -278,9 +277,18 @@ impl Estimator {
         self.grip_n = Some(mean_n.clamp(force_n - most_n, force_n + most_n));
     }
 
-    fn estimate(&mut self, learned: &Learned, force_px3: Vec2, moment_px4: f64) {
+    /// By how much more than mu P slides: see [`sunk`].
+    fn sunk(&self, stiffness_n_per_px3: f64, grip_n: f64, seen: &Seen) -> f64 {
+        let force_px3 = seen.force_px3.length();
+        let along = seen.force_px3 / force_px3.max(1e-9);
+        let half_width_px = half_width_px(self.points.iter().map(|q| q.rest), seen.middle, along);
+        let shear_px = grip_n / (stiffness_n_per_px3 * seen.area_px2.max(1.0));
+        sunk(shear_px, half_width_px, force_px3 / seen.load_px3.max(1e-9))
+    }
+
+    fn estimate(&mut self, learned: &Learned, seen: &Seen) {
         let features = &learned.features;
-        let load_px3 = learned.load_px3;
+        let load_px3 = seen.load_px3;
         let said = if self.knows_grip() { self.trees.with_grip(features) } else { self.trees.alone(features) };
         let load = if self.knows_grip() { load_px3 / self.grip_n.unwrap_or(1.0) } else { load_px3 };
         let floor_px = field::FLOOR_PITCH * self.pitch_px;
@@ -291,17 +299,12 @@ impl Estimator {
             let per_grip = k * load_px3 / grip_n;
             // Rolling and settling make a rim lag, too; but what hardly pulls does not slide.
             used.value = used.value.min(per_grip / LEAST_FRICTION);
-            self.estimates.friction = self.friction.see(per_grip, &used);
-            if let Some(friction) = self.estimates.friction.filter(|_| self.friction.remembered) {
-                // What was known of the friction is worth more than a field that counts from the last regrip.
-                let expected = per_grip / friction.value;
-                let agrees = (used.value - expected).abs() < CONTRADICTION_SDS * used.sd;
-                used.value = if agrees { expected } else { used.value.max(expected) }.min(1.2);
-            }
+            let shown = Shown { at_s: self.time_s, per_grip, grip_n, sunk: self.sunk(k, grip_n, seen) };
+            (self.estimates.friction, used) = self.friction.see(&shown, used);
         }
         if let Some((k, mm)) = self.stiffness_n_per_px3.zip(self.mm_per_px) {
-            let force_n = k * force_px3.length();
-            let torque_nmm = k * moment_px4 * mm;
+            let force_n = k * seen.force_px3.length();
+            let torque_nmm = k * seen.moment_px4 * mm;
             self.estimates.shear_n = Some(Estimate { value: force_n, sd: LOAD_SD * force_n + 0.05, age_frames: 0 });
             self.estimates.torque_nmm =
                 Some(Estimate { value: torque_nmm, sd: LOAD_SD * torque_nmm.abs() + 0.3, age_frames: 0 });
@@ -313,42 +316,6 @@ impl Estimator {
 
 /// Relative error of force and torque by the sum over all markers.
 const LOAD_SD: f64 = 0.08;
-
-impl Pool {
-    /// The grip has changed under load.
-    fn remember(&mut self) {
-        self.remembered = self.weight > 0.0;
-    }
-
-    /// Takes what a frame says of the friction: load over grip over used fraction. A frame that uses more of it knows
-    /// it better. None while no frame has said anything.
-    fn see(&mut self, per_grip: f64, used: &Estimate) -> Option<Estimate> {
-        if per_grip > 1e-6 && used.value > 0.02 {
-            let relative_sd = used.sd / used.value;
-            let weight = 1.0 / (relative_sd * relative_sd);
-            // The last dozen of equally good frames count: what the first ones said is soon outweighed.
-            let kept = (self.weight * 0.92).min(12.0 * weight);
-            let log = libm::log(per_grip / used.value);
-            // A contact that is gripped anew shows less slip than its load has made: what it says is believed where it
-            // contradicts what was known, of more friction hardly then.
-            let expected = per_grip / libm::exp(self.log_sum / self.weight.max(1e-9));
-            let contradicts = (used.value - expected) / used.sd.max(0.01);
-            let (weight, kept) = match self.remembered {
-                true if contradicts.abs() < CONTRADICTION_SDS => (0.0, self.weight),
-                true if contradicts < 0.0 => (MORE_FRICTION_WEIGHT * weight, self.weight),
-                _ => (weight, kept),
-            };
-            let mean = if self.weight > 0.0 { self.log_sum / self.weight } else { 0.0 };
-            self.log_sum = mean * kept + log * weight;
-            self.weight = kept + weight;
-        }
-        if self.weight <= 0.0 {
-            return None;
-        }
-        let value = libm::exp(self.log_sum / self.weight);
-        Some(Estimate { value, sd: value * (used.sd / used.value.max(0.05)).min(1.0), age_frames: 0 })
-    }
-}
 
 #[cfg(test)]
 mod tests;
