@@ -424,7 +424,7 @@ mod tests {
             };
             let lost = (0..side * side).find(|&i| window.share[i] != 0.0 && !within(i));
             assert_eq!(lost, None, "{tenths}: {part:?} of {side}");
-            assert!(part.height * part.width <= side * side && window.samples.len() % WEIGHED_LANES == 0);
+            assert!(part.height * part.width <= side * side && window.samples.len().is_multiple_of(WEIGHED_LANES));
         }
     }
 

@@ -285,7 +285,7 @@ mod tests {
     fn neighbours_may_come_from_far_apart() {
         let (size, src_size) = (SizePx::new(70, 3), SizePx::new(640, 300));
         let src = noise(src_size);
-        let place = |x: usize, y: usize| (7 * x + y, if x % 2 == 0 { y } else { 290 - y });
+        let place = |x: usize, y: usize| (7 * x + y, if x.is_multiple_of(2) { y } else { 290 - y });
         let table = WarpTable::new(size, src_size, |p| {
             let (x, y) = place(p.x as usize, p.y as usize);
             Vec2::new(x as f64, y as f64)
