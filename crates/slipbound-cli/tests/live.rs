@@ -305,6 +305,7 @@ fn a_rest_that_was_kept_judges_as_the_live_one_and_no_other_passes_for_it() {
         ("tare all -o other.toml", "or one that slipbound wrote, got other.toml"),
         ("tare small/000.jpg --sensor all/sensor.toml -o small/000.jpg", "expected a place of its own"),
         ("watch all --rest finger.rest --json finger.rest", "that of --rest"),
+        ("tare all -o -", "expected the name of a file"),
     ] {
         let (code, said) = ended(line);
         assert_eq!(code, Some(2), "{line}: {said}");

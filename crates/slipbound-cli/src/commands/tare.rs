@@ -89,6 +89,9 @@ impl Tare {
     /// The file may fall neither on what is read nor on a file of somebody else.
     fn refuse_overwriting(&self) -> Result<(), Failure> {
         let shown = self.output.display();
+        if self.output.as_os_str() == "-" {
+            return Err(Failure::Arguments(anyhow!("--output -: expected the name of a file")));
+        }
         let Ok(place) = fs::canonicalize(&self.output) else { return Ok(()) };
         let mcap = source::mcap_file(&self.source).map(|(file, _)| file);
         let is = |other: &Path| fs::canonicalize(other).is_ok_and(|other| other == place);
