@@ -48,6 +48,11 @@ TAIL = """
   stronger one is found.
 - Calibrating, a single photo in which something touches: a recording's calm frames are chosen, a photo is believed.
 - A frame that was left out or delivered twice in an image folder: pictures carry no number or time of their own.
+
+## What was tried at random
+
+`SLIPBOUND_NOISE_CASES=3000000 cargo test --locked -p slipbound-rig --test hostile_bytes`: 3,000,000 pictures, 300,000 files of settings and
+100,000 fingers at rest (`slipbound tare`) with changed bytes, in 212 s on a busy machine, 76 s of a core: each an answer or an error, none a panic.
 """
 
 

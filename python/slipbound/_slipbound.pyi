@@ -217,7 +217,7 @@ class Monitor:
     def __init__(
         self,
         sensor: Sensor | _Path,
-        rest: Literal["auto"] | _Image | Sequence[_Image] | None = None,
+        rest: Literal["auto"] | _Image | Sequence[_Image] | _Path | bytes | None = None,
         settings: Settings | _Path | None = None,
         *,
         order: _Order = "BGR",

@@ -7,6 +7,7 @@ use crate::report::Report;
 use crate::sensor::{Sensor, Settings, sensor_of, settings_of};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use slipbound::finger_pipeline::{RestFinder, rest_from};
 use slipbound::image::{ByteOrder, Frame, SizePx};
 use slipbound::monitor::{
@@ -15,7 +16,9 @@ use slipbound::monitor::{
 };
 use slipbound::port::GripSample;
 use slipbound::sensor::Sensor as CoreSensor;
+use slipbound_rig::rest_file::{RestFileError, SavedRest};
 use std::hint::black_box;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
@@ -64,9 +67,9 @@ struct State {
 /// ----------
 /// sensor : Sensor, str or path
 ///     The finger: a sensor, the name of a built-in one (`slipbound.sensors()`) or its ``FILE.toml``.
-/// rest : "auto", array or sequence of arrays
+/// rest : "auto", array, sequence of arrays, path or bytes
 ///     The finger at rest. ``"auto"`` finds it among the first frames given to :meth:`step`, which are ``unjudged``
-///     until then.
+///     until then. A path, or bytes: what ``slipbound tare`` wrote.
 /// settings : Settings, str, path or None
 ///     The settings; ``"paper"`` is the paper as written.
 /// order : {"BGR", "RGB"}
@@ -280,8 +283,10 @@ fn given(
     sensor: &CoreSensor,
     settings: &CoreSettings,
 ) -> PyResult<Phase> {
-    if let Ok(word) = rest.extract::<&str>() {
-        return Err(SettingError::new_err(format!("rest: expected \"auto\" or pictures, got {word:?}")));
+    if let Some(saved) = saved(rest)? {
+        let saved = saved.map_err(refused)?;
+        saved.check(sensor, settings, "rest").map_err(refused)?;
+        return py.detach(|| guarded(|| judging(sensor, settings, saved.rest)));
     }
     let one = rest.cast::<PyUntypedArray>().is_ok_and(|array| is_one_picture(array.shape()));
     let images: Vec<Bound<'_, PyAny>> =
@@ -294,6 +299,23 @@ fn given(
     }
     let Some(size) = frames.first().map(|frame| frame.pixels.size()) else { return Err(rest_error(NoRest::Empty)) };
     py.detach(|| guarded(|| judging(sensor, settings, rest_of(sensor, settings, size, &frames)?)))
+}
+
+/// What `slipbound tare` wrote, as bytes or as the path of its file; None for anything that is neither.
+fn saved(rest: &Bound<'_, PyAny>) -> PyResult<Option<Result<SavedRest, RestFileError>>> {
+    if let Ok(bytes) = rest.cast::<PyBytes>() {
+        return Ok(Some(SavedRest::from_bytes(bytes.as_bytes(), "rest")));
+    }
+    let Ok(path) = rest.extract::<PathBuf>() else { return Ok(None) };
+    if !path.is_file() {
+        let expected = "expected \"auto\", pictures, or the file or the bytes of `slipbound tare`";
+        return Err(SettingError::new_err(format!("rest: {expected}, got {path:?}")));
+    }
+    Ok(Some(SavedRest::read(&path)))
+}
+
+fn refused(error: RestFileError) -> PyErr {
+    SettingError::new_err(error.to_string())
 }
 
 fn is_one_picture(shape: &[usize]) -> bool {

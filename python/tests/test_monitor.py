@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import slipbound
+from conftest import SCENE
+from slipbound import _slipbound as native
 from slipbound.lab import SimulatedFrame
 
 
@@ -31,6 +33,22 @@ def test_it_says_when_it_slips(frames, monitor):
     moved = slipping.field.now_px - slipping.field.rest_px
     assert np.array_equal(moved, slipping.field.now_from_rest_px)
     assert "incipient" in repr(slipping) or "gross" in repr(slipping)
+
+
+def test_a_rest_that_tare_kept_is_the_one_that_is_found(frames, sensor, tmp_path):
+    kept = tmp_path / "finger.rest"
+    assert native.run(["slipbound", "tare", f"sim:{SCENE}", "-o", str(kept)]) == 0
+    found = slipbound.Monitor(sensor, rest="auto")
+    auto = [found.step(f.image(), time_ns=f.time_ns) for f in frames][-1]
+    by_path, by_bytes = slipbound.Monitor(sensor, rest=kept), slipbound.Monitor(sensor, rest=kept.read_bytes())
+    reports = [by_path.step(f.image(), time_ns=f.time_ns) for f in frames]
+    assert reports[0].state == "no_contact" and any(r.slips for r in reports)
+    assert np.array_equal(reports[-1].field.rest_px, auto.field.rest_px)
+    assert stepped(by_bytes, frames) == [r.to_json(markers=True) for r in reports]
+    with pytest.raises(slipbound.SettingError, match="damaged"):
+        slipbound.Monitor(sensor, rest=kept.read_bytes()[:-1])
+    with pytest.raises(slipbound.SettingError, match="another finger"):
+        slipbound.Monitor("gelslim3", rest=str(kept))
 
 
 def test_layouts_of_an_array_change_no_bit(frames, sensor):

@@ -15,6 +15,7 @@ use crate::commands::replay::Replay;
 use crate::commands::run::{Hold, Run};
 use crate::commands::shell::{Completions, Man};
 use crate::commands::simulate::Simulate;
+use crate::commands::tare::Tare;
 use crate::commands::trials::Trials;
 use crate::commands::watch::Watch;
 use clap::{Parser, Subcommand};
@@ -53,6 +54,8 @@ pub enum Command {
     Paper(Paper),
     /// Make the sensor file of an unknown finger from a picture of it at rest
     Calibrate(Calibrate),
+    /// Keep the finger at rest in a file, for `--rest FILE` of later commands
+    Tare(Tare),
     /// List the built-in fingers, or show the file of one
     Sensors {
         /// The finger whose file is shown

@@ -7,17 +7,22 @@ pub mod devices;
 pub mod doctor;
 pub mod emulate;
 pub mod eval;
+mod finger;
 pub mod gripper;
+mod hand_rest;
 pub mod latency;
 pub mod paper;
 pub mod record;
 mod recording;
 pub mod replay;
+mod rest_window;
 pub mod run;
 mod scenes;
 mod sensors;
 pub mod shell;
 pub mod simulate;
+mod standing;
+pub mod tare;
 pub mod trials;
 pub mod watch;
 
@@ -40,6 +45,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Paper(paper) => paper.run(),
         Command::Watch(watch) => watch.run(),
         Command::Calibrate(calibrate) => calibrate.run(),
+        Command::Tare(tare) => tare.run(),
         Command::Sensors { name } => sensors::run(name.as_deref()),
         Command::Simulate(simulate) => simulate.run(),
         Command::Scenes { name } => scenes::run(name.as_deref()),

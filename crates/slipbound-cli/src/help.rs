@@ -16,7 +16,7 @@ const EXIT_CODES: &str = "Exit codes:
   3  finished, but frames were torn or something could not be written";
 
 /// Examples by command: the command line after `slipbound`, and what it does.
-const EXAMPLES: [(&str, &[(&str, &str)]); 30] = [
+const EXAMPLES: [(&str, &[(&str, &str)]); 31] = [
     (
         "",
         &[
@@ -98,6 +98,13 @@ const EXAMPLES: [(&str, &[(&str, &str)]); 30] = [
             ("calibrate photo.jpg -o finger.toml --pitch-mm 1.5", "a picture at rest"),
             ("calibrate rest.mcap -o finger.toml --polarity dark", "a recording"),
             ("calibrate hang.mcap -o stiff.toml --sensor soft.toml --weight-g 200", ""),
+        ],
+    ),
+    (
+        "tare",
+        &[
+            ("tare v4l2:28H8 --sensor finger.toml", "an untouched finger, in finger.rest"),
+            ("tare clip.mcap --frames 30 -o clip.rest", "of a recording that begins so"),
         ],
     ),
     (

@@ -235,4 +235,83 @@ fn a_touched_finger_is_refused_where_rest_is_to_be_live() {
     let ended = slipbound(scratch.path(), &hold).output().expect("runs");
     assert_eq!(ended.status.code(), Some(1), "{}", told(&ended));
     assert!(told(&ended).contains("expected a finger that nothing touches"), "{}", told(&ended));
+    let ended = slipbound(scratch.path(), &["tare", "touched", "--sensor", "all/sensor.toml"]).output().expect("runs");
+    assert_eq!(ended.status.code(), Some(1), "{}", told(&ended));
+    for words in
+        ["tare: touched: expected a finger that nothing touches", "frame 0 (frame_0000", "look like pressed weave"]
+    {
+        assert!(told(&ended).contains(words), "no `{words}` in {}", told(&ended));
+    }
+    assert!(!scratch.path().join("finger.rest").exists(), "a touched finger is not kept");
+}
+
+#[test]
+fn a_rest_that_was_kept_judges_as_the_live_one_and_no_other_passes_for_it() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let ended = |line: &str| {
+        let words: Vec<&str> = line.split(' ').collect();
+        let output = slipbound(scratch.path(), &words).output().expect("runs");
+        (output.status.code(), told(&output))
+    };
+    let done = |line: &str| {
+        let (code, said) = ended(line);
+        assert_eq!(code, Some(0), "{line}: {said}");
+        said
+    };
+    let path = |name: &str| scratch.path().join(name);
+    done("simulate ramp --seed 3 -o all");
+    let said = done("tare all --frames 10");
+    for words in ["419 markers, frames 0 to 9 averaged of 10 looked at", "noise 0.0", "written: finger.rest"] {
+        assert!(said.contains(words), "no `{words}` in {said}");
+    }
+    done("watch all --rest live:10 --json live.jsonl");
+    done("watch all --rest finger.rest --json kept.jsonl");
+    assert_eq!(lines(&path("live.jsonl")), lines(&path("kept.jsonl")), "to the last bit");
+    let hold = "hold all --sensor all/sensor.toml --gripper dry --rate-hz 300 --rest finger.rest --record -o run";
+    done(hold);
+    let said = done("replay run");
+    assert!(said.contains("68 cycles, every"), "the first frame is judged, now and in the replay: {said}");
+
+    let kept = fs::read(path("finger.rest")).expect("was written");
+    let as_text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("JSON");
+    let mut flipped = kept.clone();
+    flipped[kept.len() / 2] ^= 1;
+    let newer = as_text(&kept).replacen("\"format_version\":1", "\"format_version\":2", 1);
+    for (name, bytes) in [("cut", &kept[..kept.len() / 2]), ("flipped", &flipped), ("newer", newer.as_bytes())] {
+        fs::write(path(name), bytes).expect("writes");
+    }
+    fs::create_dir(path("small")).expect("makes a folder");
+    fs::write(path("small/000.jpg"), jpeg(0)).expect("writes");
+    fs::write(path("other.toml"), "extends = \"all/sensor.toml\"\npitch_px = 15.9\n").expect("writes");
+    for (line, expected) in [
+        ("watch all --rest cut", "--rest cut: damaged: expected "),
+        ("watch all --rest flipped", "--rest flipped: damaged: expected the CRC-32 "),
+        (
+            "watch all --rest newer",
+            "--rest newer: expected a finger at rest of format version 1, got 2, written by slipbound ",
+        ),
+        ("watch all --sensor other.toml --rest finger.rest", "another finger's: pitch_px: expected 15.9, got "),
+        (
+            "watch all --settings paper --rest finger.rest",
+            "with other settings: imprint.illumination: expected gaussian, got ",
+        ),
+        (
+            "watch small --sensor all/sensor.toml --rest finger.rest",
+            "--rest finger.rest: expected 320x240 as the frames of small",
+        ),
+        ("hold all --sensor other.toml --gripper dry --rest finger.rest", "another finger's: pitch_px"),
+        ("hold all --sensor all/sensor.toml --gripper dry --rest live:5 --rest finger.rest", "live:N once or 1 FILE"),
+        ("doctor all --rest flipped", "damaged"),
+        ("tare all -o other.toml", "or one that slipbound wrote, got other.toml"),
+        ("tare small/000.jpg --sensor all/sensor.toml -o small/000.jpg", "expected a place of its own"),
+        ("watch all --rest finger.rest --json finger.rest", "that of --rest"),
+        ("tare all -o -", "expected the name of a file"),
+    ] {
+        let (code, said) = ended(line);
+        assert_eq!(code, Some(2), "{line}: {said}");
+        assert!(said.contains(expected), "{line}: no `{expected}` in {said}");
+    }
+    assert_eq!(fs::read(path("finger.rest")).expect("is there"), kept);
+    assert!(done("tare all").contains("written"), "what slipbound wrote is replaced");
+    done("tare all -o other.toml --force");
 }

@@ -7,6 +7,7 @@
 //! | a calibration as a sensor file and a picture | [`calibration`] |
 //! | settings files, and how a mistake in one is reported | [`config`] |
 //! | which fingers a hand has and how they are mounted | [`config::hand`] |
+//! | a finger at rest, kept for later | [`rest_file`] |
 //! | reports as JSON lines | [`report_json`] |
 //! | reports in words | [`report_summary`] |
 //! | how long each step takes | [`timings`] |
@@ -57,6 +58,7 @@ pub mod report_csv;
 pub mod report_json;
 pub mod report_slips;
 pub mod report_summary;
+pub mod rest_file;
 pub mod run;
 pub mod sheet;
 pub mod source;

@@ -3,6 +3,7 @@
 //! | file | how it is known |
 //! |---|---|
 //! | report | its first line begins with `{"format":"slipbound-report"` |
+//! | finger at rest | it begins with `{"format":"slipbound-rest"` |
 //! | timings | its first line begins with `{"seq":` and names a time in microseconds |
 //! | table | its first line begins with `finger,frame,seq,time_ns,state,reason,contact_area_px2` |
 //! | slips | its first line begins with `{"slip":` |
@@ -11,6 +12,7 @@
 //! | overlay picture | the PNG text `Software: slipbound` |
 
 use crate::avi_writer;
+use crate::rest_file;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -29,12 +31,13 @@ fn has_our_start(start: &[u8]) -> bool {
     let first_line = start.split(|byte| *byte == b'\n').next().unwrap_or_default();
     let holds = |text: &[u8]| start.windows(text.len()).any(|part| part == text);
     let is_report = start.starts_with(b"{\"format\":\"slipbound-report\"");
+    let is_rest = start.starts_with(rest_file::START);
     let is_timings = first_line.starts_with(b"{\"seq\":") && first_line.windows(5).any(|part| part == b"_us\":");
     let is_picture = start.starts_with(b"\x89PNG") && holds(b"tEXtSoftware\0slipbound");
     let is_table = start.starts_with(b"finger,frame,seq,time_ns,state,reason,contact_area_px2");
     let is_slips = start.starts_with(b"{\"slip\":");
     let is_page = start.starts_with(b"<!DOCTYPE html>") && holds(b"<meta name=\"generator\" content=\"slipbound\"/>");
-    is_report || is_table || is_slips || is_page || is_timings || is_picture || avi_writer::is_ours(start)
+    is_report || is_rest || is_table || is_slips || is_page || is_timings || is_picture || avi_writer::is_ours(start)
 }
 
 #[cfg(test)]
@@ -45,6 +48,7 @@ mod tests {
     fn ours_are_known_and_nothing_else_is() {
         for (start, expected) in [
             (&b"{\"format\":\"slipbound-report\",\"format_version\":1"[..], true),
+            (b"{\"format\":\"slipbound-rest\",\"format_version\":1", true),
             (b"{\"seq\":0,\"imprint_us\":12.0,\"all_us\":13.0}\n", true),
             (b"finger,frame,seq,time_ns,state,reason,contact_area_px2,contact_area_mm2\n", true),
             (b"{\"slip\":1,\"finger\":\"left\"}\n", true),

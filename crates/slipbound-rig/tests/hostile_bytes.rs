@@ -1,9 +1,12 @@
-//! Pictures and files of settings with bytes that somebody changed: an answer or an error, never a panic, never a picture
+//! Pictures, fingers at rest and files of settings with bytes that somebody changed: an answer or an error, never a panic, never a picture
 //! whose pixels are not all there. `SLIPBOUND_NOISE_CASES` chooses how many.
 
+use slipbound::image::SizePx;
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::port::{FrameBuffer, PixelFormat};
-use slipbound_rig::config;
+use slipbound_rig::rest_file::{MadeOf, SavedRest};
 use slipbound_rig::source::decode_image;
+use slipbound_rig::{config, sensors};
 
 /// Random numbers of a seed: xorshift64*.
 struct Random(u64);
@@ -123,4 +126,62 @@ fn settings_with_changed_bytes_are_read_or_refused() {
         }
     }
     assert!(read_count >= 2 && refused_count > 100, "{read_count} read, {refused_count} refused");
+}
+
+/// A finger of 6 x 5 dots at rest, in its file.
+fn rest_file(size: SizePx) -> Vec<u8> {
+    let mut sensor = sensors::load("gelsight_mini_wide").expect("built in");
+    (sensor.image_px, sensor.pitch_px, sensor.marker_diameter_px) = (size, 14.0, 6.0);
+    let off = |v: usize| (v as f64 - 13.0) - 14.0 * ((v as f64 - 13.0) / 14.0).round();
+    let level = |i: usize| {
+        let (x, y) = (off(i % size.width), off(i / size.width));
+        (140.0 - 110.0 * (3.5 - (x * x + y * y).sqrt()).clamp(0.0, 1.0)) as u8
+    };
+    let pixels = (0..size.area()).map(level).collect();
+    let frame = FrameBuffer { pixels, size, format: PixelFormat::Gray, ..FrameBuffer::default() };
+    let mut builder = RestBuilder::new(&sensor, &Settings::default(), size).expect("valid");
+    builder.add(&frame.frame().expect("whole")).expect("bright");
+    let rest = builder.build(RestKind::Unloaded).expect("markers");
+    let made_of =
+        MadeOf { source: "here".into(), frames: [0, 1], noise_px: None, sensor, settings: Settings::default() };
+    SavedRest { rest, made_of }.to_bytes().expect("numbers")
+}
+
+/// Its checksum would refuse nearly every one; so it is made anew.
+#[test]
+fn a_finger_at_rest_with_changed_bytes_is_one_or_is_refused() {
+    let size = SizePx::new(96, 72);
+    let good = rest_file(size);
+    let behind = good.iter().position(|byte| *byte == b'\n').expect("lines") + 1;
+    let mut random = Random(0x7A6E);
+    let (mut judged_count, mut refused_count) = (0, 0);
+    for case in 0..cases_count() / 30 {
+        let mut bytes = good[behind..].to_vec();
+        if case > 0 {
+            spoil(&mut bytes, &mut random);
+        }
+        let crc32 = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes);
+        let length = bytes.len();
+        let first = format!(
+            "{{\"format\":\"slipbound-rest\",\"format_version\":1,\"software_version\":\"\",\"bytes\":{length},\"crc32\":{crc32}}}\n"
+        );
+        let saved = match SavedRest::from_bytes(&[first.as_bytes(), &bytes].concat(), "changed.rest") {
+            Ok(saved) => saved,
+            Err(error) => {
+                assert!(error.to_string().contains("changed.rest"), "case {case}: {error}");
+                refused_count += 1;
+                continue;
+            }
+        };
+        let sensor = saved.made_of.sensor.clone();
+        let Ok(mut monitor) = SlipMonitor::new(&sensor, &saved.made_of.settings, saved.rest) else {
+            refused_count += 1;
+            continue;
+        };
+        let frame =
+            FrameBuffer { pixels: vec![120; size.area()], size, format: PixelFormat::Gray, ..FrameBuffer::default() };
+        monitor.step(&frame.frame().expect("whole"), None);
+        judged_count += 1;
+    }
+    assert!(judged_count > 10 && refused_count > 100, "{judged_count} judged, {refused_count} refused");
 }

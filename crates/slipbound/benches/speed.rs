@@ -2,7 +2,7 @@
 //! with markers, many fingers at once. Prints JSON; `judge` prints nothing and is there to have its instructions counted.
 //!
 //! ```text
-//!   speed judge   FINGER FRAMES     judges so many frames
+//!   speed judge   FINGER FRAMES [MARKERS]   judges so many frames; with so many markers, of 1280x960 px
 //!   speed measure FINGER FRAMES     whole step and each step, us: median, 99.9th percentile
 //!   speed growth  FINGER            medians for 320x240 to 1920x1440 px, and for 50 to 5,000 markers
 //!   speed memory  FINGER            resident memory of a monitor, MiB
@@ -149,22 +149,27 @@ fn measure(finger: &str, frames_count: usize) -> Value {
     })
 }
 
+/// 1280x960 px with about so many markers.
+fn with_markers(finger: &str, count: f64) -> Recording {
+    Recording::new(finger, SizePx::new(1280, 960), (1280.0 * 960.0 / count).sqrt(), 3)
+}
+
 fn growth(finger: &str) -> Value {
-    let median_us = |size: SizePx, pitch_px: f64| {
-        let mut recording = Recording::new(finger, size, pitch_px, 3);
+    let median_us = |mut recording: Recording| {
         (0..30).for_each(|_| recording.judge(&mut ()));
         let mut times: Vec<f64> = (0..150).map(|_| timed_us(|| recording.judge(&mut ()))).collect();
         (recording.monitor.markers().len(), quantile_us(&mut times, 0.5))
     };
     let pixels: Vec<Value> = [(320, 240), (640, 480), (960, 720), (1280, 960), (1600, 1200), (1920, 1440)]
         .map(|(width, height)| {
-            let (markers_count, us) = median_us(SizePx::new(width, height), PITCH_PX * width as f64 / 640.0);
+            let (size, pitch_px) = (SizePx::new(width, height), PITCH_PX * width as f64 / 640.0);
+            let (markers_count, us) = median_us(Recording::new(finger, size, pitch_px, 3));
             json!({ "pixels_count": width * height, "markers_count": markers_count, "step_us_median": us })
         })
         .into();
     let markers: Vec<Value> = [50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0, 5000.0]
         .map(|wanted: f64| {
-            let (markers_count, us) = median_us(SizePx::new(1280, 960), (1280.0 * 960.0 / wanted).sqrt());
+            let (markers_count, us) = median_us(with_markers(finger, wanted));
             json!({ "pixels_count": 1280 * 960, "markers_count": markers_count, "step_us_median": us })
         })
         .into();
@@ -239,6 +244,11 @@ fn main() {
     let result = match args[..] {
         ["judge", finger, frames_count] => {
             let mut recording = Recording::new(finger, SIZE, PITCH_PX, 12);
+            (0..number(frames_count) as usize).for_each(|_| recording.judge(&mut ()));
+            return;
+        }
+        ["judge", finger, frames_count, markers_count] => {
+            let mut recording = with_markers(finger, number(markers_count));
             (0..number(frames_count) as usize).for_each(|_| recording.judge(&mut ()));
             return;
         }

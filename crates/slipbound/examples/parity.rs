@@ -76,7 +76,8 @@ fn answer(kernel: &str, size: SizePx, numbers: &[f64], picture: &[u8]) -> Result
         ("background", &[sigma_px]) => Background::new(size, sigma_px).apply(picture, &mut out),
         ("flatten", &[offset, gain, bias]) => {
             let (grey, background) = picture.split_at(size.area());
-            Flatten::new(offset, gain, bias).from_u8(grey, background, &mut out);
+            out.copy_from_slice(background);
+            Flatten::new(offset, gain, bias).over_u8(grey, &mut out);
         }
         ("flatten_gaussian", &[kernel_width, kernel_height, sigma_px, offset, gain, bias]) => {
             let kernel_px = [kernel_width as usize, kernel_height as usize];

@@ -14,9 +14,10 @@ pub use rest_finder::{FoundRest, RestFinder, rest_from};
 
 use crate::control::ControlError;
 use crate::hand::Mounting;
-use crate::monitor::{RestError, RestKind, Settings, SlipMonitor, SlipReport};
+use crate::monitor::{Rest, RestError, RestKind, Settings, SlipMonitor, SlipReport};
 use crate::port::{FrameBuffer, FrameSource, GripSample, Next};
 use crate::sensor::Sensor;
+use crate::setting::SettingError;
 
 /// A finger: where its frames come from, how it is mounted, what judges them.
 pub struct FingerPipeline {
@@ -26,6 +27,7 @@ pub struct FingerPipeline {
     sensor: Sensor,
     settings: Settings,
     refuses_touch: bool,
+    rest: Option<Rest>,
     rest_finder: Option<RestFinder>,
     rest_kind: Option<RestKind>,
     monitor: Option<Box<SlipMonitor>>,
@@ -84,6 +86,7 @@ impl FingerPipeline {
             sensor,
             settings,
             refuses_touch: false,
+            rest: None,
             rest_finder: None,
             rest_kind: None,
             monitor: None,
@@ -97,6 +100,13 @@ impl FingerPipeline {
     #[must_use]
     pub fn refusing_touch(self) -> Self {
         FingerPipeline { refuses_touch: true, ..self }
+    }
+
+    /// The same finger, whose rest frame is known: its first frame is judged. A frame of another size fails with
+    /// [`ControlError::Setting`], and so does a rest frame that is not this finger's.
+    #[must_use]
+    pub fn with_rest(self, rest: Rest) -> Self {
+        FingerPipeline { rest: Some(rest), ..self }
     }
 
     /// What it is called.
@@ -158,7 +168,10 @@ impl FingerPipeline {
         };
         match (&self.next, &self.monitor) {
             (Next::End, _) => return Ok(false),
-            (Next::Frame, None) => self.look_for_rest()?,
+            (Next::Frame, None) => match self.rest.take() {
+                Some(rest) => self.start_from(rest)?,
+                None => self.look_for_rest()?,
+            },
             (Next::Frame, Some(_)) => {
                 self.frame.frame().map_err(|source| ControlError::Frame { finger: self.name.clone(), source })?;
             }
@@ -192,8 +205,24 @@ impl FingerPipeline {
         if self.refuses_touch && found.rest.kind() == RestKind::InContact {
             return Err(ControlError::Touched { finger: finger() });
         }
-        self.rest_kind = Some(found.rest.kind());
-        let monitor = SlipMonitor::new(&self.sensor, &self.settings, found.rest);
+        self.judge_against(found.rest)
+    }
+
+    /// Takes the rest frame that was given, once the first frame says how large frames are.
+    fn start_from(&mut self, rest: Rest) -> Result<(), ControlError> {
+        if rest.size() != self.frame.size {
+            let (got, expected) = (rest.size().to_string(), format!("{} as the frames", self.frame.size));
+            let source = SettingError { key: "rest.size".into(), got, expected };
+            return Err(ControlError::Setting { finger: self.name.clone(), source });
+        }
+        let sized = self.frame.frame().map(drop);
+        sized.map_err(|source| ControlError::Frame { finger: self.name.clone(), source })?;
+        self.judge_against(rest)
+    }
+
+    fn judge_against(&mut self, rest: Rest) -> Result<(), ControlError> {
+        self.rest_kind = Some(rest.kind());
+        let monitor = SlipMonitor::new(&self.sensor, &self.settings, rest);
         self.monitor =
             Some(Box::new(monitor.map_err(|source| ControlError::Setting { finger: self.name.clone(), source })?));
         Ok(())

@@ -9,9 +9,11 @@ use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
 use finding::{Finding, bad, good, judged};
+use slipbound::monitor::Settings;
 use slipbound::port::{Clock, FrameBuffer, FrameSource as _, Next};
 use slipbound_rig::gripper::{Device, Session, describe};
 use slipbound_rig::link::now_ns;
+use slipbound_rig::rest_file::{RestFileError, SavedRest};
 use slipbound_rig::sensors;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -32,9 +34,12 @@ const RATE_FRACTION: f64 = 0.9;
 pub struct Doctor {
     /// A camera (docs/cameras.md) or a recording, of a finger that nothing touches
     source: String,
-    /// The finger: a built-in name or a sensor file [default: markers are not looked for]
+    /// The finger: a built-in name or a sensor file [default: that of --rest, else markers are not looked for]
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
+    /// The finger at rest, as `slipbound tare` wrote it: whether it still looks so
+    #[arg(long, value_name = "FILE")]
+    rest: Option<PathBuf>,
     /// A gripper that should answer, as in `slipbound gripper`; it does not move
     #[arg(long, value_name = "ADDRESS")]
     gripper: Option<String>,
@@ -50,11 +55,20 @@ impl Doctor {
     /// Looks at everything; fails when something is to be mended.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
+        let (sensor, rest) = match &self.rest {
+            None => (sensor, None),
+            Some(path) => {
+                let saved = SavedRest::read(path).map_err(refused)?;
+                let sensor = sensor.unwrap_or_else(|| saved.made_of.sensor.clone());
+                saved.check(&sensor, &Settings::default(), &path.display().to_string()).map_err(refused)?;
+                (Some(sensor), Some(saved.rest))
+            }
+        };
         let mut terminal = Terminal::plain();
         let mut findings = match self.look()? {
             Ok((frames, mut findings)) => {
                 findings.extend(finger::lighting(&frames));
-                findings.extend(sensor.iter().flat_map(|sensor| finger::markers(&frames, sensor)));
+                findings.extend(sensor.iter().flat_map(|sensor| finger::markers(&frames, sensor, rest.clone())));
                 findings
             }
             Err(finding) => vec![finding],
@@ -136,6 +150,10 @@ impl Doctor {
             }
         }
     }
+}
+
+fn refused(e: RestFileError) -> Failure {
+    Failure::Arguments(anyhow!("--rest {e}"))
 }
 
 fn rate(counts: &slipbound_rig::source::CameraCounts, facts: &[(String, String)]) -> Finding {

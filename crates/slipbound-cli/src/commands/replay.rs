@@ -16,7 +16,9 @@ impl Replay {
     /// Runs the loop over what was recorded; fails at the first command that differs.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let failed = |error| match error {
-            ReplayError::Folder(_) | ReplayError::Sensor(_) | ReplayError::Setting(_) => Failure::arguments(error),
+            ReplayError::Folder(_) | ReplayError::Sensor(_) | ReplayError::Rest(_) | ReplayError::Setting(_) => {
+                Failure::arguments(error)
+            }
             other => Failure::Work(other.into()),
         };
         let replayed = run::Replay::open(&self.folder).and_then(|replay| replay.run(&mut ())).map_err(failed)?;

@@ -1,7 +1,7 @@
 //! `slipbound run` and `slipbound hold`: a task with a real gripper and wrist.
 
+use super::hand_rest::{self, HandRest};
 use super::recording::{LiveCamera, marked, open_live};
-use super::watch::live_count;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::run_output::{RunOutput, Tally};
@@ -87,10 +87,11 @@ struct Hardware {
     /// Settings of grip, controllers and tasks that replace the defaults
     #[arg(long, value_name = "FILE.toml")]
     settings: Option<PathBuf>,
-    /// live:N: the first N frames are the finger at rest, and nothing may touch it in them [default: found among the first
-    /// 20; a finger in contact is told of]
-    #[arg(long, value_name = "live:N", value_parser = live_rest)]
-    rest: Option<u32>,
+    /// live:N: the first N frames are the finger at rest, and nothing may touch it in them. Or what `slipbound tare` wrote, once for
+    /// every finger, the left one first: then the first frame is judged [default: found among the first 20; a finger in contact is
+    /// told of]
+    #[arg(long, value_name = "live:N|FILE", value_parser = HandRest::parse)]
+    rest: Vec<HandRest>,
     /// Frames per second at which recordings are played
     #[arg(long, value_name = "HZ", default_value_t = 30.0)]
     rate_hz: f64,
@@ -148,8 +149,10 @@ impl Hardware {
         let ms = |ms: u64| ms.saturating_mul(1_000_000);
         let limits = CameraLimits { max_silence_ns: ms(self.max_silence_ms), max_skew_ns: ms(self.max_skew_ms) };
         let mut monitor = Settings::default();
-        monitor.rest.window_count = self.rest.unwrap_or(monitor.rest.window_count);
-        let fingers = self.fingers()?;
+        if let [HandRest::Live(count)] = self.rest[..] {
+            monitor.rest.window_count = count;
+        }
+        let fingers = hand_rest::saved(&self.rest, self.fingers()?, &monitor)?;
         let driver = gripper::driver(&self.gripper, self.gripper_config.as_deref())?;
         let (settings, clamped) = clamp_to_gripper(settings, task, driver.config()).map_err(Failure::arguments)?;
         let recorder = self.recorder(&fingers)?;
@@ -263,8 +266,12 @@ impl Hardware {
         let fingers: Vec<FingerInfo> = match (&self.hand, &self.sensor) {
             (Some(hand), _) => {
                 let hand = config::hand::load(hand).map_err(Failure::arguments)?;
-                let finger =
-                    |f: config::hand::FingerConfig| FingerInfo { name: f.name, mounting: f.mounting, sensor: f.sensor };
+                let finger = |f: config::hand::FingerConfig| FingerInfo {
+                    name: f.name,
+                    mounting: f.mounting,
+                    sensor: f.sensor,
+                    rest: None,
+                };
                 hand.fingers.into_iter().map(finger).collect()
             }
             (None, Some(sensor)) => {
@@ -273,6 +280,7 @@ impl Hardware {
                     name: side.name().into(),
                     mounting: Mounting::on(side),
                     sensor: sensor.clone(),
+                    rest: None,
                 };
                 [Side::Left, Side::Right].into_iter().map(finger).take(self.sources.len()).collect()
             }
@@ -301,7 +309,7 @@ impl Hardware {
     ) -> Result<(ControlLoop, Vec<(String, LiveCamera)>), Failure> {
         let (mut pipelines, mut cameras) = (Vec::new(), Vec::new());
         for (number, (finger, uri)) in fingers.iter().zip(&self.sources).enumerate() {
-            let FingerInfo { name, mounting, sensor } = finger;
+            let FingerInfo { name, mounting, sensor, rest } = finger;
             let source = match source::is_live(uri) {
                 true => {
                     let (newest, live) = open_live(uri, inlet, number)?;
@@ -318,7 +326,11 @@ impl Hardware {
             };
             let source = marked(source, inlet.cloned(), number, false);
             let pipeline = FingerPipeline::new(name, *mounting, sensor.clone(), monitor.clone(), source);
-            pipelines.push(if self.rest.is_some() { pipeline.refusing_touch() } else { pipeline });
+            pipelines.push(match rest {
+                Some(saved) => pipeline.with_rest(saved.rest.clone()),
+                None if self.rest.is_empty() => pipeline,
+                None => pipeline.refusing_touch(),
+            });
         }
         let stiffness = fingers.first().and_then(|finger| finger.sensor.shear_stiffness_mpa_per_mm());
         let task = settings.task(task, stiffness).map_err(Failure::arguments)?;
@@ -353,6 +365,9 @@ pub(super) fn describe(recorder: &Recorder, info: &RunInfo) -> Result<(), Failur
     for finger in &info.fingers {
         let sensor = toml::to_string(&finger.sensor).map_err(|e| Failure::work("sensor", e))?;
         recorder.attach(&finger.sensor_file(), "text/toml", sensor.into_bytes());
+        if let Some((name, bytes)) = finger.rest_file().map_err(|e| Failure::work("rest", e))? {
+            recorder.attach(&name, "application/octet-stream", bytes);
+        }
     }
     let settings = toml::to_string(&info.monitor_settings).map_err(|e| Failure::work("settings", e))?;
     recorder.attach("settings.toml", "text/toml", settings.into_bytes());
@@ -371,9 +386,4 @@ pub(super) fn finish_recording(recorder: Option<Recorder>, output: &mut RunOutpu
         }
         Some(Err(e)) => output.lost(e.to_string()),
     }
-}
-
-/// The N of `--rest live:N`.
-fn live_rest(text: &str) -> Result<u32, String> {
-    live_count(text).unwrap_or_else(|| Err(format!("expected live:N, got {text}")))
 }

@@ -13,6 +13,7 @@ mod silence;
 
 pub use args::{Watch, live_count};
 
+use super::finger;
 use super::recording::{self, LiveCamera};
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
@@ -22,10 +23,8 @@ use args::RestArgument;
 use outputs::Outputs;
 use silence::Silence;
 use slipbound::events::{SlipEvent, SlipEvents};
-use slipbound::image::SizePx;
 use slipbound::monitor::{Settings, SlipMonitor};
 use slipbound::port::{FrameBuffer, FrameSource, Next};
-use slipbound::sensor::Sensor;
 use slipbound_rig::container::Recorder;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::report_summary::{ReportSummary, torn, when};
@@ -120,7 +119,9 @@ impl Watch {
             let facts: Vec<String> = camera.facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
             terminal.note(&format!("{}; Ctrl-C ends", facts.join(", ")));
         }
-        let found = rest::find(self, &mut recording, &settings, |size| self.sensor_for(size, sensor.as_ref()))?;
+        let found = rest::find(self, &mut recording, &settings, |size, saved| {
+            finger::of(&self.source, size, sensor.as_ref(), saved)
+        })?;
         found.notes.iter().for_each(|note| terminal.note(note));
         let mut monitor = SlipMonitor::new(&found.sensor, &settings, found.rest).map_err(Failure::arguments)?;
         let doubt = monitor.refusal().map(|reason| format!("{reason}; {UNJUDGED}"));
@@ -231,44 +232,4 @@ impl Watch {
             told.terminal.advance();
         }
     }
-
-    /// The finger asked for, or the only built-in one whose frames have just this size.
-    fn sensor_for(&self, frames: SizePx, asked: Option<&Sensor>) -> Result<(Sensor, Option<String>), Failure> {
-        if let Some(sensor) = asked {
-            return Ok((sensor.clone(), None));
-        }
-        if let Some(sensor) = recording::simulated_sensor(&self.source)? {
-            return Ok((sensor, None));
-        }
-        if let Some(file) = recording::sensor_beside(&self.source) {
-            let sensor = sensors::load(&file.to_string_lossy()).map_err(Failure::arguments)?;
-            return Ok((sensor, Some(format!("no --sensor given: took {}", file.display()))));
-        }
-        match sensors::of_frames(frames).map_err(Failure::arguments)?.as_slice() {
-            [only] => {
-                let note = format!("no --sensor given: took {} for its frames of {frames}", only.name);
-                Ok((only.clone(), Some(note)))
-            }
-            several => {
-                let source = &self.source;
-                let names: Vec<&str> = several.iter().map(|s| s.name.as_str()).collect();
-                Err(Failure::Arguments(match names.is_empty() {
-                    true => anyhow!(
-                        "{source}: no built-in finger has frames of {frames}: expected --sensor, got none \
-                         (`slipbound sensors` lists the built-in fingers; your own is a FILE.toml){}",
-                        if is_portrait(frames) { rest::TURNED } else { "" }
-                    ),
-                    false => anyhow!(
-                        "{source}: more than one built-in finger has frames of {frames}: expected --sensor with one \
-                         of {}, got none (`slipbound sensors` tells them apart)",
-                        names.join(", ")
-                    ),
-                }))
-            }
-        }
-    }
-}
-
-fn is_portrait(size: SizePx) -> bool {
-    size.height > size.width
 }

@@ -54,6 +54,10 @@ impl RunFolder {
         write_toml(folder.join("run.toml"), info.to_toml())?;
         for finger in &info.fingers {
             write_toml(folder.join(finger.sensor_file()), toml::to_string(&finger.sensor))?;
+            let rest = finger.rest_file().map_err(|e| Error::Encode { path: folder.to_owned(), why: e.to_string() })?;
+            if let Some((name, bytes)) = rest {
+                write_whole(&folder.join(name), &bytes)?;
+            }
         }
         Ok(RunFolder {
             folder: folder.to_owned(),

@@ -1,11 +1,13 @@
 //! What a run is, said once, and the table of results.
 
+use crate::rest_file::SavedRest;
 use serde::{Deserialize, Serialize};
 use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::Mounting;
 use slipbound::monitor::Settings;
 use slipbound::sensor::Sensor;
 use slipbound::task::{TaskKind, TaskSettings};
+use std::sync::Arc;
 
 /// Grows when a reader of the old files could misread the new ones; new keys alone do not count.
 pub const FORMAT_VERSION: u32 = 2;
@@ -40,17 +42,31 @@ pub struct FingerInfo {
     pub mounting: Mounting,
     /// Its facts.
     pub sensor: Sensor,
+    /// It at rest, where that was saved before; None where it is found among the first frames.
+    pub rest: Option<Arc<SavedRest>>,
 }
 
 impl FingerInfo {
     /// That of a finger of a loop.
     pub fn of(finger: &FingerPipeline) -> Self {
-        FingerInfo { name: finger.name().into(), mounting: finger.mounting(), sensor: finger.sensor().clone() }
+        let (name, mounting, sensor) = (finger.name().into(), finger.mounting(), finger.sensor().clone());
+        FingerInfo { name, mounting, sensor, rest: None }
     }
 
     /// The name of its sensor file in the folder.
     pub fn sensor_file(&self) -> String {
         format!("{}.sensor.toml", file_stem(&self.name))
+    }
+
+    /// The name of the file with it at rest, and its bytes; None where that is found among the first frames. Fails for a number that JSON
+    /// does not have.
+    pub fn rest_file(&self) -> serde_json::Result<Option<(String, Vec<u8>)>> {
+        let bytes = self.rest.as_ref().map(|rest| rest.to_bytes()).transpose()?;
+        Ok(bytes.map(|bytes| (self.rest_name(), bytes)))
+    }
+
+    fn rest_name(&self) -> String {
+        format!("{}.rest", file_stem(&self.name))
     }
 }
 
@@ -82,6 +98,9 @@ impl RunInfo {
             let mut table = toml::Table::try_from(finger.mounting)?;
             table.insert("name".into(), finger.name.clone().into());
             table.insert("sensor".into(), finger.sensor_file().into());
+            if finger.rest.is_some() {
+                table.insert("rest".into(), finger.rest_name().into());
+            }
             fingers.push(toml::Value::Table(table));
         }
         let mut table = toml::Table::new();

@@ -6,6 +6,7 @@ use super::folder::read;
 use super::frames;
 use super::words::commanded;
 use crate::config;
+use crate::rest_file::{RestFileError, SavedRest};
 use crate::sensors;
 use serde::de::DeserializeOwned;
 use slipbound::control::{ControlError, ControlLoop, Cycle, CycleObserver, CycleOutcome};
@@ -32,6 +33,9 @@ pub enum ReplayError {
     /// A finger's sensor file cannot be used.
     #[error(transparent)]
     Sensor(#[from] config::Error),
+    /// A finger's file of it at rest cannot be used.
+    #[error(transparent)]
+    Rest(#[from] RestFileError),
     /// The settings cannot be used.
     #[error("run.toml: {0}")]
     Setting(#[from] SettingError),
@@ -138,10 +142,14 @@ impl Replay {
             };
             let sensor = sensors::load(&folder.join(text("sensor")?).display().to_string())?;
             let mut mounting = finger.as_table().cloned().unwrap_or_default();
-            mounting.retain(|key, _| key != "name" && key != "sensor");
+            mounting.retain(|key, _| !matches!(key, "name" | "sensor" | "rest"));
             let mounting: Mounting = typed(&path, "fingers", &mounting.into())?;
             let source = Box::new(source);
-            pipelines.push(FingerPipeline::new(text("name")?, mounting, sensor.clone(), monitor.clone(), source));
+            let pipeline = FingerPipeline::new(text("name")?, mounting, sensor.clone(), monitor.clone(), source);
+            pipelines.push(match finger.get("rest") {
+                None => pipeline,
+                Some(_) => pipeline.with_rest(SavedRest::read(&folder.join(text("rest")?))?.rest),
+            });
             first_sensor.get_or_insert(sensor);
         }
         let stiffness_mpa_per_mm = first_sensor.and_then(|sensor| sensor.shear_stiffness_mpa_per_mm());

@@ -33,7 +33,7 @@ pub fn info() -> RunInfo {
 /// A finger of this name.
 pub fn finger(name: &str, side: Side) -> FingerInfo {
     let sensor = sensors::load("gelslim").expect("built in");
-    FingerInfo { name: name.into(), mounting: Mounting::on(side), sensor }
+    FingerInfo { name: name.into(), mounting: Mounting::on(side), sensor, rest: None }
 }
 
 /// Numbers the slips as the loop does.

@@ -53,6 +53,16 @@ impl RestFinder {
         Ok(())
     }
 
+    /// What was seen so far, in order: the number of every frame, and its look.
+    pub fn looks(&self) -> impl Iterator<Item = (u64, &RestLook)> {
+        self.frames.iter().map(|frame| frame.seq).zip(&self.looks)
+    }
+
+    /// How sharp the picture of a finger that nothing touches is at most: see [`RestLook::sharpness`].
+    pub fn bare_sharpness(&self) -> f64 {
+        self.builder.bare_sharpness()
+    }
+
     /// Whether the window is full: nothing more is needed.
     pub fn is_full(&self) -> bool {
         self.frames.len() >= self.window_count

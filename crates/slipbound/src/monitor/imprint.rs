@@ -59,7 +59,8 @@ const FLATTEN: (f64, f64, f64) = (50.0, 2.0, 20.0);
 
 #[derive(Debug, Clone)]
 enum Smooth {
-    Decimated(Background, Vec<u8>),
+    /// Its background is made where the flat picture comes.
+    Decimated(Background),
     Gaussian(Gaussian, Vec<f32>),
 }
 
@@ -104,7 +105,7 @@ impl Imprint {
             Illumination::Decimated => {
                 // Deviation: D1 fast background
                 // A Gaussian cut at 31 px with sigma 31 px weighs almost evenly: its own sigma is 0.58 pitch.
-                Smooth::Decimated(Background::new(size, 0.58 * sensor.pitch_px), vec![0; size.area()])
+                Smooth::Decimated(Background::new(size, 0.58 * sensor.pitch_px))
             }
             Illumination::Gaussian => {
                 let side = (31.0 / 15.2 * sensor.pitch_px / 2.0).round() as usize * 2 + 1;
@@ -193,9 +194,9 @@ impl Imprint {
     fn flatten(&mut self) {
         match &mut self.smooth {
             None => {}
-            Some((Smooth::Decimated(background, out), flatten)) => {
-                background.apply(&self.grey, out);
-                flatten.from_u8(&self.grey, out, &mut self.flat);
+            Some((Smooth::Decimated(background), flatten)) => {
+                background.apply(&self.grey, &mut self.flat);
+                flatten.over_u8(&self.grey, &mut self.flat);
             }
             Some((Smooth::Gaussian(gaussian, out), flatten)) => {
                 gaussian.to_f32(&self.grey, out);

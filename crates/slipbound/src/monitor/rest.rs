@@ -135,6 +135,11 @@ impl Rest {
         self.kind
     }
 
+    /// Size of the camera's frames that it was made from, and of those that can be judged against it.
+    pub fn size(&self) -> SizePx {
+        self.size
+    }
+
     /// Number of the last frame averaged into it.
     pub fn seq(&self) -> u64 {
         self.seq

@@ -89,22 +89,26 @@ impl RestBuilder {
         };
         let before = self.looks.last().filter(|p| !p.cells.is_empty());
         look.change_levels = before.map_or(f64::INFINITY, |before| before.change_levels(&now));
-        let own = self.sensor.bare_sharpness.map(|bare| IMPRINT_RATIO * bare);
-        let unmeasured = match self.sensor.skin {
-            Skin::Fabric => {
-                look.sharpness = texture_share(&self.sensor, &self.settings.contact, &self.imprint);
-                self.settings.contact.on_area_fraction
-            }
+        look.sharpness = match self.sensor.skin {
+            Skin::Fabric => texture_share(&self.sensor, &self.settings.contact, &self.imprint),
             Skin::Smooth => {
                 let border_cells = (self.sensor.marker_diameter_px / self.map.cell_px as f64).ceil() as usize;
-                look.sharpness = roughness_levels(&now.cells, &now.covered, self.map.columns, border_cells);
-                self.settings.rest.imprint_levels
+                roughness_levels(&now.cells, &now.covered, self.map.columns, border_cells)
             }
         };
         look.mean_levels = Some(self.imprint.mean_levels);
-        look.touched = look.sharpness > own.unwrap_or(unmeasured);
+        look.touched = look.sharpness > self.bare_sharpness();
         self.looks.push(now);
         look
+    }
+
+    /// How sharp the picture of a finger that nothing touches is at most: see [`RestLook::sharpness`].
+    pub fn bare_sharpness(&self) -> f64 {
+        let own = self.sensor.bare_sharpness.map(|bare| IMPRINT_RATIO * bare);
+        own.unwrap_or(match self.sensor.skin {
+            Skin::Fabric => self.settings.contact.on_area_fraction,
+            Skin::Smooth => self.settings.rest.imprint_levels,
+        })
     }
 
     /// The stationary run to average. Frames of another brightness than most (dark, stale, a camera still settling) are

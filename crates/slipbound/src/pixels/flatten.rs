@@ -33,22 +33,22 @@ impl Flatten {
         }
     }
 
-    /// With a background in whole levels; the product is kept to 1/4 level, then rounded, an exact half upwards.
-    pub fn from_u8(&self, grey: &[u8], background: &[u8], out: &mut [u8]) {
+    /// With a background in whole levels, which the flat picture takes the place of; the product is kept to 1/4 level, then rounded, an
+    /// exact half upwards.
+    pub fn over_u8(&self, grey: &[u8], background: &mut [u8]) {
         assert_eq!(grey.len(), background.len(), "grey image and background differ in size");
-        assert_eq!(grey.len(), out.len(), "grey image and output differ in size");
         let gain_4096ths = (self.gain * 4096.0).round().min(32767.0) as i16;
         let level_quarters = (self.level * 4.0).round() as i16 + 2;
-        flatten(grey, background, gain_4096ths, level_quarters, out);
+        flatten(grey, background, gain_4096ths, level_quarters);
     }
 }
 
 wide! {
-    fn flatten(grey: &[u8], background: &[u8], gain_4096ths: i16, level_quarters: i16, out: &mut [u8]) {
-        for ((out, &g), &b) in out.iter_mut().zip(grey).zip(background) {
-            let difference_64ths = (i16::from(g) - i16::from(b)) << 6;
+    fn flatten(grey: &[u8], background: &mut [u8], gain_4096ths: i16, level_quarters: i16) {
+        for (b, &g) in background.iter_mut().zip(grey) {
+            let difference_64ths = (i16::from(g) - i16::from(*b)) << 6;
             let product_quarters = ((i32::from(difference_64ths) * i32::from(gain_4096ths)) >> 16) as i16;
-            *out = ((product_quarters + level_quarters) >> 2).clamp(0, 255) as u8;
+            *b = ((product_quarters + level_quarters) >> 2).clamp(0, 255) as u8;
         }
     }
 }
@@ -61,8 +61,8 @@ mod tests {
     fn the_formula_of_the_paper() {
         let paper = Flatten::new(50.0, 2.0, 20.0);
         let grey = [100, 100, 100, 100, 0, 255];
-        let mut out = [0; 6];
-        paper.from_u8(&grey, &[100, 90, 160, 161, 255, 0], &mut out);
+        let mut out = [100, 90, 160, 161, 255, 0];
+        paper.over_u8(&grey, &mut out);
         assert_eq!(out, [120, 140, 0, 0, 0, 255]);
         paper.from_f32(&grey, &[100.0, 90.3, 159.9, 161.0, 255.0, 0.0], &mut out);
         assert_eq!(out, [120, 139, 0, 0, 0, 255]);
@@ -74,8 +74,8 @@ mod tests {
             let flatten = Flatten::new(offset, gain, bias);
             for g in 0..=255u8 {
                 let background: Vec<u8> = (0..=255).collect();
-                let (mut whole, mut fractions) = ([0; 256], [0; 256]);
-                flatten.from_u8(&[g; 256], &background, &mut whole);
+                let (mut whole, mut fractions) = (background.clone(), [0; 256]);
+                flatten.over_u8(&[g; 256], &mut whole);
                 flatten.from_f32(
                     &[g; 256],
                     &background.iter().map(|&b| f32::from(b)).collect::<Vec<_>>(),

@@ -18,8 +18,10 @@ use crate::plane::Vec2;
 
 /// Places are sampled at so many steps a pixel; the fit makes up for the rest.
 const STEPS_PER_PX: f64 = 16.0;
-/// Pixels that are weighed side by side.
+/// Pixels that are sampled side by side; windows are so many wide, or a multiple.
 const LANES: usize = 16;
+/// Pixels that are weighed side by side: what is weighed is so many long, or a multiple, zeros at its end.
+const WEIGHED_LANES: usize = 64;
 /// Sampled values per grey level.
 const STEPS_PER_LEVEL: f64 = 16.0;
 /// The largest tabulated weight.
@@ -35,10 +37,48 @@ pub struct Window {
     share: Vec<f64>,
     /// Orthonormal under the share: level and slopes.
     plane: [Vec<f64>; 3],
+    /// The part of the window beyond which every share is zero: all that is sampled and weighed.
+    part: Part,
     plane_weights: [Vec<i16>; 3],
     plane_scale: f64,
     share_weights: Vec<i16>,
     samples: Vec<i16>,
+}
+
+/// Some columns and rows of a window.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    left: usize,
+    top: usize,
+    width: usize,
+    height: usize,
+}
+
+impl Part {
+    /// Where `share` is not zero in a square of `side`, at least as wide as there are lanes.
+    fn of(share: &[f64], side: usize) -> Self {
+        let is_empty = |row: usize| share[row * side..][..side].iter().all(|s| *s == 0.0);
+        // The share is the same on all four sides.
+        let rim = (0..side / 2).take_while(|row| is_empty(*row)).count();
+        let seen = side - 2 * rim;
+        let width = seen.max(LANES);
+        Part { left: rim.min(side - width), top: rim, width, height: seen }
+    }
+
+    /// Memory for its pixels.
+    fn zeros(self) -> Vec<i16> {
+        vec![0; (self.width * self.height).next_multiple_of(WEIGHED_LANES)]
+    }
+
+    /// What of a whole window of `side` lies in it, in whole numbers.
+    fn cut(self, window: impl Iterator<Item = f64>, scale: f64, side: usize) -> Vec<i16> {
+        let (columns, rows) = (self.left..self.left + self.width, self.top..self.top + self.height);
+        let inside = |(i, _): &(usize, f64)| columns.contains(&(i % side)) && rows.contains(&(i / side));
+        let mut cut = self.zeros();
+        let values = window.enumerate().filter(inside).map(|(_, v)| (v * scale).round() as i16);
+        cut.iter_mut().zip(values).for_each(|(cut, v)| *cut = v);
+        cut
+    }
 }
 
 /// What of one dot is known from rest.
@@ -99,10 +139,11 @@ impl Window {
         let plane = [of(&|_| 1.0), of(&|p| p.x), of(&|p| p.y)];
         let most = plane.iter().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
         let plane_scale = FULL_WEIGHT / most;
+        let part = Part::of(&share, side);
         let plane_weights =
-            std::array::from_fn(|k| whole(plane[k].iter().zip(&share).map(|(v, s)| v * s), plane_scale));
-        let share_weights = whole(share.iter().copied(), 256.0);
-        Window { side, share, plane, plane_weights, plane_scale, share_weights, samples: vec![0; side * side] }
+            std::array::from_fn(|k| part.cut(plane[k].iter().zip(&share).map(|(v, s)| v * s), plane_scale, side));
+        let share_weights = part.cut(share.iter().copied(), 256.0, side);
+        Window { side, share, plane, part, plane_weights, plane_scale, share_weights, samples: part.zeros() }
     }
 
     /// Whether a window about a place lies within the image.
@@ -110,17 +151,6 @@ impl Window {
         let reach = (self.side as f64 - 1.0) / 2.0;
         let inside = |v: f64, end: usize| v >= reach + 2.0 && v + reach + 3.0 < end as f64;
         inside(place.x, size.width) && inside(place.y, size.height)
-    }
-
-    /// Samples the window about a place; where its middle is then, at most a 32nd of a pixel away on each axis.
-    fn sample(&mut self, grey: &[u8], size: SizePx, place: Vec2) -> Vec2 {
-        let reach = (self.side as f64 - 1.0) / 2.0;
-        let steps = |v: f64| ((v - reach) * STEPS_PER_PX).round() as usize;
-        let (x, y) = (steps(place.x), steps(place.y));
-        let (column, row) = (x / STEPS_PER_PX as usize, y / STEPS_PER_PX as usize);
-        let (fx, fy) = ((x % STEPS_PER_PX as usize) as i16, (y % STEPS_PER_PX as usize) as i16);
-        bilinear(&grey[row * size.width + column..], size.width, self.side, fx, fy, &mut self.samples);
-        Vec2::new(x as f64 / STEPS_PER_PX + reach, y as f64 / STEPS_PER_PX + reach)
     }
 
     /// Sum of squares of the sampled window that neither level nor slope explains, levels squared.
@@ -143,7 +173,7 @@ impl Window {
 
     /// Learns the dot at `place`: `dark(r)` is how dark a dot is at r px from its middle, between 0 and 1. None where the window
     /// leaves the image.
-    pub fn learn(&mut self, grey: &[u8], size: SizePx, place: Vec2, dark: impl Fn(f64) -> f64) -> Option<Template> {
+    pub fn learn(&self, grey: &[u8], size: SizePx, place: Vec2, dark: impl Fn(f64) -> f64) -> Option<Template> {
         if !self.holds(size, place) {
             return None;
         }
@@ -152,10 +182,12 @@ impl Window {
         // Samples of a window one pixel wider on each side, for slopes.
         let mut seen = vec![0.0; wide * wide];
         let mut at = place;
+        let whole = Part { left: 0, top: 0, width: side, height: side };
+        let mut all = vec![0; side * side];
         for (x, y) in [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
-            at = self.sample(grey, size, place + Vec2::new(x, y)) - Vec2::new(x, y);
+            at = sample(side, whole, grey, size, place + Vec2::new(x, y), &mut all) - Vec2::new(x, y);
             let (left, top) = ((1.0 + x) as usize, (1.0 + y) as usize);
-            for (row, samples) in self.samples.chunks_exact(side).enumerate() {
+            for (row, samples) in all.chunks_exact(side).enumerate() {
                 let out = &mut seen[(row + top) * wide + left..][..side];
                 out.iter_mut().zip(samples).for_each(|(o, &v)| *o = f64::from(v) / STEPS_PER_LEVEL);
             }
@@ -199,7 +231,8 @@ impl Window {
         });
         let highest = |p: &[f64]| p.iter().zip(share).fold(1e-9f64, |m, (v, s)| m.max((v * s).abs()));
         let scale: [f64; PATTERNS] = std::array::from_fn(|k| FULL_WEIGHT / highest(&patterns[k]));
-        let weights = std::array::from_fn(|k| whole(patterns[k].iter().zip(share).map(|(v, s)| v * s), scale[k]));
+        let weighed = |k: usize| patterns[k].iter().zip(share).map(|(v, s)| v * s);
+        let weights = std::array::from_fn(|k| self.part.cut(weighed(k), scale[k], side));
         Some(Template { weights, scale: scale.map(|s| s * STEPS_PER_LEVEL), gram, stretched })
     }
 
@@ -213,7 +246,7 @@ impl Window {
             if !self.holds(size, place) {
                 return None; // also when it is not a number
             }
-            let at = self.sample(grey, size, place);
+            let at = sample(self.side, self.part, grey, size, place, &mut self.samples);
             let b: [f64; PATTERNS] =
                 std::array::from_fn(|k| product(&self.samples, &template.weights[k]) as f64 / template.scale[k]);
             // Seen through the stretch, what lies at q was at q - stretch q.
@@ -254,6 +287,18 @@ impl Window {
     }
 }
 
+/// Samples a part of the window about a place; where the window's middle is then, at most a 32nd of a pixel away on each axis.
+fn sample(side: usize, part: Part, grey: &[u8], size: SizePx, place: Vec2, out: &mut [i16]) -> Vec2 {
+    let reach = (side as f64 - 1.0) / 2.0;
+    let steps = |v: f64| ((v - reach) * STEPS_PER_PX).round() as usize;
+    let (x, y) = (steps(place.x), steps(place.y));
+    let (column, row) = (x / STEPS_PER_PX as usize + part.left, y / STEPS_PER_PX as usize + part.top);
+    let (fx, fy) = ((x % STEPS_PER_PX as usize) as i16, (y % STEPS_PER_PX as usize) as i16);
+    let out = &mut out[..part.width * part.height];
+    bilinear(&grey[row * size.width + column..], size.width, part.width, fx, fy, out);
+    Vec2::new(x as f64 / STEPS_PER_PX + reach, y as f64 / STEPS_PER_PX + reach)
+}
+
 /// Where the weave at rest is weaker than this it is held to its strength before, levels.
 const HOLD_LEVELS: f64 = 3.0;
 /// Passes at most, the longest step of one, and the step that is short enough for the fit to be straight, px.
@@ -281,19 +326,18 @@ fn solve(m: &mut [[f64; 5]; 4]) -> Option<[f64; 4]> {
     Some(x)
 }
 
-fn whole(values: impl Iterator<Item = f64>, scale: f64) -> Vec<i16> {
-    values.map(|v| (v * scale).round() as i16).collect()
-}
-
 wide! {
-    /// A square of samples between pixels, `fx` and `fy` sixteenths off; less the middle of the range.
-    fn bilinear(grey: &[u8], stride: usize, side: usize, fx: i16, fy: i16, out: &mut [i16]) {
-        for (y, out) in out.chunks_exact_mut(side).enumerate() {
-            let above = &grey[y * stride..][..side + 1];
-            let below = &grey[(y + 1) * stride..][..side + 1];
-            for (k, out) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
-                let four = [&above[k * LANES..], &above[k * LANES + 1..], &below[k * LANES..], &below[k * LANES + 1..]];
+    /// A rectangle of samples between pixels, `fx` and `fy` sixteenths off; less the middle of the range.
+    fn bilinear(grey: &[u8], stride: usize, width: usize, fx: i16, fy: i16, out: &mut [i16]) {
+        for (y, out) in out.chunks_exact_mut(width).enumerate() {
+            let above = &grey[y * stride..][..width + 1];
+            let below = &grey[(y + 1) * stride..][..width + 1];
+            // The last lanes may lie over those before them.
+            let lanes = width.div_ceil(LANES);
+            for at in (0..lanes).map(|k| (k * LANES).min(width - LANES)) {
+                let four = [&above[at..], &above[at + 1..], &below[at..], &below[at + 1..]];
                 let [Some(a), Some(b), Some(c), Some(d)] = four.map(|row| row.first_chunk::<LANES>()) else { return };
+                let Some(out) = out[at..].first_chunk_mut::<LANES>() else { return };
                 for i in 0..LANES {
                     let [a, b, c, d] = [a[i], b[i], c[i], d[i]].map(i16::from);
                     let upper = a * 16 + (b - a) * fx;
@@ -307,7 +351,8 @@ wide! {
 
     fn product(a: &[i16], b: &[i16]) -> i64 {
         let mut sum = 0i64;
-        for (a, b) in a.chunks(16 * LANES).zip(b.chunks(16 * LANES)) {
+        // A sample is at most 2048, a weight 2000: the sum of so many products still fits.
+        for (a, b) in a.chunks(8 * WEIGHED_LANES).zip(b.chunks(8 * WEIGHED_LANES)) {
             let mut part = 0i32;
             for (&a, &b) in a.iter().zip(b) {
                 part = part.wrapping_add(i32::from(a) * i32::from(b));
@@ -320,7 +365,7 @@ wide! {
     /// Sum of squares, each with its share in 256ths.
     fn energy(samples: &[i16], share: &[i16]) -> i64 {
         let mut sum = 0i64;
-        for (a, s) in samples.chunks(4 * LANES).zip(share.chunks(4 * LANES)) {
+        for (a, s) in samples.chunks(4 * WEIGHED_LANES).zip(share.chunks(4 * WEIGHED_LANES)) {
             let mut part = 0i32;
             for (&a, &s) in a.iter().zip(s) {
                 let shared = ((i32::from(a) * i32::from(s)) >> 8) as i16;
@@ -360,4 +405,47 @@ pub fn darkness(grey: &[u8], size: SizePx, places: impl Iterator<Item = Vec2>, s
     let mut dark: Vec<f64> = means.iter().map(|m| (beside - m) / contrast).collect();
     dark[count - 2..].fill(0.0);
     dark
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever the size of the window, what is cut away has no weight.
+    #[test]
+    fn the_part_that_is_weighed_holds_every_share() {
+        for tenths in 20..400 {
+            let window = Window::new(f64::from(tenths) / 10.0);
+            let (part, side) = (window.part, window.side);
+            assert!(part.left + part.width <= side && part.top + part.height <= side, "{tenths}: {part:?} of {side}");
+            let within = |i: usize| {
+                let (x, y) = (i % side, i / side);
+                (part.left..part.left + part.width).contains(&x) && (part.top..part.top + part.height).contains(&y)
+            };
+            let lost = (0..side * side).find(|&i| window.share[i] != 0.0 && !within(i));
+            assert_eq!(lost, None, "{tenths}: {part:?} of {side}");
+            assert!(part.height * part.width <= side * side && window.samples.len().is_multiple_of(WEIGHED_LANES));
+        }
+    }
+
+    /// Rows that are no multiple of the lanes, too.
+    #[test]
+    fn a_part_is_sampled_as_the_whole_window_is() {
+        let size = SizePx::new(120, 90);
+        let grey: Vec<u8> = (0..size.area() as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        for radius_px in [5.3, 8.2, 9.3, 13.0, 17.1] {
+            let Window { side, part, mut samples, .. } = Window::new(radius_px);
+            let mut all = vec![0; side * side];
+            let whole = Part { left: 0, top: 0, width: side, height: side };
+            let place = Vec2::new(58.37, 44.81);
+            assert_eq!(
+                sample(side, whole, &grey, size, place, &mut all),
+                sample(side, part, &grey, size, place, &mut samples)
+            );
+            for (i, &sample) in samples[..part.width * part.height].iter().enumerate() {
+                let (x, y) = (part.left + i % part.width, part.top + i / part.width);
+                assert_eq!(sample, all[y * side + x], "{radius_px} px, {x} {y}");
+            }
+        }
+    }
 }

@@ -17,18 +17,34 @@ const OUTSIDE: u8 = 255;
 /// Pixels that are mixed at once.
 const BATCH: usize = 32;
 
-/// A map from output pixels to source pixels, precomputed: 6 bytes an output pixel.
+/// A map from output pixels to source pixels, precomputed: 2 to 4 bytes an output pixel, 6 of a map that scatters neighbours.
 #[derive(Debug, Clone)]
 pub struct WarpTable {
     out_size: SizePx,
     src_size: SizePx,
-    /// Index of the upper left of the four source pixels.
-    from: Vec<u32>,
+    batches: Vec<Batch>,
+    /// Of every batch in turn whose pixels do not stand side by side: of each pixel, how far behind the batch's first.
+    offsets: Offsets,
     fraction_x: Vec<u8>,
     fraction_y: Vec<u8>,
-    /// Of each whole batch: whether its pixels stand side by side in the source, too.
-    side_by_side: Vec<bool>,
     valid: Mask,
+}
+
+/// Where some output pixels come from.
+#[derive(Debug, Clone, Copy)]
+struct Batch {
+    /// Of the indices of the upper left of the four source pixels, the least.
+    first: u32,
+    /// Whether the pixels stand side by side in the source, too.
+    side_by_side: bool,
+}
+
+/// Differences of indices in the source.
+#[derive(Debug, Clone)]
+enum Offsets {
+    Near(Vec<u16>),
+    /// Of a map some of whose neighbours come from far apart.
+    Far(Vec<u32>),
 }
 
 impl WarpTable {
@@ -57,23 +73,29 @@ impl WarpTable {
         }
         // A pixel from outside may be fetched from anywhere inside: beside its neighbours, where they have room.
         let fits = |first: u32| first as usize + src_size.width + BATCH < src_size.area();
-        let side_by_side = |batch: (&[u32; BATCH], &[u8; BATCH])| {
-            let known = batch.0.iter().zip(batch.1).zip(0..).filter(|((_, fy), _)| **fy != OUTSIDE);
+        let side_by_side = |from: &[u32], fy: &[u8]| {
+            let known = from.iter().zip(fy).zip(0..).filter(|((_, fy), _)| **fy != OUTSIDE);
             let mut firsts = known.map(|((&from, _), i)| from.checked_sub(i));
             let first = firsts.next().unwrap_or(Some(0));
-            first.filter(|&first| fits(first) && firsts.all(|other| other == Some(first)))
+            first.filter(|&first| from.len() == BATCH && fits(first) && firsts.all(|other| other == Some(first)))
         };
-        let (from_batches, fraction_batches) = (from.as_chunks_mut::<BATCH>().0, fraction_y.as_chunks::<BATCH>().0);
-        let side_by_side = (from_batches.iter_mut().zip(fraction_batches))
-            .map(|(from, fy)| {
-                let first = side_by_side((from, fy));
-                if let Some(first) = first {
-                    from.iter_mut().zip(first..).for_each(|(from, at)| *from = at);
-                }
-                first.is_some()
-            })
-            .collect();
-        WarpTable { out_size, src_size, from, fraction_x, fraction_y, side_by_side, valid }
+        let (mut batches, mut offsets) = (Vec::with_capacity(area.div_ceil(BATCH)), Vec::new());
+        for (from, fy) in from.chunks(BATCH).zip(fraction_y.chunks(BATCH)) {
+            let together = side_by_side(from, fy);
+            let inside = || from.iter().zip(fy).map(|(&from, &fy)| (fy != OUTSIDE).then_some(from));
+            let first = together.or_else(|| inside().flatten().min()).unwrap_or(0);
+            if together.is_none() {
+                offsets.extend(inside().map(|from| from.map_or(0, |from| from - first)));
+            }
+            batches.push(Batch { first, side_by_side: together.is_some() });
+        }
+        let near: Result<Vec<u16>, _> = offsets.iter().map(|&offset| u16::try_from(offset)).collect();
+        offsets.shrink_to_fit();
+        let offsets = match near {
+            Ok(near) => Offsets::Near(near),
+            Err(_) => Offsets::Far(offsets),
+        };
+        WarpTable { out_size, src_size, batches, offsets, fraction_x, fraction_y, valid }
     }
 
     /// Size of the output.
@@ -95,19 +117,24 @@ impl WarpTable {
     pub fn apply(&self, src: &[u8], out: &mut [u8]) {
         assert_eq!(src.len(), self.src_size.area(), "source of another size than the table's");
         assert_eq!(out.len(), self.out_size.area(), "output of another size than the table's");
+        match &self.offsets {
+            Offsets::Near(offsets) => self.resample(offsets, src, out),
+            Offsets::Far(offsets) => self.resample(offsets, src, out),
+        }
+    }
+
+    fn resample<O: Copy + Into<u32>>(&self, mut offsets: &[O], src: &[u8], out: &mut [u8]) {
         let (mut upper, mut lower) = ([0; BATCH], [0; BATCH]);
         let stride = self.src_size.width;
-        let batches = out.chunks_mut(BATCH).zip(self.from.chunks(BATCH));
         let fractions = self.fraction_x.chunks(BATCH).zip(self.fraction_y.chunks(BATCH));
-        let side_by_side = self.side_by_side.iter().copied().chain([false]);
-        for (((out, from), (fx, fy)), side_by_side) in batches.zip(fractions).zip(side_by_side) {
-            let n = out.len();
-            if side_by_side {
-                let first = from[0] as usize;
-                let rows = (&src[first..][..=BATCH], &src[first + stride..][..=BATCH]);
-                mix_side_by_side(rows.0, rows.1, fx, fy, out);
+        for ((out, batch), (fx, fy)) in out.chunks_mut(BATCH).zip(&self.batches).zip(fractions) {
+            let (n, src) = (out.len(), &src[batch.first as usize..]);
+            if batch.side_by_side {
+                mix_side_by_side(&src[..=BATCH], &src[stride..][..=BATCH], fx, fy, out);
             } else {
-                fetch(src, stride, from, &mut upper[..n], &mut lower[..n]);
+                let (own, later) = offsets.split_at(n);
+                offsets = later;
+                fetch(src, stride, own, &mut upper[..n], &mut lower[..n]);
                 mix(&upper[..n], &lower[..n], fx, fy, out);
             }
         }
@@ -127,9 +154,10 @@ fn whole_and_fraction(at: f64, len: usize) -> Option<(usize, u8)> {
 }
 
 /// The pairs of neighbouring source pixels, left in the low byte, right in the high one.
-fn fetch(src: &[u8], stride: usize, from: &[u32], upper: &mut [u16], lower: &mut [u16]) {
-    for ((upper, lower), &from) in upper.iter_mut().zip(lower).zip(from) {
-        let corner = &src[from as usize..][..stride + 2];
+fn fetch<O: Copy + Into<u32>>(src: &[u8], stride: usize, offsets: &[O], upper: &mut [u16], lower: &mut [u16]) {
+    for ((upper, lower), &offset) in upper.iter_mut().zip(lower).zip(offsets) {
+        let offset: u32 = offset.into();
+        let corner = &src[offset as usize..][..stride + 2];
         *upper = u16::from_le_bytes([corner[0], corner[1]]);
         *lower = u16::from_le_bytes([corner[stride], corner[stride + 1]]);
     }
@@ -254,17 +282,44 @@ mod tests {
     }
 
     #[test]
+    fn neighbours_may_come_from_far_apart() {
+        let (size, src_size) = (SizePx::new(70, 3), SizePx::new(640, 300));
+        let src = noise(src_size);
+        let place = |x: usize, y: usize| (7 * x + y, if x.is_multiple_of(2) { y } else { 290 - y });
+        let table = WarpTable::new(size, src_size, |p| {
+            let (x, y) = place(p.x as usize, p.y as usize);
+            Vec2::new(x as f64, y as f64)
+        });
+        assert!(matches!(table.offsets, Offsets::Far(_)), "290 rows are more than 16 bits of pixels");
+        let mut out = vec![0; size.area()];
+        table.apply(&src, &mut out);
+        for (i, &level) in out.iter().enumerate() {
+            let (x, y) = place(i % 70, i / 70);
+            assert_eq!(level, src[y * 640 + x], "pixel {i}");
+        }
+    }
+
+    #[test]
     fn pixels_side_by_side_are_mixed_like_others() {
         let size = SizePx::new(640, 37);
         let src = noise(size);
         let turned = Homography([[1.0, 0.02, -5.0], [-0.02, 1.0, 6.0], [0.0, 0.0, 1.0]]);
         let mut table = WarpTable::new(size, size, |p| turned.apply(p));
-        let count = table.side_by_side.iter().filter(|side_by_side| **side_by_side).count();
-        let all = table.side_by_side.len();
+        let count = table.batches.iter().filter(|batch| batch.side_by_side).count();
+        let all = table.batches.len();
         assert!(count > all / 4 && count < 9 * all / 10, "both ways are judged: {count} of {all} batches");
         let (mut by_batches, mut one_by_one) = (vec![0; size.area()], vec![0; size.area()]);
         table.apply(&src, &mut by_batches);
-        table.side_by_side.fill(false);
+        let Offsets::Near(offsets) = &table.offsets else { panic!("a slight turn scatters nothing") };
+        let (mut apart, mut own) = (Vec::new(), offsets.chunks(BATCH));
+        for batch in &mut table.batches {
+            let offsets: Vec<u32> = match std::mem::take(&mut batch.side_by_side) {
+                true => (0..BATCH as u32).collect(),
+                false => own.next().expect("its offsets").iter().map(|&offset| offset.into()).collect(),
+            };
+            apart.extend(offsets);
+        }
+        table.offsets = Offsets::Far(apart);
         table.apply(&src, &mut one_by_one);
         assert_eq!(by_batches, one_by_one);
         // Batches that were put side by side may have pixels from outside, which are black.

@@ -1,9 +1,10 @@
 //! What the frames say of the finger: its lighting, its markers and their noise.
 
 use super::finding::{Finding, bad, good, judged};
+use crate::commands::standing::Standing;
 use slipbound::finger_pipeline::RestFinder;
-use slipbound::monitor::{RestKind, Settings, SlipMonitor};
-use slipbound::plane::Vec2;
+use slipbound::image::SizePx;
+use slipbound::monitor::{Rest, RestKind, Settings, SlipMonitor};
 use slipbound::port::FrameBuffer;
 use slipbound::sensor::Sensor;
 
@@ -39,77 +40,70 @@ pub fn lighting(frames: &[FrameBuffer]) -> Vec<Finding> {
     findings
 }
 
-/// Markers found at rest, and how much they move while nothing does.
-pub fn markers(frames: &[FrameBuffer], sensor: &Sensor) -> Vec<Finding> {
+/// Markers found at rest, and how much they move while nothing does; against a rest frame that was saved, too.
+pub fn markers(frames: &[FrameBuffer], sensor: &Sensor, saved: Option<Rest>) -> Vec<Finding> {
     let settings = Settings::default();
     let fits = "does the sensor file belong to this finger and camera? `slipbound calibrate` makes one";
+    let anew = "let nothing touch it and take it anew with `slipbound tare`";
     let Some(first) = frames.first() else { return Vec::new() };
-    let found = RestFinder::new(sensor, &settings, first.size).map_err(|e| e.to_string()).and_then(|mut finder| {
-        frames.iter().try_for_each(|frame| finder.see(frame)).map_err(|e| e.to_string())?;
-        finder.find().map_err(|e| e.to_string())
-    });
-    let found = match found {
-        Ok(found) => found,
+    let is_saved = saved.is_some();
+    let rest = match saved {
+        Some(rest) if rest.size() != first.size => {
+            let is = format!("expected {} as the frames, got {}", first.size, rest.size());
+            return vec![bad("rest", is, anew)];
+        }
+        Some(rest) => Ok(rest),
+        None => found(frames, first.size, sensor, &settings),
+    };
+    let rest = match rest {
+        Ok(rest) => rest,
         Err(why) => return vec![bad("markers", why, fits)],
     };
-    let mut findings = vec![match found.rest.kind() {
-        RestKind::Unloaded => good("untouched", "nothing touches the finger"),
-        RestKind::InContact => bad("untouched", "something touches the finger", "free it and start again"),
-    }];
-    let mut monitor = match SlipMonitor::new(sensor, &settings, found.rest) {
+    let kind = rest.kind();
+    let mut monitor = match SlipMonitor::new(sensor, &settings, rest) {
         Ok(monitor) => monitor,
+        Err(e) if is_saved => return vec![bad("rest", e.to_string(), anew)],
         Err(e) => return vec![bad("markers", e.to_string(), fits)],
     };
     if let Some(reason) = monitor.refusal() {
-        findings.push(bad("markers", reason.to_string(), fits));
-        return findings;
+        return vec![untouched(kind == RestKind::Unloaded), bad("markers", reason.to_string(), fits)];
     }
-    let mut noise: Vec<Noise> = vec![Noise::default(); monitor.markers().len()];
-    for frame in frames.iter().filter_map(|frame| frame.frame().ok()) {
-        monitor.step(&frame, None);
-        for (noise, marker) in noise.iter_mut().zip(monitor.markers()).filter(|(_, marker)| marker.matched) {
-            noise.see(marker.now_from_rest());
-        }
+    let standing = Standing::see(frames, &mut monitor);
+    let mut findings = vec![untouched(match is_saved {
+        true => standing.touched_seq.is_none(),
+        false => kind == RestKind::Unloaded,
+    })];
+    if let (true, Some(drift_px)) = (is_saved, standing.drift_px) {
+        let is = format!("the middle marker is {drift_px:.3} px from where it was");
+        findings.push(judged("rest", is, drift_px <= MOST_NOISE_PX, anew));
     }
-    let count = noise.len();
-    let mut rms_px: Vec<f64> = noise.iter().filter_map(Noise::rms_px).collect();
-    rms_px.sort_by(f64::total_cmp);
-    let kept = format!("{count} found, {} followed through {} frames", rms_px.len(), frames.len());
-    findings.push(judged("markers", kept, rms_px.len() * 20 >= count * 19, fits));
-    if let (Some(median_px), Some(worst_px)) = (rms_px.get(rms_px.len() / 2), rms_px.last()) {
-        let is = format!("{median_px:.3} px in the middle, {worst_px:.3} px at worst, of a marker at rest");
+    let (count, followed) = (monitor.markers().len(), standing.noise_px.len());
+    let kept = format!("{count} found, {followed} followed through {} frames", frames.len());
+    findings.push(judged("markers", kept, followed * 20 >= count * 19, fits));
+    if let Some((median_px, is)) = standing.noise() {
         let advice = "more light and less gain, a sharper focus, less compression";
-        findings.push(judged("noise", is, *median_px <= MOST_NOISE_PX, advice));
+        findings.push(judged("noise", is, median_px <= MOST_NOISE_PX, advice));
     }
     findings
 }
 
-/// Where a marker was seen: sums for its scatter.
-#[derive(Debug, Clone, Copy, Default)]
-struct Noise {
-    count: f64,
-    sum: (f64, f64),
-    sum_of_squares: f64,
+fn untouched(is_untouched: bool) -> Finding {
+    match is_untouched {
+        true => good("untouched", "nothing touches the finger"),
+        false => bad("untouched", "something touches the finger", "free it and start again"),
+    }
 }
 
-impl Noise {
-    fn see(&mut self, at: Vec2) {
-        self.count += 1.0;
-        self.sum = (self.sum.0 + at.x, self.sum.1 + at.y);
-        self.sum_of_squares += at.x * at.x + at.y * at.y;
-    }
-
-    /// Root mean square distance from its mean place, px; None before it was seen three times.
-    fn rms_px(&self) -> Option<f64> {
-        let mean_square = (self.sum.0 * self.sum.0 + self.sum.1 * self.sum.1) / (self.count * self.count);
-        (self.count >= 3.0).then(|| (self.sum_of_squares / self.count - mean_square).max(0.0).sqrt())
-    }
+/// The rest frame among these; why there is none.
+fn found(frames: &[FrameBuffer], size: SizePx, sensor: &Sensor, settings: &Settings) -> Result<Rest, String> {
+    let mut finder = RestFinder::new(sensor, settings, size).map_err(|e| e.to_string())?;
+    frames.iter().try_for_each(|frame| finder.see(frame)).map_err(|e| e.to_string())?;
+    finder.find().map(|found| found.rest).map_err(|e| e.to_string())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slipbound::image::SizePx;
 
     fn frame(level: u8) -> FrameBuffer {
         let (pixels, size) = (vec![level; 300], SizePx::new(10, 10));
@@ -123,15 +117,5 @@ mod tests {
         assert_eq!(is_good(&[frame(120), frame(121)]), [true, true]);
         assert_eq!(is_good(&[frame(120), frame(255)]), [false, false]);
         assert_eq!(is_good(&[frame(0), frame(0)]), [false, true]);
-    }
-
-    #[test]
-    fn the_noise_of_a_marker_is_its_scatter() {
-        let mut noise = Noise::default();
-        for (x, y) in [(5.0, 1.0), (5.2, 1.0), (4.8, 1.0), (5.0, 1.0)] {
-            noise.see(Vec2::new(x, y));
-        }
-        let rms_px = noise.rms_px().expect("seen often enough");
-        assert!((rms_px - (0.08f64 / 4.0).sqrt()).abs() < 1e-6, "{rms_px}");
     }
 }

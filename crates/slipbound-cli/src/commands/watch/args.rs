@@ -19,9 +19,9 @@ pub struct Watch {
     /// scene, or SOURCE/sensor.toml, else by the size of the frames]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(super) sensor: Option<String>,
-    /// The finger at rest: an image, frames A up to but not B of SOURCE, or its first N frames, in which nothing may touch
-    /// it [default: found among the first frames]
-    #[arg(long, value_name = "IMAGE|A..B|live:N", value_parser = RestArgument::parse)]
+    /// The finger at rest: an image or what `slipbound tare` wrote, frames A up to but not B of SOURCE, or its first N frames,
+    /// in which nothing may touch it [default: found among the first frames]
+    #[arg(long, value_name = "FILE|A..B|live:N", value_parser = RestArgument::parse)]
     pub(super) rest: Option<RestArgument>,
     /// Write a report of one JSON object a line; `-` is standard output
     #[arg(long, value_name = "FILE|-")]
@@ -73,8 +73,8 @@ impl Watch {
 pub enum RestArgument {
     /// Frames of the source.
     Frames(Range<u64>),
-    /// An image of its own.
-    Image(PathBuf),
+    /// An image of its own, or a rest frame that was saved: the file says which.
+    File(PathBuf),
     /// The first frames of the source, so many; nothing may touch the finger in them.
     Live(u32),
 }
@@ -87,7 +87,7 @@ pub fn live_count(text: &str) -> Option<Result<u32, String>> {
 }
 
 impl RestArgument {
-    /// `A..B`, `live:N`, or the name of an image.
+    /// `A..B`, `live:N`, or the name of a file.
     pub fn parse(text: &str) -> Result<Self, String> {
         if let Some(count) = live_count(text) {
             return count.map(RestArgument::Live);
@@ -98,7 +98,7 @@ impl RestArgument {
             Some(frames) if frames.is_empty() => Err(format!("expected A below B, got {text}")),
             Some(frames) => Ok(RestArgument::Frames(frames)),
             None if is_range => Err(format!("expected two whole numbers A..B, got {text}")),
-            None => Ok(RestArgument::Image(text.into())),
+            None => Ok(RestArgument::File(text.into())),
         }
     }
 }
@@ -107,7 +107,7 @@ impl Display for RestArgument {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             RestArgument::Frames(range) => write!(f, "--rest {}..{}", range.start, range.end),
-            RestArgument::Image(path) => write!(f, "--rest {}", path.display()),
+            RestArgument::File(path) => write!(f, "--rest {}", path.display()),
             RestArgument::Live(count) => write!(f, "--rest live:{count}"),
         }
     }
@@ -118,10 +118,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_range_or_an_image() {
+    fn a_range_or_a_file() {
         assert_eq!(RestArgument::parse("3..9"), Ok(RestArgument::Frames(3..9)));
-        assert_eq!(RestArgument::parse("../a.png"), Ok(RestArgument::Image("../a.png".into())));
-        assert_eq!(RestArgument::parse("../..jpg"), Ok(RestArgument::Image("../..jpg".into())));
+        assert_eq!(RestArgument::parse("../a.png"), Ok(RestArgument::File("../a.png".into())));
+        assert_eq!(RestArgument::parse("../..jpg"), Ok(RestArgument::File("../..jpg".into())));
         for half in ["3..", "..3", "..", "3...5", "1..99999999999999999999"] {
             assert_eq!(RestArgument::parse(half), Err(format!("expected two whole numbers A..B, got {half}")));
         }

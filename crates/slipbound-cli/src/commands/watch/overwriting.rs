@@ -44,7 +44,7 @@ pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
 /// Refuses outputs that would fall on an input or on each other.
 pub fn refuse(args: &Watch) -> Result<(), Failure> {
     let rest = match &args.rest {
-        Some(RestArgument::Image(path)) => Some(path.as_path()),
+        Some(RestArgument::File(path)) => Some(path.as_path()),
         _ => None,
     };
     // Of `FILE.mcap#TOPIC` the file.

@@ -2,16 +2,18 @@
 
 use super::args::{RestArgument, Watch};
 use crate::commands::recording;
+use crate::commands::rest_window::Window;
 use crate::outcome::Failure;
 use anyhow::anyhow;
-use slipbound::finger_pipeline::{FoundRest, RestFinder, rest_from};
+use slipbound::finger_pipeline::{FoundRest, rest_from};
 use slipbound::image::{Frame, SizePx};
 use slipbound::monitor::{Rest, RestBuilder, RestKind, Settings};
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::Sensor;
 use slipbound_rig::report_json::{RestOrigin, RestOriginKind};
-use slipbound_rig::report_summary::{frame_name, torn};
-use slipbound_rig::source::{self, AheadFrame, ReadAhead, most_common_size};
+use slipbound_rig::report_summary::frame_name;
+use slipbound_rig::rest_file::{RestFileError, SavedRest, is_rest};
+use slipbound_rig::source::{self, ReadAhead};
 use std::fmt::Display;
 use std::ops::Range;
 use std::path::Path;
@@ -19,9 +21,6 @@ use std::path::Path;
 /// In the report and on standard error when the finger is never seen untouched.
 const IN_CONTACT: &str = "starts in contact: displacement counts from the first stationary frames, the contact region of a \
                           smooth gel is taken from the imprint itself";
-
-/// Behind what is said of frames that stand upright where the finger's lie.
-pub const TURNED: &str = "; are the pictures turned by 90 degrees?";
 
 /// The finger at rest, and what it was made from.
 pub struct Found {
@@ -37,53 +36,36 @@ pub struct Found {
     pub notes: Vec<String>,
 }
 
-/// Finds the finger at rest. `sensor_for`: the finger for frames of a size, with a note where that was a choice.
+/// Finds the finger at rest. `sensor_for`: the finger for frames of a size, given the one that was saved at rest under a name, with a
+/// note where it was a choice.
 pub fn find(
     args: &Watch,
     recording: &mut ReadAhead,
     settings: &Settings,
-    sensor_for: impl Fn(SizePx) -> Result<(Sensor, Option<String>), Failure>,
+    sensor_for: impl Fn(SizePx, Option<(&Sensor, &str)>) -> Result<(Sensor, Option<String>), Failure>,
 ) -> Result<Found, Failure> {
-    let given = args.rest.as_ref().and_then(|argument| given_frames(args, argument)).transpose()?;
+    let given = args.rest.as_ref().and_then(|argument| given(args, argument)).transpose()?;
     // Also when rest is given: one frame alone could be of an odd size.
-    let window: Vec<&AheadFrame> = recording.read_ahead(settings.rest.window_count as usize).collect();
-    let seen: Vec<&FrameBuffer> = window.iter().filter(|a| a.torn.is_none()).map(|a| &a.buffer).collect();
-    let Some(size) = most_common_size(seen.iter().copied()) else {
-        let first_torn = window.first().and_then(|a| Some(torn(&a.buffer, a.torn.as_deref()?)));
-        return Err(match (recording.take_failure(), first_torn) {
-            (Some(error), _) => error.into(),
-            (None, Some(first)) => {
-                anyhow!("{}: expected at least one whole frame, got none; {first}", args.source).into()
-            }
-            (None, None) => anyhow!("{}: expected frames, got none", args.source).into(),
-        });
-    };
-    let other = given.iter().flatten().find(|frame| frame.size != size);
-    if let (Some(argument), Some(other)) = (&args.rest, other) {
-        let (got, source) = (other.size, &args.source);
+    let window = Window::read(&args.source, recording, settings.rest.window_count)?;
+    let other = given.as_ref().and_then(|given| given.sizes().into_iter().find(|size| *size != window.size));
+    if let (Some(argument), Some(got)) = (&args.rest, other) {
+        let (size, source) = (window.size, &args.source);
         return Err(Failure::Arguments(anyhow!("{argument}: expected {size} as the frames of {source}, got {got}")));
     }
-    let (sensor, note) = sensor_for(size)?;
-    let is_turned = size.height > size.width && sensor.image_px.width > sensor.image_px.height;
-    let hint = if is_turned { TURNED } else { "" };
-    let wrong_sensor =
-        |e| Failure::Arguments(anyhow!("{}: frames of {size}: sensor {}: {e}{hint}", args.source, sensor.name));
-    let (rest, origin) = match (&args.rest, &given) {
-        (Some(argument), Some(frames)) => {
-            let builder = RestBuilder::new(&sensor, settings, size).map_err(wrong_sensor)?;
-            (build_given(args, argument, frames, builder)?, origin_given(argument))
+    let saved = given.as_ref().and_then(Given::finger);
+    let (sensor, note) = sensor_for(window.size, saved)?;
+    let (rest, origin) = match (&args.rest, given) {
+        (Some(_), Some(Given::Saved(saved, file))) => {
+            saved.check(&sensor, settings, &file).map_err(refused)?;
+            (saved.rest, RestOrigin { kind: RestOriginKind::Given, frames: None })
         }
-        _ => {
-            let mut finder = RestFinder::new(&sensor, settings, size).map_err(wrong_sensor)?;
-            for frame in &seen {
-                finder.see(frame).map_err(|e| Failure::work(&args.source, e))?;
-            }
-            let FoundRest { rest, seqs } = finder.find().map_err(|e| Failure::work(&args.source, e))?;
-            if let (Some(argument @ RestArgument::Live(_)), RestKind::InContact) = (&args.rest, rest.kind()) {
-                let source = &args.source;
-                let expected = "expected a finger that nothing touches, got one in contact: free it and start again";
-                return Err(anyhow!("{argument}: {source}: {expected}").into());
-            }
+        (Some(argument), Some(Given::Frames(frames))) => {
+            let builder = RestBuilder::new(&sensor, settings, window.size).map_err(|e| window.refused(&sensor, e))?;
+            (build_given(args, argument, &frames, builder)?, origin_given(argument))
+        }
+        (argument, _) => {
+            let live = argument.as_ref().filter(|argument| matches!(argument, RestArgument::Live(_)));
+            let FoundRest { rest, seqs } = window.rest(&sensor, settings, live.map(|live| live as &dyn Display))?;
             let origin = RestOrigin { kind: rest.kind().into(), frames: Some([seqs.start, seqs.end]) };
             (rest, origin)
         }
@@ -91,6 +73,35 @@ pub fn find(
     let report_note = (rest.kind() == RestKind::InContact).then(|| IN_CONTACT.to_owned());
     let notes = note.into_iter().chain(report_note.iter().map(|n| format!("{}: {n}", args.source))).collect();
     Ok(Found { rest, sensor, origin, report_note, notes })
+}
+
+/// What the user named as the finger at rest.
+enum Given {
+    /// Frames.
+    Frames(Vec<FrameBuffer>),
+    /// A rest frame that was saved, and the name of its file.
+    Saved(Box<SavedRest>, String),
+}
+
+impl Given {
+    fn sizes(&self) -> Vec<SizePx> {
+        match self {
+            Given::Frames(frames) => frames.iter().map(|frame| frame.size).collect(),
+            Given::Saved(saved, _) => vec![saved.rest.size()],
+        }
+    }
+
+    /// Whose it is, as far as its file says, and the file.
+    fn finger(&self) -> Option<(&Sensor, &str)> {
+        match self {
+            Given::Frames(_) => None,
+            Given::Saved(saved, file) => Some((&saved.made_of.sensor, file)),
+        }
+    }
+}
+
+fn refused(e: RestFileError) -> Failure {
+    Failure::Arguments(anyhow!("--rest {e}"))
 }
 
 /// The rest frame from the frames that the user named: all of them, in contact when most look touched.
@@ -111,16 +122,20 @@ fn build_given(
 fn origin_given(argument: &RestArgument) -> RestOrigin {
     let frames = match argument {
         RestArgument::Frames(range) => Some([range.start, range.end]),
-        RestArgument::Image(_) | RestArgument::Live(_) => None,
+        RestArgument::File(_) | RestArgument::Live(_) => None,
     };
     RestOrigin { kind: RestOriginKind::Given, frames }
 }
 
-/// The frames that the user named; None where they are those that come first.
-fn given_frames(args: &Watch, argument: &RestArgument) -> Option<Result<Vec<FrameBuffer>, Failure>> {
+/// What the user named; None where it is what comes first.
+fn given(args: &Watch, argument: &RestArgument) -> Option<Result<Given, Failure>> {
     match argument {
-        RestArgument::Image(path) => Some(image(path)),
-        RestArgument::Frames(range) => Some(frames(&args.source, range)),
+        RestArgument::File(path) if is_rest(path) => {
+            let saved = SavedRest::read(path).map_err(refused);
+            Some(saved.map(|saved| Given::Saved(Box::new(saved), path.display().to_string())))
+        }
+        RestArgument::File(path) => Some(image(path).map(Given::Frames)),
+        RestArgument::Frames(range) => Some(frames(&args.source, range).map(Given::Frames)),
         RestArgument::Live(_) => None,
     }
 }

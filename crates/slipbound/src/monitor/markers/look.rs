@@ -47,7 +47,7 @@ pub(super) enum Seen {
 impl Looks {
     pub(super) fn new(sensor: &Sensor, grey: &[u8], markers: &[RestMarker]) -> Self {
         let (size, pitch_px) = (sensor.rectified_px(), sensor.pitch_px);
-        let mut window = Window::new(REACH_PITCH * pitch_px);
+        let window = Window::new(REACH_PITCH * pitch_px);
         let dark = profile(grey, size, markers, sensor.marker_diameter_px);
         let templates = markers.iter().map(|m| window.learn(grey, size, m.position, &dark)).collect();
         Looks { window, templates, weave: vec![1.0; markers.len()], pitch_px }

@@ -1,0 +1,65 @@
+//! Which finger a recording is of, where the user does not say: for `watch` and `tare`.
+
+use super::recording;
+use crate::outcome::Failure;
+use anyhow::anyhow;
+use slipbound::image::SizePx;
+use slipbound::sensor::Sensor;
+use slipbound_rig::sensors;
+
+/// Behind what is said of frames that stand upright where the finger's lie.
+pub const TURNED: &str = "; are the pictures turned by 90 degrees?";
+
+/// The finger asked for, else that of the scene, that of `sensor.toml` beside the frames, the one `saved` at rest under a name, or the only
+/// built-in one whose frames have just this size; with a note where that was a choice.
+pub fn of(
+    source: &str,
+    frames: SizePx,
+    asked: Option<&Sensor>,
+    saved: Option<(&Sensor, &str)>,
+) -> Result<(Sensor, Option<String>), Failure> {
+    if let Some(sensor) = asked {
+        return Ok((sensor.clone(), None));
+    }
+    if let Some(sensor) = recording::simulated_sensor(source)? {
+        return Ok((sensor, None));
+    }
+    if let Some(file) = recording::sensor_beside(source) {
+        let sensor = sensors::load(&file.to_string_lossy()).map_err(Failure::arguments)?;
+        return Ok((sensor, Some(format!("no --sensor given: took {}", file.display()))));
+    }
+    if let Some((sensor, file)) = saved {
+        return Ok((sensor.clone(), Some(format!("no --sensor given: took {} of {file}", sensor.name))));
+    }
+    match sensors::of_frames(frames).map_err(Failure::arguments)?.as_slice() {
+        [only] => {
+            let note = format!("no --sensor given: took {} for its frames of {frames}", only.name);
+            Ok((only.clone(), Some(note)))
+        }
+        several => {
+            let names: Vec<&str> = several.iter().map(|s| s.name.as_str()).collect();
+            Err(Failure::Arguments(match names.is_empty() {
+                true => anyhow!(
+                    "{source}: no built-in finger has frames of {frames}: expected --sensor, got none \
+                     (`slipbound sensors` lists the built-in fingers; your own is a FILE.toml){}",
+                    if is_portrait(frames) { TURNED } else { "" }
+                ),
+                false => anyhow!(
+                    "{source}: more than one built-in finger has frames of {frames}: expected --sensor with one \
+                     of {}, got none (`slipbound sensors` tells them apart)",
+                    names.join(", ")
+                ),
+            }))
+        }
+    }
+}
+
+/// Behind a complaint about frames of a size that this finger's are not.
+pub fn turned(frames: SizePx, sensor: &Sensor) -> &'static str {
+    let is_turned = is_portrait(frames) && sensor.image_px.width > sensor.image_px.height;
+    if is_turned { TURNED } else { "" }
+}
+
+fn is_portrait(size: SizePx) -> bool {
+    size.height > size.width
+}

@@ -1,0 +1,92 @@
+//! The first frames of a recording or a camera, and the finger at rest among them: for `watch` and `tare`.
+
+use super::finger;
+use crate::outcome::Failure;
+use anyhow::anyhow;
+use slipbound::finger_pipeline::{FoundRest, RestFinder};
+use slipbound::image::SizePx;
+use slipbound::monitor::{RestKind, RestLook, Settings};
+use slipbound::port::FrameBuffer;
+use slipbound::sensor::{Sensor, Skin};
+use slipbound_rig::report_summary::{frame_name, torn};
+use slipbound_rig::source::{AheadFrame, ReadAhead, most_common_size};
+use std::fmt::Display;
+
+/// The frames that are looked at to find the finger at rest.
+pub struct Window<'a> {
+    source: &'a str,
+    /// The whole ones.
+    pub frames: Vec<&'a FrameBuffer>,
+    /// The size that most of them have.
+    pub size: SizePx,
+    /// How many others were torn.
+    pub torn_count: usize,
+}
+
+impl<'a> Window<'a> {
+    /// Reads on until so many whole frames are there, or the source ends.
+    pub fn read(source: &'a str, recording: &'a mut ReadAhead, count: u32) -> Result<Self, Failure> {
+        let count = count as usize;
+        let whole = recording.read_ahead(count).filter(|frame| frame.torn.is_none());
+        let Some(size) = most_common_size(whole.map(|frame| &frame.buffer)) else {
+            let first_torn = recording.read_ahead(count).find_map(|a| Some(torn(&a.buffer, a.torn.as_deref()?)));
+            return Err(match (recording.take_failure(), first_torn) {
+                (Some(error), _) => error.into(),
+                (None, Some(first)) => anyhow!("{source}: expected at least one whole frame, got none; {first}").into(),
+                (None, None) => anyhow!("{source}: expected frames, got none").into(),
+            });
+        };
+        let window: Vec<&AheadFrame> = recording.read_ahead(count).collect();
+        let frames: Vec<&FrameBuffer> = window.iter().filter(|a| a.torn.is_none()).map(|a| &a.buffer).collect();
+        Ok(Window { source, torn_count: window.len() - frames.len(), frames, size })
+    }
+
+    /// What the finger's facts or settings do not allow with these frames.
+    pub fn refused(&self, sensor: &Sensor, e: impl Display) -> Failure {
+        let (source, size, hint) = (self.source, self.size, finger::turned(self.size, sensor));
+        Failure::Arguments(anyhow!("{source}: frames of {size}: sensor {}: {e}{hint}", sensor.name))
+    }
+
+    /// The finger at rest. `untouched`: who asks that nothing touches it; then a finger in contact is an error.
+    pub fn rest(
+        &self,
+        sensor: &Sensor,
+        settings: &Settings,
+        untouched: Option<&dyn Display>,
+    ) -> Result<FoundRest, Failure> {
+        let source = self.source;
+        let mut finder = RestFinder::new(sensor, settings, self.size).map_err(|e| self.refused(sensor, e))?;
+        for frame in &self.frames {
+            finder.see(frame).map_err(|e| Failure::work(source, e))?;
+        }
+        let (looks, bare) = (finder.looks().map(|(_, look)| *look).collect::<Vec<_>>(), finder.bare_sharpness());
+        let found = finder.find().map_err(|e| Failure::work(source, e))?;
+        match untouched.filter(|_| found.rest.kind() == RestKind::InContact) {
+            None => Ok(found),
+            Some(asker) => {
+                let expected = "expected a finger that nothing touches, got one in contact: free it and start again";
+                let seen = self.frames.iter().zip(looks).find(|(frame, _)| frame.seq == found.seqs.start);
+                let seen = seen
+                    .map_or_else(String::new, |(frame, look)| format!("; {}", imprint(frame, look, bare, sensor.skin)));
+                Err(anyhow!("{asker}: {source}: {expected}{seen}").into())
+            }
+        }
+    }
+}
+
+/// What of a frame says that something touches the finger.
+fn imprint(frame: &FrameBuffer, look: RestLook, bare: f64, skin: Skin) -> String {
+    let (name, seen) = (frame_name(frame), look.sharpness);
+    match skin {
+        _ if !look.touched => format!("{name} shows a light touch, which is gone in a later frame"),
+        Skin::Smooth => {
+            format!(
+                "{name} shows an imprint: it is {seen:.1} levels sharp between the markers, at most {bare:.1} untouched"
+            )
+        }
+        Skin::Fabric => {
+            let (seen, bare) = (100.0 * seen, 100.0 * bare);
+            format!("{name} shows an imprint: {seen:.1} % of it look like pressed weave, at most {bare:.1} % untouched")
+        }
+    }
+}

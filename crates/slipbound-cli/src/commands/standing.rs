@@ -1,0 +1,94 @@
+//! What the markers of a finger do while nothing should: for `doctor` and `tare`.
+
+use slipbound::monitor::{SlipMonitor, SlipState};
+use slipbound::plane::Vec2;
+use slipbound::port::FrameBuffer;
+
+/// A finger seen over some frames in which nothing touches it.
+pub struct Standing {
+    /// Root mean square distance of every marker from its mean place, px, the least first; without those seen fewer than three times.
+    pub noise_px: Vec<f64>,
+    /// How far the mean place of the middle one of them is from where the rest frame has it, px.
+    pub drift_px: Option<f64>,
+    /// The first frame that shows a contact.
+    pub touched_seq: Option<u64>,
+}
+
+impl Standing {
+    /// Judges the frames.
+    pub fn see(frames: &[FrameBuffer], monitor: &mut SlipMonitor) -> Self {
+        let mut scatters: Vec<Scatter> = vec![Scatter::default(); monitor.markers().len()];
+        let mut touched_seq = None;
+        for frame in frames.iter().filter_map(|frame| frame.frame().ok()) {
+            let report = monitor.step(&frame, None);
+            if !matches!(report.state, SlipState::NoContact | SlipState::Unjudged) {
+                touched_seq = touched_seq.or(Some(report.seq));
+            }
+            for (scatter, marker) in scatters.iter_mut().zip(monitor.markers()).filter(|(_, marker)| marker.matched) {
+                scatter.see(marker.now_from_rest());
+            }
+        }
+        let sorted = |of: fn(&Scatter) -> Option<f64>| {
+            let mut values: Vec<f64> = scatters.iter().filter_map(of).collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let drifts_px = sorted(Scatter::drift_px);
+        Standing {
+            noise_px: sorted(Scatter::rms_px),
+            drift_px: drifts_px.get(drifts_px.len() / 2).copied(),
+            touched_seq,
+        }
+    }
+
+    /// The noise of the middle marker and of the worst, in words; None where no marker was seen often enough.
+    pub fn noise(&self) -> Option<(f64, String)> {
+        let (median_px, worst_px) = (*self.noise_px.get(self.noise_px.len() / 2)?, self.noise_px.last()?);
+        let words = format!("{median_px:.3} px in the middle, {worst_px:.3} px at worst, of a marker at rest");
+        Some((median_px, words))
+    }
+}
+
+/// Where a marker was seen: sums for its scatter.
+#[derive(Debug, Clone, Copy, Default)]
+struct Scatter {
+    count: f64,
+    sum: (f64, f64),
+    sum_of_squares: f64,
+}
+
+impl Scatter {
+    fn see(&mut self, at: Vec2) {
+        self.count += 1.0;
+        self.sum = (self.sum.0 + at.x, self.sum.1 + at.y);
+        self.sum_of_squares += at.x * at.x + at.y * at.y;
+    }
+
+    /// Root mean square distance from its mean place, px; None before it was seen three times.
+    fn rms_px(&self) -> Option<f64> {
+        let mean_square = (self.sum.0 * self.sum.0 + self.sum.1 * self.sum.1) / (self.count * self.count);
+        (self.count >= 3.0).then(|| (self.sum_of_squares / self.count - mean_square).max(0.0).sqrt())
+    }
+
+    /// How far its mean place is from its place at rest, px; None before it was seen three times.
+    fn drift_px(&self) -> Option<f64> {
+        (self.count >= 3.0).then(|| Vec2::new(self.sum.0 / self.count, self.sum.1 / self.count).length())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_noise_of_a_marker_is_its_scatter_and_its_drift_is_not() {
+        let mut scatter = Scatter::default();
+        for (x, y) in [(5.0, 1.0), (5.2, 1.0), (4.8, 1.0), (5.0, 1.0)] {
+            scatter.see(Vec2::new(x, y));
+        }
+        let (rms_px, drift_px) = (scatter.rms_px(), scatter.drift_px());
+        let (rms_px, drift_px) = (rms_px.expect("seen often enough"), drift_px.expect("seen often enough"));
+        assert!((rms_px - (0.08f64 / 4.0).sqrt()).abs() < 1e-6, "{rms_px}");
+        assert!((drift_px - 26f64.sqrt()).abs() < 1e-9, "{drift_px}");
+    }
+}

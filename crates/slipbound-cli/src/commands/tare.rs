@@ -1,0 +1,115 @@
+//! `slipbound tare`: the finger at rest, found once and kept in a file for every later `--rest FILE`.
+
+use super::rest_window::Window;
+use super::standing::Standing;
+use super::{finger, recording};
+use crate::outcome::{Failure, Outcome};
+use crate::terminal::Terminal;
+use anyhow::anyhow;
+use slipbound::finger_pipeline::FoundRest;
+use slipbound::monitor::{Settings, SlipMonitor};
+use slipbound::port::FrameBuffer;
+use slipbound_rig::rest_file::{MadeOf, SavedRest};
+use slipbound_rig::{config, sensors, source, written};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The arguments of `slipbound tare`.
+#[derive(Debug, clap::Args)]
+pub struct Tare {
+    /// A camera (docs/cameras.md), a recording or a scene, of a finger that nothing touches in its first frames
+    source: String,
+    /// The finger: a built-in name (see `slipbound sensors`) or a sensor file [default: that of the
+    /// scene, or SOURCE/sensor.toml, else by the size of the frames]
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    sensor: Option<String>,
+    /// How many of the first frames are looked at; those that stand still are averaged [default: as the settings say, 20]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    frames: Option<u32>,
+    /// Settings that replace the defaults, the same as for `slipbound watch`; `paper` stands for the paper as written
+    #[arg(long, value_name = "FILE.toml|paper")]
+    settings: Option<String>,
+    /// The file that is written, for `--rest` of other commands
+    #[arg(short, long, value_name = "FILE", default_value = "finger.rest")]
+    output: PathBuf,
+    /// Overwrite a file that this program did not write
+    #[arg(long)]
+    force: bool,
+}
+
+impl Tare {
+    /// Finds the finger at rest and keeps it; fails when something touches it, or nothing could be judged against it.
+    pub fn run(&self) -> Result<Outcome, Failure> {
+        let mut settings = match &self.settings {
+            Some(file) => config::load_settings(file).map_err(Failure::arguments)?,
+            None => Settings::default(),
+        };
+        settings.rest.window_count = self.frames.unwrap_or(settings.rest.window_count);
+        let asked = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
+        self.refuse_overwriting()?;
+        let mut terminal = Terminal::plain();
+        let mut recording = recording::open(&self.source)?;
+        let window = Window::read(&self.source, &mut recording, settings.rest.window_count)?;
+        let (sensor, note) = finger::of(&self.source, window.size, asked.as_ref(), None)?;
+        note.iter().for_each(|note| terminal.note(note));
+        let FoundRest { rest, seqs } = window.rest(&sensor, &settings, Some(&"tare"))?;
+        let mut monitor = SlipMonitor::new(&sensor, &settings, rest.clone()).map_err(|e| window.refused(&sensor, e))?;
+        if let Some(reason) = monitor.refusal() {
+            return Err(anyhow!("{}: no frame could be judged against it: {reason}", self.source).into());
+        }
+        let frames: Vec<FrameBuffer> = window.frames.iter().map(|frame| (*frame).clone()).collect();
+        let standing = Standing::see(&frames, &mut monitor);
+        let noise = standing.noise();
+
+        let (looked_at, averaged) = (frames.len(), rest.frames_count());
+        let frames = format!("frames {} to {} averaged", seqs.start, seqs.end.saturating_sub(1));
+        let frames = if averaged == 1 { format!("frame {}", seqs.start) } else { frames };
+        let markers_count = rest.markers_count();
+        let made_of = MadeOf {
+            source: self.source.clone(),
+            frames: [seqs.start, seqs.end],
+            noise_px: noise.as_ref().map(|(median_px, _)| *median_px),
+            sensor,
+            settings,
+        };
+        SavedRest { rest, made_of }.write(&self.output).map_err(|e| Failure::Work(e.into()))?;
+        let source = &self.source;
+        terminal.say(&format!(
+            "{source}: nothing touches it; {markers_count} markers, {frames} of {looked_at} looked at"
+        ))?;
+        terminal.say(&match noise {
+            Some((_, words)) => format!("noise {words}"),
+            None => "noise unknown: it takes three frames, 20 are better".into(),
+        })?;
+        terminal.say(&format!("written: {}", self.output.display()))?;
+        terminal.say(&format!("next: slipbound watch {source} --rest {}", self.output.display()))?;
+        Ok(if window.torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
+    }
+
+    /// The file may fall neither on what is read nor on a file of somebody else.
+    fn refuse_overwriting(&self) -> Result<(), Failure> {
+        let shown = self.output.display();
+        if self.output.as_os_str() == "-" {
+            return Err(Failure::Arguments(anyhow!("--output -: expected the name of a file")));
+        }
+        let Ok(place) = fs::canonicalize(&self.output) else { return Ok(()) };
+        let mcap = source::mcap_file(&self.source).map(|(file, _)| file);
+        let is = |other: &Path| fs::canonicalize(other).is_ok_and(|other| other == place);
+        let mut inputs = [Some(mcap.unwrap_or(&self.source)), self.sensor.as_deref(), self.settings.as_deref()];
+        if inputs.iter_mut().flatten().any(|input| is(Path::new(input)))
+            || source::image_files(&self.source).iter().any(|file| is(file))
+        {
+            return Err(Failure::Arguments(anyhow!(
+                "--output {shown}: expected a place of its own, got one that is read"
+            )));
+        }
+        let is_foreign = place.is_dir() || (place.is_file() && !written::is_ours(&place).unwrap_or(false));
+        match is_foreign && !(self.force && place.is_file()) {
+            false => Ok(()),
+            true => {
+                let expected = "expected a new file, or one that slipbound wrote";
+                Err(Failure::Arguments(anyhow!("--output: {expected}, got {shown} (--force overwrites a file)")))
+            }
+        }
+    }
+}
