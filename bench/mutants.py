@@ -1,0 +1,213 @@
+#!/usr/bin/env python3
+"""A seeded sample of mutants, each run against the tests of its own crate: bench/mutants.py core --seed 1 --sample 300
+
+Needs `cargo install cargo-mutants --locked`, which makes the mutants; what may be mutated is in .cargo/mutants.toml. Each is tried in a
+copy of the tree under target/mutants, where only what the change touches is built again (`cargo mutants` itself builds every target of
+the crate for every mutant, several times as long). Groups of tests run in turn, quick ones first, until one kills it. Each result is a
+line in target/mutants/results.jsonl: started again, the same command goes on where it stopped; shards (--shard 2/4) may run on several
+machines, their files joined.
+"""
+
+import argparse
+import hashlib
+import json
+import math
+import os
+import pathlib
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+WORK = ROOT / "target" / "mutants"
+RESULTS = WORK / "results.jsonl"
+
+# Groups of test binaries, quick ones first. Left out: `calibrate` (minutes, and about what no part here holds), and what reads the
+# sources or the allocator instead of running the method (`tidy`, `import_circles`, `no_alloc`).
+STATES = ["--lib", "--test=hand", "--test=tasks", "--test=controllers"]
+PICTURES = ["--test=deviations", "--test=faults", "--test=gap", "--test=rest_saved"]
+LONG = ["--test=paper_cases", "--test=wrong_sensor", "--test=evidence", "--test=exactness"]
+PARTS = {
+    "core": ("slipbound", lambda file: [STATES, ["--test=control_loop"]] if is_told(file) else [STATES, PICTURES, LONG]),
+    "drivers": ("slipbound-rig", lambda _: [["--lib"], ["--test=grippers"]]),
+}
+
+
+def is_told(file):
+    """Whether a file works on reports, which made-up ones test as well as pictures do."""
+    return re.search(r"/src/(events|hand|grip|task)\b", file) is not None
+
+# A build or a group of tests that takes longer than this hangs, s: several times what they take on a busy machine.
+BUILD_MOST_S = 1200
+TESTS_MOST_S = 300
+
+
+def main():
+    arguments = parsed()
+    package, groups_of = PARTS[arguments.part]
+    WORK.mkdir(parents=True, exist_ok=True)
+    copy_tree()
+    mutants = listed(package)
+    chosen = at_lines(mutants, arguments.at) if arguments.at else sampled(mutants, arguments)
+    if not arguments.summary:
+        run_all(chosen, groups_of, arguments)
+    summary(arguments.part, chosen, len(mutants))
+
+
+def parsed():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("part", choices=PARTS)
+    parser.add_argument("--seed", default="1", help="any text; the same one draws the same mutants")
+    parser.add_argument("--sample", type=int, default=300, help="how many")
+    parser.add_argument("--shard", default="1/1", metavar="I/N", help="every N-th of the sample, from the I-th")
+    parser.add_argument("--at", action="append", metavar="FILE:FIRST[-LAST]", help="instead: all mutants of these lines")
+    parser.add_argument("--again", action="store_true", help="run again what survived, after new tests")
+    parser.add_argument("--summary", action="store_true", help="run nothing, count what is there")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="begin no mutant after this time")
+    return parser.parse_args()
+
+
+def copy_tree():
+    """The tree as it stands, uncommitted changes too, in a place of its own; files that are the same stay untouched."""
+    names = output("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard").split("\0")
+    tree = WORK / "tree"
+    wanted = {name for name in names if name and (ROOT / name).is_file()}
+    for old in [path for path in tree.rglob("*") if path.is_file()]:
+        if str(old.relative_to(tree)) not in wanted:
+            old.unlink()
+    for name in wanted:
+        new, bytes_ = tree / name, (ROOT / name).read_bytes()
+        if not new.is_file() or new.read_bytes() != bytes_:
+            new.parent.mkdir(parents=True, exist_ok=True)
+            new.write_bytes(bytes_)
+
+
+def listed(package):
+    found = json.loads(output("cargo", "mutants", "--list", "--json", "--diff", "-p", package, cwd=WORK / "tree"))
+    digests = {}
+    for mutant in found:
+        file = mutant["file"]
+        if file not in digests:
+            digests[file] = hashlib.sha256((WORK / "tree" / file).read_bytes()).hexdigest()[:12]
+        mutant["key"] = f"{digests[file]} {mutant['name']}"
+    return sorted(found, key=lambda mutant: mutant["name"])
+
+
+def sampled(mutants, arguments):
+    chosen = random.Random(arguments.seed).sample(mutants, min(arguments.sample, len(mutants)))
+    index, count = (int(part) for part in arguments.shard.split("/"))
+    return chosen[index - 1 :: count]
+
+
+def at_lines(mutants, places):
+    chosen = []
+    for place in places:
+        file, lines = place.rsplit(":", 1)
+        first, last = (int(line) for line in (lines.split("-") * 2)[:2])
+        chosen += [m for m in mutants if m["file"].endswith(file) and first <= m["span"]["start"]["line"] <= last]
+    return chosen
+
+
+def results():
+    """The last result of each mutant, by its key: the sources it was made from and its name."""
+    if not RESULTS.exists():
+        return {}
+    return {line["key"]: line for line in map(json.loads, RESULTS.read_text().splitlines())}
+
+
+def run_all(chosen, groups_of, arguments):
+    began, done = time.monotonic(), results()
+    again = {"survived"} if arguments.again else set()
+    pending = [m for m in chosen if m["key"] not in done or done[m["key"]]["outcome"] in again]
+    for number, mutant in enumerate(pending, 1):
+        if time.monotonic() - began > 60 * arguments.minutes:
+            break
+        began_mutant = time.monotonic()
+        outcome, by = judged(mutant, groups_of(mutant["file"]))
+        seconds = time.monotonic() - began_mutant
+        line = {"outcome": outcome, "by": by, "seconds": round(seconds, 1), "name": mutant["name"], "key": mutant["key"]}
+        with RESULTS.open("a") as file:
+            file.write(json.dumps(line) + "\n")
+        print(f"{number}/{len(pending)} {outcome:8} {seconds:5.0f} s  {mutant['name']}", flush=True)
+
+
+def judged(mutant, groups):
+    """What became of a mutant, and the group of tests that said so."""
+    source = WORK / "tree" / mutant["file"]
+    as_it_was = source.read_text()
+    source.write_text(changed(as_it_was, mutant["diff"]))
+    try:
+        for group in groups:
+            test = ["cargo", "test", "--profile=mutants", "--locked", f"--package={mutant['package']}", *group]
+            if run([*test, "--no-run"], BUILD_MOST_S) != 0:
+                return "unviable", ""
+            code = run(test, TESTS_MOST_S)
+            if code != 0:
+                return "timeout" if code is None else "caught", " ".join(group)
+        return "survived", ""
+    finally:
+        source.write_text(as_it_was)
+
+
+def changed(text, diff):
+    """A text after a change in the unified format."""
+    old, new, at = text.splitlines(keepends=True), [], 0
+    for line in diff.splitlines(keepends=True)[2:]:
+        if line.startswith("@@"):
+            first = int(re.match(r"@@ -(\d+)", line)[1]) - 1
+            new += old[at:first]
+            at = first
+        elif line.startswith("+"):
+            new.append(line[1:])
+        elif line.startswith(("-", " ")):
+            if old[at] != line[1:]:
+                sys.exit(f"not the text that was to be changed: {old[at]!r} for {line!r}")
+            new += [line[1:]] if line[0] == " " else []
+            at += 1
+    return "".join(new + old[at:])
+
+
+def run(command, most_s):
+    """The exit code of a command; None, and its children ended too, where it took longer than that."""
+    environment = dict(os.environ, CARGO_TARGET_DIR=str(WORK / "build"), CARGO_INCREMENTAL="1")
+    with (WORK / "last.log").open("w") as log:
+        began = subprocess.Popen(command, cwd=WORK / "tree", env=environment, stdout=log, stderr=log, start_new_session=True)
+        try:
+            return began.wait(most_s)
+        except subprocess.TimeoutExpired:
+            os.killpg(began.pid, signal.SIGKILL)
+            began.wait()
+            return None
+
+
+def summary(part, chosen, of):
+    done = results()
+    lines = [done[m["key"]] for m in chosen if m["key"] in done]
+    count = {name: sum(line["outcome"] == name for line in lines) for name in ("caught", "timeout", "survived", "unviable")}
+    killed, viable = count["caught"] + count["timeout"], len(lines) - count["unviable"]
+    print(f"{part}: {len(lines)} of {len(chosen)} run, of {of} there are: " + ", ".join(f"{n} {name}" for name, n in count.items()))
+    if viable:
+        low, high = wilson(killed, viable)
+        print(f"{100 * killed / viable:.1f} % of {viable} viable ones die (95 % interval {100 * low:.1f} to {100 * high:.1f} %)")
+    for line in lines:
+        if line["outcome"] == "survived":
+            print(f"survived: {line['name']}")
+
+
+def wilson(hits, count, z=1.959964):
+    """Wilson's interval of a share."""
+    share, scale = hits / count, 1 + z * z / count
+    middle = (share + z * z / (2 * count)) / scale
+    half = z / scale * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count))
+    return middle - half, middle + half
+
+
+def output(*command, cwd=ROOT):
+    return subprocess.run(command, cwd=cwd, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+if __name__ == "__main__":
+    main()
