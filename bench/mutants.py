@@ -27,7 +27,7 @@ RESULTS = WORK / "results.jsonl"
 
 # Groups of test binaries, quick ones first. Left out: `calibrate` (minutes, and about what no part here holds), and what reads the
 # sources or the allocator instead of running the method (`tidy`, `import_circles`, `no_alloc`).
-STATES = ["--lib", "--test=hand", "--test=tasks", "--test=controllers"]
+STATES = ["--lib", *(f"--test={name}" for name in ("controllers", "events", "hand", "law_pictures", "task_pictures", "tasks"))]
 PICTURES = ["--test=deviations", "--test=faults", "--test=gap", "--test=rest_saved"]
 LONG = ["--test=paper_cases", "--test=wrong_sensor", "--test=evidence", "--test=exactness"]
 PARTS = {
