@@ -25,20 +25,30 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 WORK = ROOT / "target" / "mutants"
 RESULTS = WORK / "results.jsonl"
 
-# Groups of test binaries, quick ones first. Left out: `calibrate` (minutes, and about what no part here holds), and what reads the
-# sources or the allocator instead of running the method (`tidy`, `import_circles`, `no_alloc`).
-STATES = ["--lib", *(f"--test={name}" for name in ("controllers", "events", "hand", "law_pictures", "task_pictures", "tasks"))]
-PICTURES = ["--test=deviations", "--test=faults", "--test=gap", "--test=rest_saved"]
-LONG = ["--test=paper_cases", "--test=wrong_sensor", "--test=evidence", "--test=exactness"]
-PARTS = {
-    "core": ("slipbound", lambda file: [STATES, ["--test=control_loop"]] if is_told(file) else [STATES, PICTURES, LONG]),
-    "drivers": ("slipbound-rig", lambda _: [["--lib"], ["--test=grippers"]]),
-}
+# Groups of test binaries, quick ones first, and those that are only run with --long. Left out altogether: `calibrate` (minutes, and about
+# what no part here holds), and what reads the sources or the allocator instead of running the method (`tidy`, `import_circles`,
+# `no_alloc`).
+def tests(*names):
+    return [f"--test={name}" for name in names]
 
 
-def is_told(file):
-    """Whether a file works on reports, which made-up ones test as well as pictures do."""
-    return re.search(r"/src/(events|hand|grip|task)\b", file) is not None
+LIB = ["--lib"]
+STATES = [*LIB, *tests("controllers", "events", "hand", "law_pictures", "task_pictures", "tasks")]
+PICTURES = tests("deviations", "faults", "gap", "rest_saved")
+LONG = tests("evidence", "exactness", "paper_cases", "wrong_sensor")
+
+
+def groups_of(file, is_long):
+    """The groups that can tell a change of this file."""
+    if "slipbound-rig/" in file:
+        return [LIB, tests("grippers")]
+    # What works on reports is tested with made-up ones.
+    if re.search(r"/src/(events|hand|grip|task)\b", file):
+        return [STATES] + is_long * [tests("control_loop")]
+    return [LIB, PICTURES] + is_long * [LONG]
+
+
+PACKAGES = {"core": "slipbound", "drivers": "slipbound-rig"}
 
 # A build or a group of tests that takes longer than this hangs, s: several times what they take on a busy machine.
 BUILD_MOST_S = 1200
@@ -47,24 +57,25 @@ TESTS_MOST_S = 300
 
 def main():
     arguments = parsed()
-    package, groups_of = PARTS[arguments.part]
+    package = PACKAGES[arguments.part]
     WORK.mkdir(parents=True, exist_ok=True)
     copy_tree()
     mutants = listed(package)
     chosen = at_lines(mutants, arguments.at) if arguments.at else sampled(mutants, arguments)
     if not arguments.summary:
-        run_all(chosen, groups_of, arguments)
+        run_all(chosen, arguments)
     summary(arguments.part, chosen, len(mutants))
 
 
 def parsed():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("part", choices=PARTS)
+    parser.add_argument("part", choices=PACKAGES)
     parser.add_argument("--seed", default="1", help="any text; the same one draws the same mutants")
     parser.add_argument("--sample", type=int, default=300, help="how many")
     parser.add_argument("--shard", default="1/1", metavar="I/N", help="every N-th of the sample, from the I-th")
     parser.add_argument("--at", action="append", metavar="FILE:FIRST[-LAST]", help="instead: all mutants of these lines")
-    parser.add_argument("--again", action="store_true", help="run again what survived, after new tests")
+    parser.add_argument("--again", action="store_true", help="run again what survived, after new tests or with longer ones")
+    parser.add_argument("--long", action="store_true", help="let the tests that take long have a go as well")
     parser.add_argument("--summary", action="store_true", help="run nothing, count what is there")
     parser.add_argument("--minutes", type=float, default=math.inf, help="begin no mutant after this time")
     return parser.parse_args()
@@ -118,7 +129,7 @@ def results():
     return {line["key"]: line for line in map(json.loads, RESULTS.read_text().splitlines())}
 
 
-def run_all(chosen, groups_of, arguments):
+def run_all(chosen, arguments):
     began, done = time.monotonic(), results()
     again = {"survived"} if arguments.again else set()
     pending = [m for m in chosen if m["key"] not in done or done[m["key"]]["outcome"] in again]
@@ -126,7 +137,7 @@ def run_all(chosen, groups_of, arguments):
         if time.monotonic() - began > 60 * arguments.minutes:
             break
         began_mutant = time.monotonic()
-        outcome, by = judged(mutant, groups_of(mutant["file"]))
+        outcome, by = judged(mutant, groups_of(mutant["file"], arguments.long))
         seconds = time.monotonic() - began_mutant
         line = {"outcome": outcome, "by": by, "seconds": round(seconds, 1), "name": mutant["name"], "key": mutant["key"]}
         with RESULTS.open("a") as file:
