@@ -34,7 +34,7 @@ def tests(*names):
 
 LIB = ["--lib"]
 STATES = [*LIB, *tests("controllers", "events", "hand", "law_pictures", "task_pictures", "tasks")]
-PICTURES = tests("deviations", "faults", "gap", "rest_saved")
+PICTURES = tests("deviations", "faults", "gap", "rest_saved", "touch")
 LONG = tests("evidence", "exactness", "paper_cases", "wrong_sensor")
 
 

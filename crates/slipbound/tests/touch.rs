@@ -1,0 +1,96 @@
+//! When a contact begins and ends, and what a new reference knows: painted fingers, a letter a frame.
+
+mod picture;
+
+use picture::{Painter, Touch, frame};
+use slipbound::image::SizePx;
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
+use slipbound::plane::Vec2;
+use slipbound::sensor::Skin;
+
+const SIZE: SizePx = SizePx::new(320, 240);
+
+fn finger(skin: Skin) -> (Painter, SlipMonitor) {
+    let painter = Painter::new(SIZE, 20.0, 7.0, skin, 0.0, 3);
+    let mut builder = RestBuilder::new(&painter.sensor, &Settings::default(), SIZE).expect("valid");
+    for i in 0..4 {
+        builder.add(&frame(&painter.paint(&painter.rest, None, 900 + i), SIZE, i)).expect("bright");
+    }
+    let rest = builder.build(RestKind::Unloaded).expect("markers");
+    let monitor = SlipMonitor::new(&painter.sensor, &Settings::default(), rest).expect("valid");
+    (painter, monitor)
+}
+
+fn touch(radius_px: f64) -> Touch {
+    Touch { centre: Vec2::new(160.0, 120.0), radii_px: Vec2::new(1.1, 0.9) * radius_px, strength_levels: 32.0 }
+}
+
+/// Contact, `#`, in a row of frames: `.` nothing touches, `o` little does, `O` much does.
+fn contact_in(row: &str, skin: Skin) -> String {
+    let (painter, mut monitor) = finger(skin);
+    // A contact begins from 2255 px2 on and lasts down to 440 px2.
+    let touch = |shown| match shown {
+        'o' => Some(touch(19.0)),
+        'O' => Some(touch(55.0)),
+        _ => None,
+    };
+    let step = |(i, shown): (usize, char)| {
+        let rgb = painter.paint(&painter.rest, touch(shown).as_ref(), i as u64);
+        let report = monitor.step(&frame(&rgb, SIZE, i as u64), None);
+        let touches = report.state != SlipState::NoContact;
+        assert_eq!(touches, report.contact.area_px2 > 0.0, "frame {i}: {report:?}");
+        assert_eq!(report.contact.area_px2, monitor.contact_region().area_px2() as f64);
+        if touches { '#' } else { '.' }
+    };
+    row.chars().enumerate().map(step).collect()
+}
+
+#[test]
+fn a_contact_begins_with_the_fourth_frame_of_much_and_lasts_while_a_little_is_left() {
+    for skin in [Skin::Smooth, Skin::Fabric] {
+        let row = ".OOO.OOOOOooooo..OOOoooo";
+        assert_eq!(contact_in(row, skin), "........#######.........", "{row} {skin:?}");
+    }
+}
+
+/// Markers that the border cut when the reference was taken have no displacement since: they say nothing until it is taken anew.
+#[test]
+fn markers_that_were_cut_when_the_reference_was_taken_are_not_in_it() {
+    let (painter, mut monitor) = finger(Skin::Smooth);
+    let mut seq = 0;
+    let mut show = |monitor: &mut SlipMonitor, shift: Vec2, touched: bool| -> SlipReport {
+        let places: Vec<Vec2> = painter.rest.iter().map(|&p| p + shift).collect();
+        let rgb = painter.paint(&places, touched.then_some(&touch(85.0)), seq);
+        seq += 1;
+        monitor.step(&frame(&rgb, SIZE, seq), None)
+    };
+    for _ in 0..6 {
+        show(&mut monitor, Vec2::ZERO, true);
+    }
+    // All move by nearly a pitch: the last column leaves the picture.
+    let away = Vec2::new(18.0, 0.0);
+    for i in 1..=6 {
+        show(&mut monitor, away * (f64::from(i) / 6.0), true);
+    }
+    let cut = |m: &slipbound::monitor::Marker| m.rest.x > 298.0;
+    assert!(monitor.markers().iter().all(|m| m.in_reference && (m.whole != cut(m))), "the last column is cut");
+    monitor.rebase(12);
+    let report = (0..2).map(|_| show(&mut monitor, away, true)).last().expect("frames");
+    assert_eq!(report.reference_seq + 2, report.seq);
+    for m in monitor.markers() {
+        assert_eq!(m.in_reference, !cut(m), "marker {}", m.id);
+        assert!(cut(m) || m.now_from_reference().length() < 0.3, "marker {}: {m:?}", m.id);
+    }
+    // In view again, a column that nobody knows the way of has no slip and no say in the motion, though it is touched.
+    let back = |i: u32| away * (1.0 - f64::from(i) / 6.0);
+    let report = (1..=6).map(|i| show(&mut monitor, back(i), true)).last().expect("frames");
+    for m in monitor.markers().iter().filter(|m| cut(m)) {
+        assert!(m.whole && !m.in_reference && !m.inner && !m.over, "{m:?}");
+    }
+    assert!(report.motion.expect("in contact").translation_px.x < -17.0);
+    // Nothing touches: all count from rest again.
+    for _ in 0..4 {
+        show(&mut monitor, Vec2::ZERO, false);
+    }
+    assert!(monitor.markers().iter().all(|m| m.in_reference && m.reference == m.rest));
+}
