@@ -195,3 +195,30 @@ fn a_grip_that_does_not_loosen_is_waited_for_three_seconds_more() {
     // 3.5 s are 105 frames and a hair.
     assert_eq!((waits(&told(999)), told(999).ends_with('S')), (106, true));
 }
+
+/// Every task says what it waits for while it takes hold, and nothing after.
+#[test]
+fn what_is_missing_is_said_while_hold_is_taken() {
+    use slipbound::task::Missing;
+    for kind in [TaskKind::Screw, TaskKind::Unscrew, TaskKind::Place, TaskKind::Lift] {
+        let settings = TaskSettings::default().with_controller(ControllerKind::Constant);
+        let mut task = settings.task(kind, Some(0.05)).expect("valid");
+        let mut missing = Vec::new();
+        for frame in 0..14u64 {
+            let (state, jaws) = match frame {
+                0..2 => (SlipState::NoContact, Jaws::Closing),
+                2..4 => (SlipState::NoContact, Jaws::Holding),
+                4 => (SlipState::Unjudged, Jaws::Holding),
+                _ => (SlipState::Stick, Jaws::Holding),
+            };
+            let (now_ns, gripper) = (frame * FRAME_NS, GripperState { jaws, ..gripper(10.0) });
+            let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+            task.step(&Observation { now_ns, hand: &hand(state), gripper: &gripper, wrist: &wrist });
+            missing.push(task.missing());
+        }
+        use Missing::*;
+        let waits = [Some(Hold), Some(Hold), Some(Contact), Some(Contact), Some(Sight)];
+        let rests = [Some(Rest); 7];
+        assert_eq!(missing, [&waits[..], &rests[..], &[None, None]].concat(), "{kind:?}");
+    }
+}

@@ -217,3 +217,29 @@ fn taps(sensor: &Sensor, cell_px: usize, columns: usize, rows: usize, camera: us
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four cells of a picture of three columns: the shade between them is even along both ways.
+    #[test]
+    fn a_shade_between_four_cells_is_mixed_by_the_way_to_each() {
+        let mut shades = [Shade::default(); 9];
+        for (at, levels) in [(4, 1.0), (5, 3.0), (7, 10.0), (8, 20.0)] {
+            shades[at][0] = levels;
+        }
+        for (right, down, levels) in [
+            (0.0, 0.0, 1.0),
+            (1.0, 0.0, 3.0),
+            (0.0, 1.0, 10.0),
+            (1.0, 1.0, 20.0),
+            (0.5, 0.0, 2.0),
+            (0.0, 0.5, 5.5),
+            (0.5, 0.5, 8.5),
+            (0.25, 0.5, 7.0),
+        ] {
+            assert_eq!(mix(&shades, 3, 4, right, down)[0], levels, "{right} {down}");
+        }
+    }
+}
