@@ -25,13 +25,20 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 WORK = ROOT / "target" / "mutants"
 RESULTS = WORK / "results.jsonl"
 
-# Groups of test binaries, quick ones first, and those that are only run with --long. Left out altogether: `calibrate` (minutes, and about
-# what no part here holds), and what reads the sources or the allocator instead of running the method (`tidy`, `import_circles`,
-# `no_alloc`).
+PACKAGES = {"core": "slipbound", "drivers": "slipbound-rig"}
+
+# A build or a group of tests that takes longer than this hangs, s: several times what they take on a busy machine.
+BUILD_MOST_S = 1200
+TESTS_MOST_S = 300
+
+
 def tests(*names):
     return [f"--test={name}" for name in names]
 
 
+# Groups of test binaries, quick ones first, and those that are only run with --long. Left out altogether: `calibrate` (minutes, and about
+# what no part here holds), and what reads the sources or the allocator instead of running the method (`tidy`, `import_circles`,
+# `no_alloc`, `twins`).
 LIB = ["--lib"]
 STATES = [*LIB, *tests("controllers", "events", "hand", "law_pictures", "task_pictures", "tasks")]
 PICTURES = tests("deviations", "faults", "gap", "rest_saved", "touch")
@@ -48,23 +55,21 @@ def groups_of(file, is_long):
     return [LIB, PICTURES] + is_long * [LONG]
 
 
-PACKAGES = {"core": "slipbound", "drivers": "slipbound-rig"}
-
-# A build or a group of tests that takes longer than this hangs, s: several times what they take on a busy machine.
-BUILD_MOST_S = 1200
-TESTS_MOST_S = 300
-
-
 def main():
     arguments = parsed()
     package = PACKAGES[arguments.part]
     WORK.mkdir(parents=True, exist_ok=True)
-    copy_tree()
-    mutants = listed(package)
+    tree = ROOT
+    if not arguments.summary:
+        tree = WORK / "tree"
+        copy_tree(tree)
+    mutants = listed(package, tree)
     chosen = at_lines(mutants, arguments.at) if arguments.at else sampled(mutants, arguments)
     if not arguments.summary:
         run_all(chosen, arguments)
-    summary(arguments.part, chosen, len(mutants))
+    highest = summary(arguments.part, chosen, len(mutants))
+    if 100 * highest < arguments.least_percent:
+        sys.exit(f"fewer than {arguments.least_percent:g} % die, with 95 % certainty")
 
 
 def parsed():
@@ -77,14 +82,14 @@ def parsed():
     parser.add_argument("--again", action="store_true", help="run again what survived, after new tests or with longer ones")
     parser.add_argument("--long", action="store_true", help="let the tests that take long have a go as well")
     parser.add_argument("--summary", action="store_true", help="run nothing, count what is there")
+    parser.add_argument("--least-percent", type=float, default=0.0, help="fail where the whole interval lies below this share")
     parser.add_argument("--minutes", type=float, default=math.inf, help="begin no mutant after this time")
     return parser.parse_args()
 
 
-def copy_tree():
+def copy_tree(tree):
     """The tree as it stands, uncommitted changes too, in a place of its own; files that are the same stay untouched."""
     names = output("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard").split("\0")
-    tree = WORK / "tree"
     wanted = {name for name in names if name and (ROOT / name).is_file()}
     for old in [path for path in tree.rglob("*") if path.is_file()]:
         if str(old.relative_to(tree)) not in wanted:
@@ -96,13 +101,13 @@ def copy_tree():
             new.write_bytes(bytes_)
 
 
-def listed(package):
-    found = json.loads(output("cargo", "mutants", "--list", "--json", "--diff", "-p", package, cwd=WORK / "tree"))
+def listed(package, tree):
+    found = json.loads(output("cargo", "mutants", "--list", "--json", "--diff", "-p", package, cwd=tree))
     digests = {}
     for mutant in found:
         file = mutant["file"]
         if file not in digests:
-            digests[file] = hashlib.sha256((WORK / "tree" / file).read_bytes()).hexdigest()[:12]
+            digests[file] = hashlib.sha256((tree / file).read_bytes()).hexdigest()[:12]
         mutant["key"] = f"{digests[file]} {mutant['name']}"
     return sorted(found, key=lambda mutant: mutant["name"])
 
@@ -195,17 +200,19 @@ def run(command, most_s):
 
 
 def summary(part, chosen, of):
+    """Prints what is known; returns the upper end of the interval."""
     done = results()
     lines = [done[m["key"]] for m in chosen if m["key"] in done]
     count = {name: sum(line["outcome"] == name for line in lines) for name in ("caught", "timeout", "survived", "unviable")}
     killed, viable = count["caught"] + count["timeout"], len(lines) - count["unviable"]
     print(f"{part}: {len(lines)} of {len(chosen)} run, of {of} there are: " + ", ".join(f"{n} {name}" for name, n in count.items()))
+    low, high = wilson(killed, viable) if viable else (0.0, 1.0)
     if viable:
-        low, high = wilson(killed, viable)
         print(f"{100 * killed / viable:.1f} % of {viable} viable ones die (95 % interval {100 * low:.1f} to {100 * high:.1f} %)")
     for line in lines:
         if line["outcome"] == "survived":
             print(f"survived: {line['name']}")
+    return high
 
 
 def wilson(hits, count, z=1.959964):

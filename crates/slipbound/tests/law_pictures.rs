@@ -6,6 +6,7 @@ use made_up::{FRAME_NS, gripper, hand};
 use slipbound::grip::{ArmMotion, GripController, GripDecision, GripLimits, Law, MarginSettings, OnSlipSettings};
 use slipbound::hand::HandReport;
 use slipbound::monitor::SlipState;
+use slipbound::port::{GripperState, Jaws};
 
 fn starting_with(start_n: f64) -> GripLimits {
     let mut limits = GripLimits::default();
@@ -160,4 +161,19 @@ fn the_margin_that_is_told_is_that_of_the_least_force_that_holds() {
     controller.decide(FRAME_NS, &stands, &gripper(20.0));
     let average_n = 6.0 + (1.0 - (-1.0f64 / 3.0).exp()) * 6.0;
     assert!((controller.margin().expect("known") - (1.0 - average_n / 20.0)).abs() < 1e-6);
+}
+
+/// A hand that is blind goes to the force that was set for it only where something may be held.
+#[test]
+fn a_blind_hand_whose_jaws_are_open_or_closing_is_told_no_more() {
+    for (jaws, force_n) in
+        [(Jaws::Open, 10.0), (Jaws::Closing, 10.0), (Jaws::Holding, 30.0), (Jaws::Unknown, 30.0), (Jaws::Stopped, 30.0)]
+    {
+        let limits = GripLimits::default().with_blind_force_n(Some(30.0));
+        let mut controller = Law::Constant.controller(&limits).expect("valid");
+        let state = GripperState { jaws, ..gripper(10.0) };
+        let told: Vec<f64> =
+            (0..6).map(|i| controller.decide(i * FRAME_NS, &hand(SlipState::Unjudged), &state).force_n).collect();
+        assert_eq!(told, [10.0, 10.0, 10.0, force_n, force_n, force_n], "{jaws:?}");
+    }
 }
