@@ -36,9 +36,8 @@ def tests(*names):
     return [f"--test={name}" for name in names]
 
 
-# Groups of test binaries, quick ones first, and those that are only run with --long. Left out altogether: `calibrate` (minutes, and about
-# what no part here holds), and what reads the sources or the allocator instead of running the method (`tidy`, `import_circles`,
-# `no_alloc`, `twins`).
+# Groups of test binaries, quick ones first, and those that are only run with --long. Left out altogether: what reads the sources or the
+# allocator instead of running the method (`tidy`, `import_circles`, `no_alloc`), and `twins`, about kernels that are not mutated here.
 LIB = ["--lib"]
 STATES = [*LIB, *tests("controllers", "events", "hand", "law_pictures", "task_pictures", "tasks")]
 PICTURES = tests("deviations", "faults", "gap", "rest_saved", "touch")
