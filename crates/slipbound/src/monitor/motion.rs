@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn the_motion_is_that_of_markers_whose_way_is_known() {
         let region = disc(Vec2::new(145.0, 115.0), 90.0);
-        let spoilt = |m: &Marker| m.id % 5 == 0;
+        let spoilt = |m: &Marker| m.id.is_multiple_of(5);
         for spoil in [|m: &mut Marker| m.in_reference = false, |m: &mut Marker| m.whole = false] {
             let mut markers = moved(|m| {
                 if spoilt(m) {

@@ -153,7 +153,7 @@ mod tests {
         assert!(furthest_levels(&touched) < 0.5, "{} levels of 30 are left", furthest_levels(&touched));
 
         // Whatever a covered cell shows, black here, it does not count; what lies under it is filled in.
-        let covered: Vec<bool> = (0..COLUMNS * ROWS).map(|i| i % 7 == 0).collect();
+        let covered: Vec<bool> = (0..COLUMNS * ROWS).map(|i| i.is_multiple_of(7)).collect();
         let mut marked = cells();
         marked.iter_mut().zip(&covered).filter(|(_, covered)| **covered).for_each(|(cell, _)| *cell = [0.0; 3]);
         illumination(&mut marked, &covered, COLUMNS);

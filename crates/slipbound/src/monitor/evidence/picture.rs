@@ -260,7 +260,8 @@ mod tests {
         // Flipped about one axis or both; shifted by half a cell along x and one and a half along y, but not out of the picture.
         let shift = Homography([[1.0, 0.0, -2.0], [0.0, 1.0, -6.0], [0.0, 0.0, 1.0]]);
         let shifted = Some(Rectification { homography: shift, crop_px: [0, 0, 320, 240], distortion: None });
-        let sensors: [(Sensor, fn(Vec2) -> Vec2); 4] = [
+        type Place = fn(Vec2) -> Vec2;
+        let sensors: [(Sensor, Place); 4] = [
             (Sensor { flip: Flip::Horizontal, ..smooth() }, |p| Vec2::new(79.0 - p.x, p.y)),
             (Sensor { flip: Flip::Vertical, ..smooth() }, |p| Vec2::new(p.x, 59.0 - p.y)),
             (Sensor { flip: Flip::Both, ..smooth() }, |p| Vec2::new(79.0 - p.x, 59.0 - p.y)),
