@@ -262,6 +262,10 @@ mod tests {
             RigidMotion { reference: Vec2::new(100.0, 50.0), translation: Vec2::new(3.0, -2.0), rotation_rad: -0.2 };
         let icr = m.centre_of_rotation(1e-3).expect("rotates");
         assert!((m.apply(icr) - icr).length() < 1e-9);
+        assert!(
+            m.centre_of_rotation(0.2).is_some() && m.centre_of_rotation(0.201).is_none(),
+            "below, not at, the least"
+        );
         let shift = RigidMotion { rotation_rad: 0.0, ..m };
         assert_eq!(shift.centre_of_rotation(0.0), None);
     }
