@@ -16,6 +16,7 @@ import os
 import pathlib
 import random
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -89,15 +90,19 @@ def parsed():
 def copy_tree(tree):
     """The tree as it stands, uncommitted changes too, in a place of its own; files that are the same stay untouched."""
     names = output("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard").split("\0")
-    wanted = {name for name in names if name and (ROOT / name).is_file()}
-    for old in [path for path in tree.rglob("*") if path.is_file()]:
+    wanted = {name for name in names if name and os.path.lexists(ROOT / name)}
+    for old in [path for path in tree.rglob("*") if path.is_symlink() or path.is_file()]:
         if str(old.relative_to(tree)) not in wanted:
             old.unlink()
     for name in wanted:
-        new, bytes_ = tree / name, (ROOT / name).read_bytes()
-        if not new.is_file() or new.read_bytes() != bytes_:
-            new.parent.mkdir(parents=True, exist_ok=True)
-            new.write_bytes(bytes_)
+        old, new = ROOT / name, tree / name
+        new.parent.mkdir(parents=True, exist_ok=True)
+        if old.is_symlink():
+            if not new.is_symlink():
+                new.unlink(missing_ok=True)
+                new.symlink_to(old.readlink())
+        elif not new.is_file() or new.read_bytes() != old.read_bytes():
+            shutil.copy(old, new)
 
 
 def listed(package, tree):
@@ -137,6 +142,7 @@ def run_all(chosen, arguments):
     began, done = time.monotonic(), results()
     again = {"survived"} if arguments.again else set()
     pending = [m for m in chosen if m["key"] not in done or done[m["key"]]["outcome"] in again]
+    check_unchanged(pending, arguments)
     for number, mutant in enumerate(pending, 1):
         if time.monotonic() - began > 60 * arguments.minutes:
             break
@@ -149,6 +155,9 @@ def run_all(chosen, arguments):
         print(f"{number}/{len(pending)} {outcome:8} {seconds:5.0f} s  {mutant['name']}", flush=True)
 
 
+TEST = ["cargo", "test", "--profile=mutants", "--locked"]
+
+
 def judged(mutant, groups):
     """What became of a mutant, and the group of tests that said so."""
     source = WORK / "tree" / mutant["file"]
@@ -156,15 +165,32 @@ def judged(mutant, groups):
     source.write_text(changed(as_it_was, mutant["diff"]))
     try:
         for group in groups:
-            test = ["cargo", "test", "--profile=mutants", "--locked", f"--package={mutant['package']}", *group]
-            if run([*test, "--no-run"], BUILD_MOST_S) != 0:
+            if not is_built(mutant["package"], group):
                 return "unviable", ""
-            code = run(test, TESTS_MOST_S)
+            code = run([*TEST, f"--package={mutant['package']}", *group], TESTS_MOST_S)
             if code != 0:
                 return "timeout" if code is None else "caught", " ".join(group)
         return "survived", ""
     finally:
         source.write_text(as_it_was)
+
+
+def check_unchanged(pending, arguments):
+    """What fails without any mutant tells nothing."""
+    groups = {tuple(group): m["package"] for m in pending for group in groups_of(m["file"], arguments.long)}
+    for group, package in groups.items():
+        if not is_built(package, group) or run([*TEST, f"--package={package}", *group], TESTS_MOST_S) != 0:
+            sys.exit(f"fails without a mutant: {' '.join(group)}\n{(WORK / 'last.log').read_text()[-4000:]}")
+
+
+def is_built(package, group):
+    """Builds tests; False where the crate is refused by the compiler."""
+    if run([*TEST, f"--package={package}", *group, "--no-run"], BUILD_MOST_S) == 0:
+        return True
+    log = (WORK / "last.log").read_text()
+    if f"could not compile `{package}`" not in log:
+        sys.exit(f"not because of a mutant:\n{log[-4000:]}")
+    return False
 
 
 def changed(text, diff):
