@@ -94,3 +94,27 @@ fn markers_that_were_cut_when_the_reference_was_taken_are_not_in_it() {
     }
     assert!(monitor.markers().iter().all(|m| m.in_reference && m.reference == m.rest));
 }
+
+/// Beside a firm contact: what is brighter by some levels within some px of a place.
+#[test]
+fn a_patch_that_is_small_or_faint_beside_the_contact_is_none() {
+    let patch = Vec2::new(60.0, 60.0);
+    let seen = |levels: f64, radius_px: f64| {
+        let (painter, mut monitor) = finger(Skin::Smooth);
+        for i in 0..6u64 {
+            let mut rgb =
+                painter.paint(&painter.rest, Some(&Touch { centre: Vec2::new(210.0, 140.0), ..touch(55.0) }), i);
+            for (at, value) in rgb.iter_mut().enumerate() {
+                let place = Vec2::new((at / 3 % 320) as f64, (at / 3 / 320) as f64);
+                let share = 0.5 * libm::erfc(((place - patch).length() - radius_px) / 3.0);
+                *value = (f64::from(*value) + levels * share).round().clamp(0.0, 255.0) as u8;
+            }
+            monitor.step(&frame(&rgb, SIZE, i), None);
+        }
+        assert!(monitor.contact_region().get(210, 140), "the contact itself");
+        monitor.contact_region().get(60, 60)
+    };
+    assert!(seen(30.0, 25.0), "large and strong: a contact, too");
+    assert!(!seen(30.0, 5.0), "as strong, but small");
+    assert!(!seen(9.0, 25.0), "as large, but less than half as strong as the contact");
+}
