@@ -118,3 +118,31 @@ fn a_patch_that_is_small_or_faint_beside_the_contact_is_none() {
     assert!(!seen(30.0, 5.0), "as strong, but small");
     assert!(!seen(9.0, 25.0), "as large, but less than half as strong as the contact");
 }
+
+/// The last report of a finger pressed this strongly (None: not at all) under light that is this much brighter than at rest.
+fn lit(strength_levels: Option<f64>, gain: f64) -> SlipReport {
+    let (painter, mut monitor) = finger(Skin::Smooth);
+    let pressed = strength_levels.map(|strength_levels| Touch { strength_levels, ..touch(55.0) });
+    let step = |i: u64| {
+        let mut rgb = painter.paint(&painter.rest, pressed.as_ref(), i);
+        rgb.iter_mut().for_each(|value| *value = (f64::from(*value) * gain).round().min(255.0) as u8);
+        monitor.step(&frame(&rgb, SIZE, i), None)
+    };
+    (0..6).map(step).last().expect("frames")
+}
+
+#[test]
+fn light_that_changes_as_a_whole_is_no_contact_and_hides_none() {
+    for gain in [0.85, 1.15] {
+        assert_eq!(lit(None, gain).state, SlipState::NoContact, "{gain}");
+        let (pressed, usual) = (lit(Some(32.0), gain).contact.area_px2, lit(Some(32.0), 1.0).contact.area_px2);
+        assert!((pressed / usual - 1.0).abs() < 0.1, "{gain}: {pressed} px2 instead of {usual}");
+    }
+}
+
+#[test]
+fn a_faint_contact_has_little_quality_however_many_markers_it_covers() {
+    let (faint, firm) = (lit(Some(12.0), 1.0).contact, lit(Some(32.0), 1.0).contact);
+    assert!(firm.quality > 0.9, "{firm:?}");
+    assert!(faint.quality > 0.0 && faint.quality < 0.7 && faint.area_px2 > 0.7 * firm.area_px2, "{faint:?}");
+}
