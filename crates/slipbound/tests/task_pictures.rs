@@ -222,3 +222,30 @@ fn what_is_missing_is_said_while_hold_is_taken() {
         assert_eq!(missing, [&waits[..], &rests[..], &[None, None]].concat(), "{kind:?}");
     }
 }
+
+/// The force is believed once it has stood for a fifth of a second, too, not when it is first read right.
+#[test]
+fn taking_hold_waits_until_the_force_has_stood_as_well() {
+    let settings = TaskSettings::default().with_controller(ControllerKind::Constant);
+    let begins = |reads_wrong: &dyn Fn(u64) -> bool| {
+        let picture = lift_picture(&settings, 40, |frame, force_n| {
+            (hand(SlipState::Stick), gripper(if reads_wrong(frame) { 7.0 } else { force_n }))
+        });
+        picture.0.find('>').expect("it begins")
+    };
+    assert_eq!(begins(&|frame| frame < 12), 12 + 7);
+    assert_eq!(begins(&|frame| frame < 12 || frame == 15), 16 + 7, "it flickered once");
+    assert_eq!(begins(&|_| true), 31, "1 s, whatever it reads");
+}
+
+#[test]
+fn a_lift_that_need_not_be_held_is_lifted_all_the_same() {
+    let mut settings = TaskSettings::default();
+    (settings.lift.lift_mm, settings.lift.hold_ns) = (4.5, 0);
+    let (picture, _) = lift_picture(&settings, 16, |frame, force_n| {
+        // Blind as it arrives: that it is held has to be seen.
+        let state = if (12..14).contains(&frame) { SlipState::Unjudged } else { SlipState::Stick };
+        (hand(state), gripper(force_n))
+    });
+    assert_eq!(picture, "GGGGGGG>>>>>>-HH");
+}
