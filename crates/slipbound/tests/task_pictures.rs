@@ -162,6 +162,10 @@ fn a_tool_is_laid_down_only_as_far_as_the_ground_is_felt() {
     assert_eq!(told(None), after.clone() + "RRRRRPP", "by the displacement alone");
     assert_eq!(told(Some(0.1)), after[..after.len() - 2].to_owned() + "RRRRRRRPP", "twice as stiff: 0.025 mm");
 
+    // What the gels were sheared by when the loose grip stood is no push of the ground.
+    let picture = laying_picture(&settings, None, 36, |frame, n| (Some(-0.3), touches(frame), Jaws::Holding, n));
+    assert_eq!(picture, "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vvvvvvvv");
+
     // Nothing is felt for three frames: nothing is lowered then.
     let deaf = |frame: u64| if (30..33).contains(&frame) { None } else { Some(0.0) };
     let picture = laying_picture(&settings, None, 36, |frame, n| (deaf(frame), touches(frame), Jaws::Holding, n));
