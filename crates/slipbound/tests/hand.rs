@@ -189,6 +189,24 @@ fn a_picture_that_never_changes_is_a_frozen_one_and_only_in_contact() {
     assert_eq!(hand.report(0).health[0], Health::Live, "a finger that touches nothing measures nothing");
 }
 
+/// A loop faster than the cameras shows each frame several times.
+#[test]
+fn a_frame_that_comes_again_is_no_new_one() {
+    let mut hand = two();
+    let still = feels(7, Vec2::new(0.0, 0.4), 0.0);
+    for seq in 7..12 {
+        for _ in 0..3 {
+            hand.see(0, &SlipReport { seq, time_ns: feels(seq, Vec2::ZERO, 0.0).time_ns, ..still });
+        }
+    }
+    assert_eq!(hand.report(0).health[0], Health::Frozen, "three times the same frozen picture is frozen");
+    let last = feels(12, Vec2::new(0.0, 0.5), 0.0);
+    hand.see(0, &last);
+    hand.missed(0);
+    hand.see(0, &last);
+    assert_eq!(hand.report(0).health[0], Health::Blind, "what was seen before it was missed brings nobody back");
+}
+
 /// Along the thread yes, around it no.
 #[test]
 fn slip_along_the_thread_is_let_pass_and_around_it_is_not() {
