@@ -207,6 +207,17 @@ fn a_frame_that_comes_again_is_no_new_one() {
     assert_eq!(hand.report(0).health[0], Health::Blind, "what was seen before it was missed brings nobody back");
 }
 
+/// Two cameras need not count alike.
+#[test]
+fn the_hands_frame_is_the_one_that_came_last_whatever_its_number() {
+    let mut hand = two();
+    hand.see(0, &feels(5000, Vec2::new(0.0, 0.4), 0.0));
+    assert_eq!(hand.report(0).seq, 5000);
+    hand.see(1, &feels(10, Vec2::new(0.0, 0.4), 0.0));
+    let report = hand.report(33 * MS);
+    assert_eq!((report.live_count, report.seq, report.time_ns), (2, 10, Some(333_333_330)));
+}
+
 /// Along the thread yes, around it no.
 #[test]
 fn slip_along_the_thread_is_let_pass_and_around_it_is_not() {
