@@ -262,6 +262,10 @@ mod tests {
             RigidMotion { reference: Vec2::new(100.0, 50.0), translation: Vec2::new(3.0, -2.0), rotation_rad: -0.2 };
         let icr = m.centre_of_rotation(1e-3).expect("rotates");
         assert!((m.apply(icr) - icr).length() < 1e-9);
+        assert!(
+            m.centre_of_rotation(0.2).is_some() && m.centre_of_rotation(0.201).is_none(),
+            "below, not at, the least"
+        );
         let shift = RigidMotion { rotation_rad: 0.0, ..m };
         assert_eq!(shift.centre_of_rotation(0.0), None);
     }
@@ -276,5 +280,97 @@ mod tests {
         let p = Vec2::new(200.0, 120.0);
         assert!((h.inverse().expect("regular").apply(h.apply(p)) - p).length() < 1e-9);
         assert_eq!(Homography([[0.0; 3]; 3]).inverse(), None);
+    }
+
+    fn close(a: Vec2, b: Vec2) {
+        assert!((a - b).length() < 1e-9 * (1.0 + b.length()), "{a:?}, not {b:?}");
+    }
+
+    #[test]
+    fn a_quarter_turn_takes_x_to_y_and_y_to_minus_x() {
+        let (x, y) = (Vec2::new(1.0, 0.0), Vec2::new(0.0, 1.0));
+        let quarter = std::f64::consts::FRAC_PI_2;
+        close(x.rotated(quarter), y);
+        close(y.rotated(quarter), -x);
+        assert_eq!((x.turned(), y.turned()), (y, -x));
+        assert_eq!((y.direction_rad(), Vec2::new(-1.0, 0.0).direction_rad()), (quarter, std::f64::consts::PI));
+        assert_eq!(([3.0, 4.0], Vec2::new(3.0, 4.0)), (Vec2::new(3.0, 4.0).into(), [3.0, 4.0].into()));
+        for broken in [f64::NAN, f64::INFINITY] {
+            assert!(!Vec2::new(broken, 0.0).is_finite() && !Vec2::new(0.0, broken).is_finite() && x.is_finite());
+        }
+    }
+
+    mod any {
+        use super::*;
+        use proptest::prelude::*;
+
+        fn vector() -> impl Strategy<Value = Vec2> {
+            (-300.0..300.0f64, -300.0..300.0f64).prop_map(|(x, y)| Vec2::new(x, y))
+        }
+
+        /// Of pictures: what a camera that looks askance makes of them, nowhere near its horizon.
+        fn homography() -> impl Strategy<Value = Homography> {
+            let matrix =
+                (0.5..2.0f64, -0.3..0.3f64, vector(), -0.3..0.3f64, 0.5..2.0f64, (-4e-4..4e-4f64, -4e-4..4e-4f64));
+            matrix.prop_map(|(a, b, t, c, d, (g, h))| Homography([[a, b, t.x], [c, d, t.y], [g, h, 1.0]]))
+        }
+
+        proptest! {
+            #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+
+            #[test]
+            fn products_are_those_of_the_plane(a in vector(), b in vector(), turn in -3.0..3.0f64) {
+                // The squares of both together are that of the lengths, and a turn of both changes neither.
+                let size = 1.0 + a.length_squared() * b.length_squared();
+                let sum = a.dot(b) * a.dot(b) + a.cross(b) * a.cross(b);
+                prop_assert!((sum - a.length_squared() * b.length_squared()).abs() < 1e-9 * size);
+                prop_assert!((a.rotated(turn).dot(b.rotated(turn)) - a.dot(b)).abs() < 1e-9 * size);
+                prop_assert!((a.rotated(turn).cross(b.rotated(turn)) - a.cross(b)).abs() < 1e-9 * size);
+                prop_assert!((a.turned().dot(b) - a.cross(b)).abs() < 1e-9 * size);
+                prop_assert!((a.length() * a.length() - a.dot(a)).abs() < 1e-9 * size);
+                // A right angle from x to y is positive.
+                prop_assert!(a.cross(a.turned()) >= 0.0);
+                close((a + b) * 2.0 - a / 0.5, b * 2.0);
+                close(a.rotated(turn).rotated(-turn), a);
+            }
+
+            #[test]
+            fn a_rigid_motion_keeps_distances_and_turns_by_its_angle(
+                reference in vector(), translation in vector(), rotation_rad in -3.0..3.0f64, p in vector(), q in vector(),
+            ) {
+                let motion = RigidMotion { reference, translation, rotation_rad };
+                close(motion.apply(reference), reference + translation);
+                close(motion.apply(p) - motion.apply(q), (p - q).rotated(rotation_rad));
+                close(motion.tabulated().apply(p), motion.apply(p));
+                // A point a hair beside the reference goes as equation 1 says.
+                let (exact, small) = (motion.displacement(p), RigidMotion { rotation_rad: 1e-7, ..motion }.displacement_small_angle(p));
+                close(RigidMotion { rotation_rad: 1e-7, ..motion }.displacement(p), small);
+                prop_assert!(exact.is_finite());
+                let least_rad = 0.01;
+                match motion.centre_of_rotation(least_rad) {
+                    Some(centre) => close(motion.apply(centre), centre),
+                    None => prop_assert!(rotation_rad.abs() < least_rad),
+                }
+            }
+
+            #[test]
+            fn maps_follow_each_other_and_are_undone(first in homography(), then in homography(), p in vector()) {
+                close(then.after(&first).apply(p), then.apply(first.apply(p)));
+                if let Some(back) = first.inverse() {
+                    close(back.apply(first.apply(p)), p);
+                }
+                close(Homography::IDENTITY.apply(p), p);
+            }
+        }
+    }
+
+    #[test]
+    fn a_map_onto_a_line_or_of_no_numbers_has_no_inverse() {
+        let line = Homography([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]]);
+        assert_eq!(line.inverse(), None);
+        assert_eq!(Homography([[f64::NAN, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).inverse(), None);
+        // Mirrored maps have one, too.
+        let mirror = Homography([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        assert_eq!(mirror.inverse(), Some(mirror));
     }
 }

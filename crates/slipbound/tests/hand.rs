@@ -2,7 +2,7 @@
 
 use slipbound::hand::{Allowed, Hand, HandReport, HandVector, Health, Mounting, Side};
 use slipbound::monitor::{
-    ContactReport, Estimates, MarkerCounts, Reason, ShearReport, SlipKind, SlipReport, SlipState, SlipSummary,
+    ContactReport, Estimate, Estimates, MarkerCounts, Reason, ShearReport, SlipKind, SlipReport, SlipState, SlipSummary,
 };
 use slipbound::plane::Vec2;
 
@@ -64,6 +64,49 @@ fn a_turned_cap_and_a_pull_are_told_apart_by_two_fingers_and_not_by_one() {
     one.see(0, &feels(1, Vec2::new(0.0, 0.4), 0.0));
     let alone = one.report(0);
     assert!(!alone.separated && alone.shear_mm.expect("contact").across == alone.shear_mm.expect("contact").around);
+}
+
+/// A report of the first finger with these: margin, friction, quality, area in mm2, longest slip in mm.
+fn measures(report: &mut SlipReport, [margin, friction, quality, area_mm2, slip_mm]: [f64; 5]) {
+    let estimate = |value| Some(Estimate { value, sd: 0.1, age_frames: 0 });
+    report.estimates = Estimates { margin: estimate(margin), friction: estimate(friction), ..Estimates::default() };
+    report.contact = ContactReport { area_px2: 5000.0, area_mm2: Some(area_mm2), quality };
+    report.slip.max_mm = Some(slip_mm);
+}
+
+#[test]
+fn of_several_fingers_the_worst_counts_and_areas_are_averaged() {
+    let (mut left, mut right) = (feels(1, Vec2::ZERO, 0.0), feels(1, Vec2::ZERO, 0.0));
+    measures(&mut left, [0.3, 0.9, 0.8, 100.0, 0.1]);
+    measures(&mut right, [0.5, 0.4, 0.6, 60.0, 0.3]);
+    for (left, right) in [(&left, &right), (&right, &left)] {
+        let hand = fused(left, right);
+        assert_eq!((hand.margin, hand.friction, hand.quality), (Some(0.3), Some(0.4), 0.6));
+        assert_eq!((hand.contact_area_mm2, hand.slip_max_mm), (Some(80.0), Some(0.3)));
+    }
+    // What one finger does not know the other says, but no mean is made of half.
+    (right.estimates, right.contact.area_mm2, right.slip.max_mm) = (Estimates::default(), None, None);
+    let hand = fused(&left, &right);
+    assert_eq!((hand.margin, hand.friction), (Some(0.3), Some(0.9)));
+    assert_eq!((hand.contact_area_mm2, hand.slip_max_mm), (None, None));
+    // A finger that touches nothing has no area and no slip, but it sees.
+    let away = SlipReport { shear: None, state: SlipState::NoContact, ..right };
+    let hand = fused(&left, &away);
+    assert_eq!((hand.contact_area_mm2, hand.slip_max_mm, hand.quality), (Some(100.0), Some(0.1), 0.6));
+    assert_eq!((hand.live_count, hand.state), (2, SlipState::Stick));
+}
+
+#[test]
+fn what_any_finger_sees_goes_before_what_the_others_do_not() {
+    use SlipState::*;
+    let seen = |state| SlipReport { state, ..feels(1, Vec2::ZERO, 0.0) };
+    // In this order: whichever of two is further to the right is what the hand says.
+    let order = [NoContact, Unsure, Stick, Incipient, Gross];
+    for (i, &one) in order.iter().enumerate() {
+        for (j, &other) in order.iter().enumerate() {
+            assert_eq!(fused(&seen(one), &seen(other)).state, order[i.max(j)], "{one:?} and {other:?}");
+        }
+    }
 }
 
 #[test]
@@ -144,6 +187,35 @@ fn a_picture_that_never_changes_is_a_frozen_one_and_only_in_contact() {
         hand.see(0, &SlipReport { seq, ..open });
     }
     assert_eq!(hand.report(0).health[0], Health::Live, "a finger that touches nothing measures nothing");
+}
+
+/// A loop faster than the cameras shows each frame several times.
+#[test]
+fn a_frame_that_comes_again_is_no_new_one() {
+    let mut hand = two();
+    let still = feels(7, Vec2::new(0.0, 0.4), 0.0);
+    for seq in 7..12 {
+        for _ in 0..3 {
+            hand.see(0, &SlipReport { seq, time_ns: feels(seq, Vec2::ZERO, 0.0).time_ns, ..still });
+        }
+    }
+    assert_eq!(hand.report(0).health[0], Health::Frozen, "three times the same frozen picture is frozen");
+    let last = feels(12, Vec2::new(0.0, 0.5), 0.0);
+    hand.see(0, &last);
+    hand.missed(0);
+    hand.see(0, &last);
+    assert_eq!(hand.report(0).health[0], Health::Blind, "what was seen before it was missed brings nobody back");
+}
+
+/// Two cameras need not count alike.
+#[test]
+fn the_hands_frame_is_the_one_that_came_last_whatever_its_number() {
+    let mut hand = two();
+    hand.see(0, &feels(5000, Vec2::new(0.0, 0.4), 0.0));
+    assert_eq!(hand.report(0).seq, 5000);
+    hand.see(1, &feels(10, Vec2::new(0.0, 0.4), 0.0));
+    let report = hand.report(33 * MS);
+    assert_eq!((report.live_count, report.seq, report.time_ns), (2, 10, Some(333_333_330)));
 }
 
 /// Along the thread yes, around it no.

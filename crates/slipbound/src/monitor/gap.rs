@@ -69,4 +69,25 @@ mod tests {
         assert!(numbered.see(17, None) && !numbered.see(3, None));
         assert_eq!(numbered.since_ns(None), None);
     }
+
+    #[test]
+    fn the_usual_time_follows_a_camera_that_slows_down_and_a_gap_does_not_count() {
+        let mut gap = Gap::default();
+        let (mut now_ns, mut seq) = (0u64, 0u64);
+        let mut after_ms = |ms: f64| {
+            now_ns += (ms * 1e6) as u64;
+            seq += 1;
+            gap.see(seq, Some(now_ns))
+        };
+        // From 30 to 100 ms within four seconds: 3.5 times the usual is never reached.
+        assert!((0..71).all(|i| !after_ms(30.0 + f64::from(i))));
+        // For long at 100 ms: 340 are none, and 360 are a gap; the usual time is what it was before.
+        assert!((0..60).all(|_| !after_ms(100.0)));
+        assert!(after_ms(360.0) && after_ms(360.0), "a gap makes no gap usual");
+        assert!(!after_ms(340.0), "one frame of 340 ms counts an eighth:");
+        assert!(after_ms(460.0) && !after_ms(450.0), "3.5 times 130 ms");
+        // Fast cameras: a tenth of a second is let pass, however many frames that are.
+        assert!((0..200).all(|_| !after_ms(5.0)));
+        assert!(!after_ms(100.0) && after_ms(100.1));
+    }
 }

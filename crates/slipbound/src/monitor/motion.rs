@@ -255,4 +255,74 @@ mod tests {
         assert!(error(fit_most(pairs.clone(), 15.0).expect("points")) < 0.1);
         assert!(error(fit_rigid(pairs).expect("points")) > 0.5);
     }
+
+    /// 8 x 6 markers at 30 px, moved by (3, -2) px; what a test does to each comes after.
+    fn moved(change: impl Fn(&mut Marker)) -> Vec<Marker> {
+        let place = |i: u32| Vec2::new(40.0 + 30.0 * f64::from(i % 8), 40.0 + 30.0 * f64::from(i / 8));
+        let mut markers: Vec<Marker> = (0..48).map(|id| Marker::at_rest(id, place(id))).collect();
+        for m in &mut markers {
+            m.now = m.reference + Vec2::new(3.0, -2.0);
+            change(m);
+        }
+        markers
+    }
+
+    /// A region of so many px around a place.
+    fn disc(centre: Vec2, radius_px: f64) -> Mask {
+        let size = crate::image::SizePx::new(320, 240);
+        let mut region = Mask::new(size);
+        for i in 0..size.area() {
+            let (x, y) = (i % size.width, i / size.width);
+            region.set(x, y, (Vec2::new(x as f64, y as f64) - centre).length() < radius_px);
+        }
+        region
+    }
+
+    fn fitted(region: &Mask, markers: &mut [Marker]) -> Motion {
+        let settings = MotionSettings { fit: Fit::Rigid, ..MotionSettings::default() };
+        let mut motion = Motion::new(&crate::sensor::tests::smooth(), &settings);
+        motion.fit(region, markers);
+        motion
+    }
+
+    /// Markers that were not seen whole, now or when the reference was taken, have no say in the motion, wherever they are.
+    #[test]
+    fn the_motion_is_that_of_markers_whose_way_is_known() {
+        let region = disc(Vec2::new(145.0, 115.0), 90.0);
+        let spoilt = |m: &Marker| m.id.is_multiple_of(5);
+        for spoil in [|m: &mut Marker| m.in_reference = false, |m: &mut Marker| m.whole = false] {
+            let mut markers = moved(|m| {
+                if spoilt(m) {
+                    m.now.x += 25.0;
+                    spoil(m);
+                }
+            });
+            let motion = fitted(&region, &mut markers);
+            let found = motion.motion.expect("markers");
+            assert!((found.translation - Vec2::new(3.0, -2.0)).length() < 1e-9, "{found:?}");
+            assert!(found.rotation_rad.abs() < 1e-9);
+            assert_eq!(motion.inner_count as usize, markers.iter().filter(|m| m.inner).count());
+            assert!(motion.inner_count > 4 && markers.iter().all(|m| !(m.inner && spoilt(m))));
+        }
+    }
+
+    /// A small contact: the widest erosion leaves too few markers, the next ones more.
+    #[test]
+    fn the_inner_region_is_eroded_less_where_few_markers_would_be_left() {
+        let around = |radius_px: f64| {
+            let mut markers = moved(|_| {});
+            let motion = fitted(&disc(Vec2::new(148.0, 113.0), radius_px), &mut markers);
+            let which = motion.inner_erosion().map(|erosion| {
+                motion.elements.iter().position(|element| std::ptr::eq(element, erosion)).expect("one of them")
+            });
+            (which, motion.inner_count, motion.motion.is_some())
+        };
+        // Radii of the ellipses: 25, 15, 5 and 1 px times 30 / 15.2 / 2, that is 24.7, 14.8, 4.9 and 1 px. The four nearest
+        // markers lie at 21.2 px from the middle.
+        assert_eq!(around(50.0), (Some(0), 4, true));
+        assert_eq!(around(40.0), (Some(1), 4, true));
+        assert_eq!(around(30.0), (Some(2), 4, true));
+        assert_eq!(around(24.0), (Some(3), 4, true));
+        assert_eq!(around(10.0), (Some(3), 0, false), "no markers, no motion");
+    }
 }

@@ -199,4 +199,134 @@ mod tests {
         assert_eq!(settings.over_needed_count(30), 2);
         assert_eq!(settings.over_needed_count(250), 5);
     }
+
+    const PITCH_PX: f64 = 30.0;
+
+    /// 10 x 7 markers in contact that all went the way of a motion, but for what a test does to each; what step 4 says of them.
+    fn judged(motion: RigidMotion, change: impl Fn(&mut Marker)) -> (Slip, Vec<Marker>) {
+        let place = |i: u32| Vec2::new(f64::from(i % 10), f64::from(i / 10)) * PITCH_PX;
+        let mut markers: Vec<Marker> = (0..70).map(|id| Marker::at_rest(id, place(id))).collect();
+        for m in &mut markers {
+            (m.in_contact, m.now) = (true, motion.apply(m.reference));
+            change(m);
+        }
+        let settings = SlipSettings { rule: SlipRule::Markers, ..SlipSettings::default() };
+        let mut slip = Slip::new(&crate::sensor::tests::smooth(), &settings, markers.len());
+        slip.judge(Some(&motion), &mut markers);
+        (slip, markers)
+    }
+
+    fn along(translation: Vec2, rotation_rad: f64) -> RigidMotion {
+        RigidMotion { reference: Vec2::new(4.5, 3.0) * PITCH_PX, translation, rotation_rad }
+    }
+
+    #[test]
+    fn markers_that_lag_are_counted_and_the_object_slides_the_other_way() {
+        // Four lag by half a pitch along y, one by just less than the threshold.
+        let threshold_px = SlipSettings::default().threshold_pitch * PITCH_PX;
+        let (slip, markers) = judged(along(Vec2::new(0.0, 20.0), 0.0), |m| match m.id {
+            0..4 => m.now.y -= 0.5 * PITCH_PX,
+            4 => m.now.y -= threshold_px - 1e-6,
+            _ => {}
+        });
+        assert_eq!((slip.summary.markers_over, slip.summary.markers_needed, slip.slips), (4, 2, true));
+        assert!((slip.summary.max_pitch - 0.5).abs() < 1e-9);
+        // 1.5 mm a pitch.
+        assert!((slip.summary.max_mm.expect("a pitch in mm") - 0.75).abs() < 1e-9);
+        assert_eq!(slip.summary.kind, Some(SlipKind::Translation));
+        let direction_rad = slip.summary.direction_rad.expect("slides");
+        assert!((direction_rad - std::f64::consts::FRAC_PI_2).abs() < 1e-9, "{direction_rad}");
+        let over: String = markers[..6].iter().map(|m| if m.over { '#' } else { '.' }).collect();
+        assert_eq!(over, "####..");
+        let (one, _) = judged(along(Vec2::ZERO, 0.0), |m| m.now.x += if m.id == 0 { 40.0 } else { 0.0 });
+        assert_eq!((one.summary.markers_over, one.slips, one.summary.kind), (1, false, None), "one alone is none");
+    }
+
+    /// Cut by the border, not seen when the reference was taken, not touched: what such markers did says nothing of slip.
+    #[test]
+    fn only_markers_whose_way_is_known_and_that_are_touched_slip() {
+        let lag = |m: &mut Marker, spoil: fn(&mut Marker)| {
+            if m.id < 5 {
+                m.now.x -= PITCH_PX;
+                spoil(m);
+            }
+        };
+        let over = |spoil: fn(&mut Marker)| {
+            let (slip, _) = judged(along(Vec2::new(5.0, 0.0), 0.0), |m| lag(m, spoil));
+            (slip.summary.markers_over, slip.slips, slip.summary.max_pitch > 1e-9)
+        };
+        assert_eq!(over(|_| {}), (5, true, true));
+        assert_eq!(over(|m| m.in_reference = false), (0, false, false));
+        assert_eq!(over(|m| m.whole = false), (0, false, false));
+        assert_eq!(over(|m| m.in_contact = false), (0, false, false));
+    }
+
+    /// The mean arm of the markers is 3.5 pitches: 105 px.
+    #[test]
+    fn a_slip_is_called_by_what_makes_most_of_the_motion_at_the_rim() {
+        let kind = |translation_px: f64, rotation_rad: f64| {
+            let (slip, _) = judged(along(Vec2::new(translation_px, 0.0), rotation_rad), |m| {
+                m.now.x -= if m.id < 5 { 15.0 } else { 0.0 }
+            });
+            (slip.summary.kind.expect("slips"), slip.summary.direction_rad.is_some())
+        };
+        assert_eq!(kind(20.0, 0.0), (SlipKind::Translation, true));
+        assert_eq!(kind(0.5, 0.2), (SlipKind::Rotation, false));
+        assert_eq!(kind(0.5, -0.2), (SlipKind::Rotation, false));
+        assert_eq!(kind(20.0, 0.2), (SlipKind::Both, true));
+        // Two thirds of it are not enough to be called by one alone.
+        let mut slip = judged(along(Vec2::ZERO, 0.0), |_| {}).0;
+        for (force, torque, kind) in [
+            (1.01, 0.5, SlipKind::Translation),
+            (0.99, 0.5, SlipKind::Both),
+            (0.5, 0.99, SlipKind::Both),
+            (0.5, -1.01, SlipKind::Rotation),
+        ] {
+            slip.say_load(Vec2::new(0.0, force), torque);
+            let direction_rad = (kind != SlipKind::Rotation).then_some(std::f64::consts::FRAC_PI_2);
+            assert_eq!(
+                (slip.summary.kind, slip.summary.direction_rad),
+                (Some(kind), direction_rad),
+                "{force} {torque}"
+            );
+        }
+    }
+
+    #[test]
+    fn without_a_motion_nothing_is_said_of_slip() {
+        let (mut slip, mut markers) = judged(along(Vec2::ZERO, 0.0), |m| m.now.x += if m.id < 5 { 40.0 } else { 0.0 });
+        assert!(slip.slips);
+        slip.judge(None, &mut markers);
+        let nothing = SlipSummary {
+            max_mm: Some(0.0),
+            markers_needed: 2,
+            threshold_pitch: SlipSettings::default().threshold_pitch,
+            ..SlipSummary::default()
+        };
+        assert_eq!((slip.slips, slip.summary), (false, nothing));
+    }
+
+    #[test]
+    fn markers_are_in_contact_where_the_region_is_and_only_whole_ones_count() {
+        use crate::image::SizePx;
+        let mut markers: Vec<Marker> =
+            (0..4).map(|id| Marker::at_rest(id, Vec2::new(10.4 + 10.0 * f64::from(id), 5.0))).collect();
+        let mut region = Mask::new(SizePx::new(64, 10));
+        region.set(10, 5, true);
+        region.set(20, 5, true);
+        region.set(31, 5, true);
+        for m in &mut markers {
+            (m.inner, m.over, m.slip) = (true, true, Vec2::new(1.0, 1.0));
+        }
+        // Where it is now counts, to the nearest pixel.
+        markers[2].now.x = 30.6;
+        markers[1].whole = false;
+        assert_eq!(mark_contact(&region, &mut markers), 2);
+        let touched: String = markers.iter().map(|m| if m.in_contact { '#' } else { '.' }).collect();
+        assert_eq!(touched, "###.");
+        assert!(
+            markers.iter().all(|m| !m.inner && !m.over && m.slip == Vec2::ZERO),
+            "what was said before is forgotten"
+        );
+    }
 }

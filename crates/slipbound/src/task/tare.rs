@@ -34,3 +34,47 @@ impl Tare {
         HandReport { shear_mm: Some(shear_mm), ..*hand }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hand::{Hand, Mounting, Side};
+
+    /// A hand that feels this shear, mm.
+    fn feels(shear_mm: Option<[f64; 3]>) -> HandReport {
+        let report = Hand::new(&[Mounting::on(Side::Left)]).expect("one finger").report(0);
+        let vector = |[along, across, around]: [f64; 3]| HandVector { along, across, around };
+        HandReport { shear_mm: shear_mm.map(vector), quality: 0.7, ..report }
+    }
+
+    #[test]
+    fn what_the_grip_alone_makes_of_the_shear_is_taken_out_at_any_force() {
+        // The squeeze of a simulated cap: 0.05, 0.14 and 0.23 mm at 10, 30 and 60 N; tared at 10 N the rest is noise.
+        let mut tare = Tare::default();
+        tare.take(&feels(Some([0.05, -0.1, 0.2])), Some(10.0));
+        for (pressed_n, grown) in [(10.0, 1.0), (30.0, 2.544), (60.0, 4.586), (5.0, 0.5548), (0.0, 0.0), (-1.0, 0.0)] {
+            let squeezed = [0.05 * grown + 1.0, -0.1 * grown + 2.0, 0.2 * grown - 3.0];
+            let seen = tare.correct(&feels(Some(squeezed)), Some(pressed_n));
+            let HandVector { along, across, around } = seen.shear_mm.expect("felt");
+            let off = (along - 1.0).abs().max((across - 2.0).abs()).max((around + 3.0).abs());
+            assert!(off < 1e-3, "{pressed_n} N: {along} {across} {around}");
+            assert_eq!(seen.quality, 0.7, "the rest of the report stays");
+        }
+    }
+
+    #[test]
+    fn what_is_not_known_is_not_corrected() {
+        let loaded = feels(Some([1.0, 2.0, 3.0]));
+        let mut tare = Tare::default();
+        assert_eq!(tare.correct(&loaded, Some(10.0)), loaded, "never taken");
+        for (hand, pressed_n) in [(feels(None), Some(10.0)), (loaded, None), (loaded, Some(0.0)), (loaded, Some(-1.0))]
+        {
+            tare.take(&hand, pressed_n);
+            assert_eq!(tare.correct(&loaded, Some(10.0)), loaded, "taken from {pressed_n:?}, {:?}", hand.shear_mm);
+        }
+        tare.take(&loaded, Some(10.0));
+        assert_eq!(tare.correct(&loaded, None), loaded);
+        assert_eq!(tare.correct(&feels(None), Some(10.0)), feels(None));
+        assert_eq!(tare.correct(&loaded, Some(10.0)).shear_mm, Some(HandVector::default()));
+    }
+}

@@ -106,3 +106,88 @@ pub(crate) fn roughness_levels(cells: &[[f32; 3]], covered: &[bool], columns: us
     let at = sharp.len() * 99 / 100;
     f64::from(*sharp.select_nth_unstable_by(at, f32::total_cmp).1)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COLUMNS: usize = 40;
+    const ROWS: usize = 30;
+
+    /// Light on a gel of 40 x 30 cells: a bend of degree 3 in each colour.
+    fn light(i: usize) -> [f32; 3] {
+        let (x, y) = ((i % COLUMNS) as f32 / 20.0 - 1.0, (i / COLUMNS) as f32 / 15.0 - 1.0);
+        [100.0 + 20.0 * x - 10.0 * x * y, 90.0 - 15.0 * y * y * y + 5.0 * x, 80.0 + 12.0 * x * x * y]
+    }
+
+    fn cells() -> Vec<[f32; 3]> {
+        (0..COLUMNS * ROWS).map(light).collect()
+    }
+
+    fn furthest_levels(cells: &[[f32; 3]]) -> f32 {
+        let off = |(i, cell): (usize, &[f32; 3])| (0..3).map(|c| (cell[c] - light(i)[c]).abs()).fold(0.0, f32::max);
+        cells.iter().enumerate().map(off).fold(0.0, f32::max)
+    }
+
+    /// An imprint of some cells, 30 levels brighter or darker by turns, about the middle.
+    fn imprint(cells: &mut [[f32; 3]], radius_cells: f32) {
+        for (i, cell) in cells.iter_mut().enumerate() {
+            let (x, y) = ((i % COLUMNS) as f32 - 19.5, (i / COLUMNS) as f32 - 14.5);
+            if x.hypot(y) < radius_cells {
+                let sign = if x > 0.0 { 30.0 } else { -30.0 };
+                *cell = cell.map(|levels| levels + sign);
+            }
+        }
+    }
+
+    #[test]
+    fn light_is_found_again_under_an_imprint_and_under_markers() {
+        let seen = vec![false; COLUMNS * ROWS];
+        let mut bare = cells();
+        illumination(&mut bare, &seen, COLUMNS);
+        assert!(furthest_levels(&bare) < 1e-3, "{}", furthest_levels(&bare));
+
+        let mut touched = cells();
+        imprint(&mut touched, 6.0);
+        illumination(&mut touched, &seen, COLUMNS);
+        assert!(furthest_levels(&touched) < 0.5, "{} levels of 30 are left", furthest_levels(&touched));
+
+        // Whatever a covered cell shows, black here, it does not count; what lies under it is filled in.
+        let covered: Vec<bool> = (0..COLUMNS * ROWS).map(|i| i.is_multiple_of(7)).collect();
+        let mut marked = cells();
+        marked.iter_mut().zip(&covered).filter(|(_, covered)| **covered).for_each(|(cell, _)| *cell = [0.0; 3]);
+        illumination(&mut marked, &covered, COLUMNS);
+        assert!(furthest_levels(&marked) < 1e-3, "{}", furthest_levels(&marked));
+
+        // Where all is covered nothing is known, and the picture stays.
+        let mut hidden = cells();
+        imprint(&mut hidden, 6.0);
+        let before = hidden.clone();
+        illumination(&mut hidden, &vec![true; COLUMNS * ROWS], COLUMNS);
+        assert_eq!(hidden, before);
+    }
+
+    #[test]
+    fn an_imprint_is_sharp_and_light_and_cut_or_covered_cells_are_not() {
+        let seen = vec![false; COLUMNS * ROWS];
+        let sharp_levels = |cells: &[[f32; 3]], covered: &[bool]| roughness_levels(cells, covered, COLUMNS, 3);
+        assert!(sharp_levels(&cells(), &seen) < 1.0, "{}", sharp_levels(&cells(), &seen));
+        let mut touched = cells();
+        imprint(&mut touched, 6.0);
+        let levels = sharp_levels(&touched, &seen);
+        assert!((8.0..30.0).contains(&levels), "{levels}");
+        // A spot that lies under a cover, or within three cells of the border, does not count.
+        for spots in
+            [[(20, 15), (21, 15)], [(0, 15), (2, 8)], [(39, 15), (37, 4)], [(9, 0), (30, 2)], [(9, 29), (30, 27)]]
+        {
+            let mut spotted = cells();
+            let mut covered = seen.clone();
+            for (x, y) in spots {
+                spotted[y * COLUMNS + x] = [255.0; 3];
+                covered[y * COLUMNS + x] = x == 20 || x == 21;
+            }
+            assert!(sharp_levels(&spotted, &covered) < 1.0, "{spots:?}: {}", sharp_levels(&spotted, &covered));
+        }
+        assert_eq!(sharp_levels(&touched, &vec![true; COLUMNS * ROWS]), 0.0);
+    }
+}

@@ -261,3 +261,68 @@ fn motion_is_told_from_standing() {
     let (pulled, stood) = (seen[40][tangent], seen[55][tangent]);
     assert!(pulled > 0.1 && (stood / pulled - 1.0).abs() < 0.05, "{pulled}, then {stood}");
 }
+
+/// What a pool says after frames of load over grip and used fraction, each with a relative error.
+fn pooled(pool: &mut Pool, frames: &[(f64, f64, f64)]) -> Option<f64> {
+    let see = |&(per_grip, value, relative_sd): &(f64, f64, f64)| {
+        pool.see(per_grip, &Estimate { value, sd: relative_sd * value, age_frames: 0 }).map(|friction| friction.value)
+    };
+    frames.iter().map(see).last().flatten()
+}
+
+#[test]
+fn friction_is_load_over_grip_over_what_is_used_of_it_by_the_last_dozen_frames() {
+    let close =
+        |got: Option<f64>, wanted: f64| assert!((got.expect("known") - wanted).abs() < 1e-9, "{got:?}, not {wanted}");
+    let mut pool = Pool::default();
+    // Nothing pulls, or nothing of the friction is used: nothing is known.
+    assert_eq!(pooled(&mut pool, &[(0.0, 0.5, 0.1), (0.4, 0.02, 0.1)]), None);
+    close(pooled(&mut pool, &[(0.4, 0.5, 0.1)]), 0.8);
+    close(pooled(&mut pool, &[(0.0, 0.5, 0.1), (0.4, 0.02, 0.1)]), 0.8);
+    // A frame that knows it twice as well counts four times: 0.92 of one at 0.8, four at 0.4.
+    close(pooled(&mut pool.clone(), &[(0.4, 1.0, 0.05)]), libm::exp((0.92 * 0.8f64.ln() + 4.0 * 0.4f64.ln()) / 4.92));
+    // After many frames at 0.8, a dozen at 0.4 count 1 - 0.92^12 of all.
+    let long = [(0.4, 0.5, 0.1); 300];
+    close(pooled(&mut pool, &long), 0.8);
+    let kept = 0.92f64.powi(12);
+    close(
+        pooled(&mut pool.clone(), &[(0.4, 1.0, 0.1); 12]),
+        libm::exp(kept * 0.8f64.ln() + (1.0 - kept) * 0.4f64.ln()),
+    );
+    // One far worse frame after them counts as one of thirteen: what is old is not believed for ever.
+    close(pooled(&mut pool, &[(0.4, 1.0, 1.0)]), libm::exp((12.0 * 0.8f64.ln() + 0.4f64.ln()) / 13.0));
+}
+
+#[test]
+fn a_grip_that_changed_keeps_the_friction_unless_it_is_contradicted() {
+    let mut pool = Pool::default();
+    pool.remember();
+    assert!(!pool.remembered, "nothing was known");
+    pooled(&mut pool, &[(0.4, 0.5, 0.1); 40]);
+    pool.remember();
+    let after = |frame: (f64, f64, f64)| pooled(&mut pool.clone(), &[frame]).expect("known");
+    // At 0.8, a load of 0.4 uses 0.5. 1.4 standard deviations more or less are no contradiction.
+    for used in [0.5, 0.58, 0.44] {
+        assert!((after((0.4, used, 0.1)) - 0.8).abs() < 1e-9, "{used}: {}", after((0.4, used, 0.1)));
+    }
+    // More is used: less friction, believed as it is. Less is used: it counts a tenth.
+    let weight = pool.weight;
+    let more = libm::exp((pool.log_sum + 10.0 * (0.4f64 / 0.3).ln()) / (weight + 10.0));
+    assert!((after((0.4, 0.3, 0.1)) - more).abs() < 1e-9, "{} and {more}", after((0.4, 0.3, 0.1)));
+    let kept = (0.92 * weight).min(1200.0);
+    let less = libm::exp((0.8f64.ln() * kept + 100.0 * 0.5f64.ln()) / (kept + 100.0));
+    assert!((after((0.4, 0.8, 0.1)) - less).abs() < 1e-9, "{} and {less}", after((0.4, 0.8, 0.1)));
+}
+
+/// How wide of the value the error is said to be.
+#[test]
+fn a_friction_is_known_as_well_as_what_is_used_of_it() {
+    let mut pool = Pool::default();
+    let sd = |pool: &mut Pool, used: f64, sd: f64| {
+        let friction = pool.see(0.4, &Estimate { value: used, sd, age_frames: 0 }).expect("known");
+        friction.sd / friction.value
+    };
+    assert!((sd(&mut pool, 0.5, 0.1) - 0.2).abs() < 1e-12);
+    assert!((sd(&mut pool, 0.5, 0.9) - 1.0).abs() < 1e-12, "never more than itself");
+    assert!((sd(&mut pool, 0.03, 0.01) - 0.2).abs() < 1e-12, "of 0.05 where less is used");
+}

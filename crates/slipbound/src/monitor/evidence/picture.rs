@@ -217,3 +217,90 @@ fn taps(sensor: &Sensor, cell_px: usize, columns: usize, rows: usize, camera: us
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four cells of a picture of three columns: the shade between them is even along both ways.
+    #[test]
+    fn a_shade_between_four_cells_is_mixed_by_the_way_to_each() {
+        let mut shades = [Shade::default(); 9];
+        for (at, levels) in [(4, 1.0), (5, 3.0), (7, 10.0), (8, 20.0)] {
+            shades[at][0] = levels;
+        }
+        for (right, down, levels) in [
+            (0.0, 0.0, 1.0),
+            (1.0, 0.0, 3.0),
+            (0.0, 1.0, 10.0),
+            (1.0, 1.0, 20.0),
+            (0.5, 0.0, 2.0),
+            (0.0, 0.5, 5.5),
+            (0.5, 0.5, 8.5),
+            (0.25, 0.5, 7.0),
+        ] {
+            assert_eq!(mix(&shades, 3, 4, right, down)[0], levels, "{right} {down}");
+        }
+    }
+
+    /// Where the cells of a picture of 320 x 240 px, of 4 px each, lie in the camera's, in cells.
+    fn tapped(sensor: &Sensor) -> Vec<Vec2> {
+        let place = |tap: &Tap| {
+            let corner = Vec2::new(f64::from(tap.cell % 80), f64::from(tap.cell / 80));
+            corner + Vec2::new(f64::from(tap.right), f64::from(tap.down))
+        };
+        taps(sensor, 4, 80, 60, 80, 60).iter().map(place).collect()
+    }
+
+    #[test]
+    fn cells_are_looked_up_where_the_camera_has_them() {
+        use crate::plane::Homography;
+        use crate::sensor::{Flip, Rectification, tests::smooth};
+        assert!(tapped(&smooth()).is_empty(), "the same picture");
+        // Flipped about one axis or both; shifted by half a cell along x and one and a half along y, but not out of the picture.
+        let shift = Homography([[1.0, 0.0, -2.0], [0.0, 1.0, -6.0], [0.0, 0.0, 1.0]]);
+        let shifted = Some(Rectification { homography: shift, crop_px: [0, 0, 320, 240], distortion: None });
+        type Place = fn(Vec2) -> Vec2;
+        let sensors: [(Sensor, Place); 4] = [
+            (Sensor { flip: Flip::Horizontal, ..smooth() }, |p| Vec2::new(79.0 - p.x, p.y)),
+            (Sensor { flip: Flip::Vertical, ..smooth() }, |p| Vec2::new(p.x, 59.0 - p.y)),
+            (Sensor { flip: Flip::Both, ..smooth() }, |p| Vec2::new(79.0 - p.x, 59.0 - p.y)),
+            (Sensor { rectification: shifted, ..smooth() }, |p| {
+                Vec2::new((p.x + 0.5).min(79.0), (p.y + 1.5).min(59.0))
+            }),
+        ];
+        for (sensor, place) in sensors {
+            let tapped = tapped(&sensor);
+            assert_eq!(tapped.len(), 80 * 60);
+            for (i, found) in tapped.iter().enumerate() {
+                let wanted = place(Vec2::new((i % 80) as f64, (i / 80) as f64));
+                assert!((*found - wanted).length() < 1e-4, "cell {i}: {found:?}, not {wanted:?} {:?}", sensor.flip);
+            }
+        }
+    }
+
+    #[test]
+    fn a_place_lies_between_the_centres_of_four_cells_or_outside() {
+        // Five columns and three rows of 4 px: centres at 1.5, 5.5, 9.5 px and so on.
+        let cases = [
+            (1.5, 1.5, Some((0, 0.0, 0.0))),
+            (5.5, 1.5, Some((1, 0.0, 0.0))),
+            (3.5, 1.5, Some((0, 0.5, 0.0))),
+            (3.5, 8.5, Some((5, 0.5, 0.75))),
+            (16.5, 4.5, Some((3, 0.75, 0.75))),
+            (1.4, 1.5, None),
+            (1.5, 1.4, None),
+            (17.5, 1.5, None),
+            (1.5, 9.5, None),
+        ];
+        let mut places = Places::new(cases.len());
+        for (i, (x, y, _)) in cases.iter().enumerate() {
+            (places.x_px[i], places.y_px[i]) = (*x, *y);
+        }
+        locate(&mut places, 0.25, [5, 3]);
+        for (i, (x, y, between)) in cases.iter().enumerate() {
+            let found = (places.inside[i] == 1).then_some((places.corner[i], places.right[i], places.down[i]));
+            assert_eq!(found, *between, "{x} {y}");
+        }
+    }
+}

@@ -185,4 +185,21 @@ mod tests {
         watch.take([0.0; 3], [4.0, 0.0, 0.0], 0.0, None);
         assert_eq!(watch.take([0.1; 3], [4.1, 0.0, 0.0], 0.8, None), Some(Sliding { speed_px_per_s: None }));
     }
+
+    /// What was seen before counts no more: neither a way that was nearly long enough nor a slide that went on.
+    #[test]
+    fn what_was_seen_before_a_restart_is_forgotten() {
+        let mut watch = SlidingWatch::new(SETTINGS);
+        let mut slides = |over_px: f64, is_anew: bool| {
+            if is_anew {
+                watch.restart();
+            }
+            watch.take([over_px, 0.0, 0.0], [5.0, 0.0, 0.0], 0.0, None).is_some()
+        };
+        let said: Vec<bool> = [0.0, 1.0, 2.0].iter().map(|px| slides(*px, false)).collect();
+        assert_eq!(said, [false; 3]);
+        assert!(!slides(4.0, true), "4 px since a frame that no longer counts");
+        assert!(!slides(6.9, false) && slides(7.0, false), "3 px since the restart");
+        assert!(!slides(9.0, true) && !slides(11.9, false) && slides(12.1, false));
+    }
 }

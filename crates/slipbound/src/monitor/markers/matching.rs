@@ -391,3 +391,6 @@ fn slopes(points: impl Iterator<Item = (Vec2, Vec2)>, pitch_px: f64) -> [Vec2; 2
     let det = xx * yy - xy * xy;
     [(by_x * yy - by_y * xy) / det, (by_y * xx - by_x * xy) / det]
 }
+
+#[cfg(test)]
+mod tests;

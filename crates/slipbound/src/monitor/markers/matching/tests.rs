@@ -1,0 +1,130 @@
+//! Matches on a grid of 10 x 7 markers whose spots a test puts where it wants.
+
+use super::*;
+use crate::sensor::tests::smooth;
+
+const PITCH_PX: f64 = 30.0;
+const COLUMNS: usize = 10;
+
+fn markers() -> Vec<Marker> {
+    let place = |i: u32| Vec2::new(25.0 + PITCH_PX * f64::from(i % 10), 30.0 + PITCH_PX * f64::from(i / 10));
+    (0..70).map(|id| Marker::at_rest(id, place(id))).collect()
+}
+
+/// A frame whose spots are where each marker is said to be, None for none; spot `i` is that of the `i`-th that has one.
+fn frame(markers: &[Marker], place: impl Fn(&Marker) -> Option<Vec2>) -> Matching {
+    let mut matching = Matching::new(&smooth(), markers);
+    let spots: Vec<Spot> =
+        markers.iter().filter_map(place).map(|position| Spot { position, response_levels: 50.0 }).collect();
+    matching.take_spots(&spots);
+    matching.predict(markers.iter().map(|m| m.rest));
+    matching
+}
+
+/// How far each matched marker is from where it should be, px; None where one has no spot.
+fn off_px(matching: &Matching, markers: &[Marker], place: impl Fn(&Marker) -> Vec2) -> Vec<Option<f64>> {
+    let off = |m: &Marker| matching.spot_of(m.id as usize).map(|spot| (spot.position - place(m)).length());
+    markers.iter().map(off).collect()
+}
+
+#[test]
+fn a_match_that_contradicts_its_neighbours_is_undone_and_the_marker_expected_where_they_went() {
+    let markers = markers();
+    let went = |m: &Marker| m.rest + Vec2::new(6.0, 0.0);
+    for (wrong, is_trusted) in [(&[34u32][..], true), (&[22, 47][..], false)] {
+        // Noise 0.7 of a pitch below where the marker should be, and the marker itself unseen.
+        let is_wrong = |m: &Marker| wrong.contains(&m.id);
+        let place = |m: &Marker| Some(went(m) + if is_wrong(m) { Vec2::new(0.0, 0.7 * PITCH_PX) } else { Vec2::ZERO });
+        let mut matching = frame(&markers, place);
+        matching.assign(1.0);
+        assert!(off_px(&matching, &markers, went).iter().all(Option::is_some), "all are matched at first");
+        matching.settle_with_neighbours(&markers);
+        for (m, off) in markers.iter().zip(off_px(&matching, &markers, went)) {
+            assert_eq!(off, if is_wrong(m) { None } else { Some(0.0) }, "marker {}", m.id);
+        }
+        for &i in wrong {
+            let off_px = (matching.expected(i as usize) - went(&markers[i as usize])).length();
+            assert!(off_px < 0.05 * PITCH_PX, "marker {i} is expected {off_px} px off");
+        }
+        assert_eq!(matching.trustworthy(), is_trusted, "one of seventy may be missed, two may not");
+    }
+}
+
+#[test]
+fn a_gradient_like_that_at_the_rim_of_a_slipping_contact_is_no_contradiction() {
+    let markers = markers();
+    // Half of the field lags by 0.45 of a pitch.
+    let went = |m: &Marker| m.rest + Vec2::new(0.0, if m.id % 10 < 5 { 0.45 * PITCH_PX } else { 0.0 });
+    let mut matching = frame(&markers, |m| Some(went(m)));
+    matching.assign(0.5);
+    matching.settle_with_neighbours(&markers);
+    assert!(off_px(&matching, &markers, went).iter().all(|off| *off == Some(0.0)));
+}
+
+#[test]
+fn a_spot_belongs_to_the_nearest_marker_within_reach_that_is_strong_enough() {
+    let markers = markers();
+    // Two spots alone: 0.2 of a pitch right of marker 33, 0.6 right of marker 55.
+    let spots = |m: &Marker| match m.id {
+        33 => Some(m.rest + Vec2::new(0.2 * PITCH_PX, 0.0)),
+        55 => Some(m.rest + Vec2::new(0.6 * PITCH_PX, 0.0)),
+        _ => None,
+    };
+    let matched = |reach_pitch: f64, least: f32| {
+        let mut matching = frame(&markers, spots);
+        matching.least_response(markers.iter().map(|m| if m.id == 33 { least } else { 0.0 }));
+        matching.assign(reach_pitch);
+        (0..70).filter(|&i| matching.spot_of(i).is_some()).collect::<Vec<_>>()
+    };
+    assert_eq!(matched(0.1, 0.0), [0usize; 0]);
+    assert_eq!(matched(0.3, 0.0), [33]);
+    assert_eq!(matched(0.45, 0.0), [33, 56], "0.4 left of the next");
+    assert_eq!(matched(0.45, 51.0), [56], "too faint for that marker");
+}
+
+/// Markers in the middle were a pitch further right, and snapped back: each is found in the spot of the next.
+#[test]
+fn a_field_that_is_torn_is_grown_anew_from_the_markers_that_stood_still() {
+    let markers = markers();
+    let snapped =
+        |m: &Marker| (3..7).contains(&(m.id as usize % COLUMNS)) && (2..5).contains(&(m.id as usize / COLUMNS));
+    let before = |m: &Marker| m.rest + if snapped(m) { Vec2::new(PITCH_PX, 0.0) } else { Vec2::ZERO };
+    let mut matching = frame(&markers, |m| Some(m.rest));
+    matching.predict(markers.iter().map(before));
+    matching.assign(0.5);
+    let wrong =
+        |matching: &Matching| off_px(matching, &markers, |m| m.rest).iter().filter(|off| **off != Some(0.0)).count();
+    assert!(wrong(&matching) >= 12 && matching.torn(&markers), "{} are wrong", wrong(&matching));
+    matching.repair_tear(&markers, markers.iter().map(before));
+    assert_eq!(wrong(&matching), 0);
+    assert!(!matching.torn(&markers));
+}
+
+/// Nothing stood still, so that nothing is there to grow from: what was found is kept.
+#[test]
+fn a_field_that_moved_as_a_whole_is_kept() {
+    let markers = markers();
+    let went = |m: &Marker| m.rest + Vec2::new(0.3 * PITCH_PX, 0.0);
+    let mut matching = frame(&markers, |m| Some(went(m)));
+    matching.predict(markers.iter().map(went));
+    matching.assign(0.4);
+    matching.repair_tear(&markers, markers.iter().map(went));
+    assert!(off_px(&matching, &markers, went).iter().all(|off| *off == Some(0.0)));
+    // Its spots are taken again: nobody else is given one.
+    assert!(matching.spot_taken.iter().all(|taken| *taken));
+}
+
+/// Where the border cuts a marker its spot is off across the border, not along it.
+#[test]
+fn a_marker_at_the_border_is_placed_along_it_by_its_spot_and_across_it_by_its_neighbours() {
+    let markers = markers();
+    // All go 23 px left and 4 down; the dot of marker 30 is cut at x = 2 and seems to be 2 px further right.
+    let went = |m: &Marker| m.rest + Vec2::new(-23.0, 4.0);
+    let seen = |m: &Marker| went(m) + Vec2::new(if m.id == 30 { 2.0 } else { 0.0 }, 0.0);
+    let mut matching = frame(&markers, |m| Some(seen(m)));
+    matching.predict(markers.iter().map(went));
+    matching.assign(0.4);
+    let cut = matching.cut(&markers, 30).expect("a spot and neighbours");
+    assert!((cut.x - went(&markers[30]).x).abs() < 1e-9 && cut.y == seen(&markers[30]).y, "{cut:?}");
+    assert_eq!(matching.cut(&markers, 34), Some(seen(&markers[34])), "in view its own place");
+}

@@ -1,0 +1,111 @@
+//! Signs of slip, drawn in a row, and the slips that are made of them.
+//!
+//! ```text
+//!   .  a frame without slip     x  one that shows it     o  nothing is touched
+//! ```
+
+mod made_up;
+
+use made_up::hand;
+use slipbound::events::{Sign, SlipEpisodes, SlipEvent, SlipEvents};
+use slipbound::monitor::{ContactReport, Estimates, MarkerCounts, SlipKind, SlipReport, SlipState, SlipSummary};
+
+/// Time of a frame of the row, ns: 20 Hz, so that 0.2 s are four frames.
+const PERIOD_NS: u64 = 50_000_000;
+
+/// The number of the slip that each frame belongs to, as it is known when the frame is seen: a digit while it runs, `.` after.
+fn slips_in(row: &str, has_times: bool) -> String {
+    let (mut episodes, mut now) = (SlipEpisodes::default(), '.');
+    let drawn = row.chars().enumerate().map(|(i, shown)| {
+        let time_ns = has_times.then_some(i as u64 * PERIOD_NS);
+        let change = episodes.see(&Sign { seq: i as u64, time_ns, slips: shown == 'x', contact_lost: shown == 'o' });
+        if change.ended.is_some() {
+            now = '.';
+        }
+        if let Some(slip) = change.began {
+            now = char::from_digit(slip.number, 10).expect("few slips");
+        }
+        now
+    });
+    drawn.collect()
+}
+
+#[test]
+fn a_slip_lasts_until_nothing_was_seen_of_it_for_a_fifth_of_a_second() {
+    // At 20 Hz the fourth quiet frame ends it; a slip that shows there is the next one.
+    assert_eq!(slips_in("..xx.x....xx...x.......x", true), "..1111111.222223333....4");
+}
+
+#[test]
+fn without_times_six_frames_are_a_fifth_of_a_second() {
+    assert_eq!(slips_in("x.....x......x.", false), "111111222222.33");
+}
+
+#[test]
+fn a_slip_ends_with_the_contact() {
+    assert_eq!(slips_in(".xxoox.o.", true), ".11..22..");
+}
+
+/// A finger's report of a frame of a row at 20 Hz, from number 100 on.
+fn report(i: usize, shown: char) -> SlipReport {
+    let state = match shown {
+        'x' => SlipState::Incipient,
+        'X' => SlipState::Gross,
+        'o' => SlipState::NoContact,
+        _ => SlipState::Stick,
+    };
+    SlipReport {
+        seq: 100 + i as u64,
+        time_ns: Some(7 + i as u64 * PERIOD_NS),
+        state,
+        reason: None,
+        contact: ContactReport::default(),
+        markers: MarkerCounts::default(),
+        reference_seq: 0,
+        grip_n: None,
+        motion: None,
+        shear: None,
+        slip: SlipSummary {
+            kind: Some(SlipKind::Translation),
+            direction_rad: Some(0.1 * i as f64),
+            ..SlipSummary::default()
+        },
+        estimates: Estimates::default(),
+        evidence: None,
+    }
+}
+
+#[test]
+fn the_lines_of_a_recording_name_the_first_and_the_last_frame_of_each_slip() {
+    let mut events = SlipEvents::new();
+    let mut told: Vec<SlipEvent> = "..xX.x.....x"
+        .chars()
+        .enumerate()
+        .flat_map(|(i, shown)| events.see(&report(i, shown)).collect::<Vec<_>>())
+        .collect();
+    told.extend(events.end());
+    assert_eq!(events.end(), None, "nothing runs any more");
+    let at = |i: u64| (100 + i, Some(7 + i * PERIOD_NS));
+    let begins = |slip, i: u64| SlipEvent::Begins {
+        slip,
+        seq: at(i).0,
+        time_ns: at(i).1,
+        kind: Some(SlipKind::Translation),
+        direction_rad: Some(0.1 * i as f64),
+    };
+    let ends = |slip, i, frames_count| SlipEvent::Ends { slip, seq: at(i).0, time_ns: at(i).1, frames_count };
+    assert_eq!(told, [begins(1, 2), ends(1, 5, 3), begins(2, 11), ends(2, 11, 1)]);
+}
+
+#[test]
+fn a_hand_counts_slips_by_the_clock_of_the_loop() {
+    let mut episodes = SlipEpisodes::default();
+    // The fingers' frames have no times; the loop's cycles do.
+    for (i, shown) in "xx....xx...x".chars().enumerate() {
+        let state = if shown == 'x' { SlipState::Gross } else { SlipState::Stick };
+        let sign = Sign::of_hand(i as u64 * PERIOD_NS, &hand(state));
+        assert_eq!((sign.seq, sign.time_ns), (1, Some(i as u64 * PERIOD_NS)));
+        episodes.see(&sign);
+    }
+    assert_eq!(episodes.count(), 3);
+}

@@ -1,0 +1,179 @@
+//! What a law of the grip tells the gripper and the arm, frame by frame, for rows of frames that a test draws.
+
+mod made_up;
+
+use made_up::{FRAME_NS, gripper, hand};
+use slipbound::grip::{ArmMotion, GripController, GripDecision, GripLimits, Law, MarginSettings, OnSlipSettings};
+use slipbound::hand::HandReport;
+use slipbound::monitor::SlipState;
+use slipbound::port::{GripperState, Jaws};
+
+fn starting_with(start_n: f64) -> GripLimits {
+    let mut limits = GripLimits::default();
+    limits.start_n = start_n;
+    limits
+}
+
+/// When the arm waits, `#`, and goes, `.`.
+fn waits(told: &[GripDecision]) -> String {
+    told.iter().map(|told| if told.arm == ArmMotion::Go { '.' } else { '#' }).collect()
+}
+
+/// What a law told a gripper that follows at once (or, with `pressed_n`, presses with that whatever it is told) every 33 ms; the
+/// alarms it counted and whether it wants more than there is.
+fn told_by(
+    law: Law,
+    limits: GripLimits,
+    hands: &[HandReport],
+    pressed_n: Option<f64>,
+) -> (Vec<GripDecision>, u32, bool) {
+    let mut controller = law.controller(&limits).expect("valid");
+    let mut force_n = limits.start_n;
+    let step = |(i, hand): (usize, &HandReport)| {
+        let told = controller.decide(i as u64 * FRAME_NS, hand, &gripper(pressed_n.unwrap_or(force_n)));
+        force_n = told.force_n;
+        told
+    };
+    let told = hands.iter().enumerate().map(step).collect();
+    (told, controller.alarms_count(), controller.wants_more())
+}
+
+/// A row of frames: `.` sticks, `x` begins to slip, `X` slides, `?` cannot be told.
+fn hands(row: &str) -> Vec<HandReport> {
+    let state = |shown| match shown {
+        'x' => SlipState::Incipient,
+        'X' => SlipState::Gross,
+        '?' => SlipState::Unsure,
+        _ => SlipState::Stick,
+    };
+    row.chars().map(|shown| hand(state(shown))).collect()
+}
+
+#[test]
+fn slip_at_the_largest_force_wants_more_and_slip_at_the_least_of_a_loosening_law_does_not() {
+    let gripping = Law::OnSlip(OnSlipSettings::default());
+    let loosening = Law::OnSlip(OnSlipSettings::default().with_step_n(-20.0));
+    for (law, start_n, row, alarms_count, wants_more) in [
+        (gripping, 50.0, "xx........", 1, false),
+        (gripping, 50.0, "x........X", 2, true),
+        (gripping, 60.0, "..X.......", 1, true),
+        (gripping, 60.0, "..........", 0, false),
+        (loosening, 5.0, "..x.......", 1, false),
+    ] {
+        let limits = starting_with(start_n);
+        let (_, count, wants) = told_by(law, limits, &hands(row), None);
+        assert_eq!((count, wants), (alarms_count, wants_more), "{law:?} from {start_n} N: {row}");
+    }
+}
+
+/// 0.2 s from an alarm on it is the same slip; the seventh frame of 33.3 ms is later than that.
+#[test]
+fn slip_that_goes_on_is_the_next_alarm_after_a_fifth_of_a_second() {
+    let law = Law::OnSlip(OnSlipSettings::default());
+    let (told, count, _) = told_by(law, GripLimits::default(), &hands("xxxxxxxx"), None);
+    let forces: Vec<f64> = told.iter().map(|told| told.force_n).collect();
+    assert_eq!((forces, count), (vec![20.0, 20.0, 20.0, 20.0, 20.0, 20.0, 20.0, 30.0], 2));
+}
+
+#[test]
+fn a_gripper_that_never_presses_as_told_stops_the_arm_for_a_second_and_not_for_ever() {
+    let law = Law::OnSlip(OnSlipSettings::default());
+    let row = format!("x{}", ".".repeat(39));
+    let (told, ..) = told_by(law, GripLimits::default(), &hands(&row), Some(10.0));
+    assert_eq!(waits(&told), format!("{}{}", "#".repeat(31), ".".repeat(9)), "30 frames are a hair less than 1 s");
+}
+
+fn margin_law() -> Law {
+    Law::Margin(MarginSettings::default().with_stiffness_mpa_per_mm(0.05))
+}
+
+/// The same frames with a margin.
+fn with_margin(hands: Vec<HandReport>, margin: f64) -> Vec<HandReport> {
+    hands.into_iter().map(|hand| HandReport { margin: Some(margin), ..hand }).collect()
+}
+
+#[test]
+fn one_frame_counts_alone_only_where_little_is_left() {
+    // 10 N stand at 65 % for long; then a single frame says 79 or 81 %.
+    let raised_n = |used: f64| {
+        let mut hands = with_margin(hands(&".".repeat(30)), 0.35);
+        hands.push(HandReport { margin: Some(1.0 - used), ..hand(SlipState::Stick) });
+        let (told, ..) = told_by(margin_law(), GripLimits::default(), &hands, Some(10.0));
+        told[30].force_n - told[29].force_n
+    };
+    // 33 ms of an average over 100 ms let through 28 %.
+    let average_n = (1.0 - (-1.0f64 / 3.0).exp()) * 1.4 / 0.65;
+    assert!((raised_n(0.79) - average_n).abs() < 1e-3, "{} N for {average_n} N", raised_n(0.79));
+    assert!((raised_n(0.81) - 1.6 / 0.65).abs() < 1e-3, "{} N for all of it", raised_n(0.81));
+}
+
+#[test]
+fn an_object_that_slides_uses_all_there_is_whatever_the_margin_says() {
+    for margin in [None, Some(0.9), Some(0.0)] {
+        let slides = HandReport { margin, ..hand(SlipState::Gross) };
+        // It slides under 10 N: 10 N over 65 % would hold it, at once, for 120 N a second are more.
+        let (told, count, wants) =
+            told_by(margin_law(), GripLimits::default(), &[hand(SlipState::Stick), slides, slides], Some(10.0));
+        let forces: Vec<f64> = told.iter().map(|told| told.force_n).collect();
+        assert!((forces[1] - 14.0).abs() < 1e-3 && (forces[2] - 10.0 / 0.65).abs() < 1e-3, "{margin:?}: {forces:?}");
+        assert_eq!((count, wants), (1, false), "one slide, and more force to be had");
+    }
+    let slip = with_margin(hands(".xx.x"), 0.0);
+    let limits = starting_with(60.0);
+    let (_, count, wants) = told_by(margin_law(), limits, &slip, None);
+    assert_eq!((count, wants), (2, true), "slip that comes again counts again, and 60 N are the most");
+    let (_, count, wants) = told_by(margin_law(), limits, &with_margin(hands("....."), 0.0), None);
+    assert_eq!((count, wants), (0, false), "no slip");
+}
+
+#[test]
+fn the_arm_waits_while_the_grip_is_behind_the_load() {
+    // The gripper presses with 10 N whatever it is told; what is used of it, and whether the arm waits when 12 N or more were told.
+    for (used, picture) in [(0.78, "......"), (0.79, "......"), (0.82, ".#####"), (0.95, ".#####")] {
+        let (told, ..) =
+            told_by(margin_law(), GripLimits::default(), &with_margin(hands("......"), 1.0 - used), Some(10.0));
+        assert_eq!(waits(&told), picture, "{used}: {told:?}");
+    }
+}
+
+#[test]
+fn a_grip_without_a_reading_of_its_force_stays_and_so_does_one_that_may_not_let_go() {
+    let loaded = with_margin(hands("........"), 0.1);
+    for pressed_n in [0.0, -1.0] {
+        let (told, ..) = told_by(margin_law(), GripLimits::default(), &loaded, Some(pressed_n));
+        assert!(told.iter().all(|told| told.force_n == 10.0 && told.arm == ArmMotion::Go), "{pressed_n} N: {told:?}");
+    }
+    let mut settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    settings.release_n_per_s = 0.0;
+    let idle = with_margin(hands(&".".repeat(60)), 0.95);
+    let (told, ..) = told_by(Law::Margin(settings), GripLimits::default(), &idle, None);
+    assert!(told.iter().all(|told| told.force_n == 10.0), "{told:?}");
+}
+
+#[test]
+fn the_margin_that_is_told_is_that_of_the_least_force_that_holds() {
+    let mut controller = margin_law().controller(&GripLimits::default()).expect("valid");
+    assert_eq!(controller.margin(), None);
+    let stands = HandReport { margin: Some(0.4), ..hand(SlipState::Stick) };
+    controller.decide(0, &stands, &gripper(10.0));
+    assert!((controller.margin().expect("known") - 0.4).abs() < 1e-12);
+    // The hand goes on saying 40 % of twice the force: the load doubled, and the average is behind.
+    controller.decide(FRAME_NS, &stands, &gripper(20.0));
+    let average_n = 6.0 + (1.0 - (-1.0f64 / 3.0).exp()) * 6.0;
+    assert!((controller.margin().expect("known") - (1.0 - average_n / 20.0)).abs() < 1e-6);
+}
+
+/// A hand that is blind goes to the force that was set for it only where something may be held.
+#[test]
+fn a_blind_hand_whose_jaws_are_open_or_closing_is_told_no_more() {
+    for (jaws, force_n) in
+        [(Jaws::Open, 10.0), (Jaws::Closing, 10.0), (Jaws::Holding, 30.0), (Jaws::Unknown, 30.0), (Jaws::Stopped, 30.0)]
+    {
+        let limits = GripLimits::default().with_blind_force_n(Some(30.0));
+        let mut controller = Law::Constant.controller(&limits).expect("valid");
+        let state = GripperState { jaws, ..gripper(10.0) };
+        let told: Vec<f64> =
+            (0..6).map(|i| controller.decide(i * FRAME_NS, &hand(SlipState::Unjudged), &state).force_n).collect();
+        assert_eq!(told, [10.0, 10.0, 10.0, force_n, force_n, force_n], "{jaws:?}");
+    }
+}

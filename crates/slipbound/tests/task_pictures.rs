@@ -1,0 +1,255 @@
+//! What tasks do, drawn a letter a frame: taking hold, lifting, laying down.
+
+mod made_up;
+
+use made_up::{FRAME_NS, gripper, hand};
+use slipbound::hand::{HandReport, HandVector};
+use slipbound::monitor::SlipState;
+use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
+use slipbound::task::{ControllerKind, Ending, Observation, Phase, TaskKind, TaskSettings};
+
+/// What a lift does in each frame of 33 ms: `G` takes hold, `>` rises, `-` waits, `H` held, `L` lost, `N` nothing held; and how high
+/// it got, mm.
+fn lift_picture(
+    settings: &TaskSettings,
+    frames_count: u64,
+    shows: impl Fn(u64, f64) -> (HandReport, GripperState),
+) -> (String, f64) {
+    let mut task = settings.task(TaskKind::Lift, Some(0.05)).expect("valid");
+    let (mut lowered_mm, mut force_n, mut picture) = (3.0, 10.0, String::new());
+    for frame in 0..frames_count {
+        let (hand, gripper) = shows(frame, force_n);
+        let now_ns = frame * FRAME_NS;
+        let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm, moving: true };
+        let step = task.step(&Observation { now_ns, hand: &hand, gripper: &gripper, wrist: &wrist });
+        force_n = step.grip.force_n().expect("it holds");
+        picture.push(match step.phase {
+            Phase::Grasping => 'G',
+            Phase::Working => '>',
+            Phase::Ended(Ending::Held) => 'H',
+            Phase::Ended(Ending::Lost) => 'L',
+            Phase::Ended(Ending::NothingHeld) => 'N',
+            Phase::Waiting => '-',
+            other => panic!("{other:?}"),
+        });
+        match step.wrist.motion {
+            // The wrist goes no further than it was told, however fast.
+            WristMotion::Lower { rate_mm_per_s, most_mm } => {
+                lowered_mm +=
+                    (rate_mm_per_s.abs() * 1.5 * FRAME_NS as f64 * 1e-9).min(most_mm) * rate_mm_per_s.signum();
+            }
+            _ => assert_ne!(step.phase, Phase::Working, "frame {frame} of {picture}"),
+        }
+    }
+    (picture, 3.0 - lowered_mm)
+}
+
+#[test]
+fn a_lift_rises_as_far_as_it_was_told_and_counts_the_time_it_is_held_there() {
+    let mut settings = TaskSettings::default();
+    (settings.lift.lift_mm, settings.lift.hold_ns) = (4.5, 300_000_000);
+    let (picture, way_mm) = lift_picture(&settings, 24, |_, force_n| (hand(SlipState::Stick), gripper(force_n)));
+    // 0.2 s to take hold, a millimetre a frame from the second one on, the last one halved; ten frames are 0.3 s.
+    assert_eq!(picture, "GGGGGGG>>>>>>----------H");
+    assert!((4.5..4.5 + 1.0 + 1e-9).contains(&way_mm), "to a frame's way: {way_mm} mm");
+}
+
+#[test]
+fn a_lift_waits_while_the_grip_is_raised_and_ends_when_the_part_is_lost() {
+    let mut settings = TaskSettings::default().with_controller(ControllerKind::OnSlip);
+    settings.lift.lift_mm = 100.0;
+    let (picture, _) = lift_picture(&settings, 30, |frame, force_n| {
+        let state = if frame == 12 { SlipState::Incipient } else { SlipState::Stick };
+        let jaws = if frame < 22 { Jaws::Holding } else { Jaws::Lost };
+        (hand(state), GripperState { jaws, ..gripper(force_n) })
+    });
+    assert_eq!(picture, "GGGGGGG>>>>>---->>>>>>LLLLLLLL");
+}
+
+#[test]
+fn taking_hold_waits_until_the_jaws_stand_still_and_begins_anew_when_the_object_is_not_felt() {
+    let settings = TaskSettings::default().with_controller(ControllerKind::Constant);
+    let run = |shows: &dyn Fn(u64) -> (SlipState, f64)| {
+        let picture = lift_picture(&settings, 40, |frame, force_n| {
+            let (state, opening_mm) = shows(frame);
+            (hand(state), GripperState { opening_mm: Some(opening_mm), ..gripper(force_n) })
+        });
+        picture.0.find('>').expect("it begins")
+    };
+    let stick = SlipState::Stick;
+    assert_eq!(run(&|_| (stick, 28.0)), 7, "0.2 s are seven frames");
+    assert_eq!(
+        run(&|frame| (stick, 28.0 - frame.min(10) as f64)),
+        17,
+        "closing by a millimetre a frame until frame 10"
+    );
+    let creeps = |frame: u64| (stick, 28.0 - 0.1 * frame.min(20) as f64);
+    assert_eq!(run(&creeps), 18 + 7, "more than half a millimetre in a fifth of a second, three times");
+    assert_eq!(run(&|frame| (if frame == 5 { SlipState::NoContact } else { stick }, 28.0)), 6 + 7, "not felt once");
+    assert_eq!(run(&|frame| (if frame == 5 { SlipState::Unsure } else { stick }, 28.0)), 7, "felt, though not judged");
+}
+
+#[test]
+fn jaws_that_hold_nothing_for_ten_seconds_end_it_and_blind_fingers_or_a_felt_object_do_not() {
+    let settings = TaskSettings::default().with_controller(ControllerKind::Constant);
+    let run = |state: SlipState, jaws: Jaws, opening_mm: &dyn Fn(u64) -> f64| {
+        let picture = lift_picture(&settings, 310, |frame, force_n| {
+            (hand(state), GripperState { jaws, opening_mm: Some(opening_mm(frame)), ..gripper(force_n) })
+        });
+        picture.0.find('N')
+    };
+    // 300 frames are a hair less than 10 s.
+    assert_eq!(run(SlipState::NoContact, Jaws::Holding, &|_| 28.0), Some(301));
+    assert_eq!(run(SlipState::Stick, Jaws::Closing, &|_| 28.0), Some(301));
+    assert_eq!(run(SlipState::Unjudged, Jaws::Holding, &|_| 28.0), None);
+    // Jaws that hold and feel, but shake.
+    assert_eq!(run(SlipState::Stick, Jaws::Holding, &|frame| (frame % 2) as f64), None);
+    assert_eq!(run(SlipState::NoContact, Jaws::Lost, &|_| 28.0), Some(0));
+}
+
+/// How a tool is laid down, a letter a frame of 33 ms: `G` takes hold, `v` lowers, `-` waits, `R` lets go, `P` placed, `L` lost, `E`
+/// too far, `S` the grip stays firm. `shows`: shear along in mm (None: not felt), pivot in rad, jaws, and what the gripper presses with
+/// when it is told a force.
+fn laying_picture(
+    settings: &TaskSettings,
+    stiffness_mpa_per_mm: Option<f64>,
+    frames_count: u64,
+    shows: impl Fn(u64, f64) -> (Option<f64>, f64, Jaws, f64),
+) -> String {
+    let mut task = settings.task(TaskKind::Place, stiffness_mpa_per_mm).expect("valid");
+    let (mut lowered_mm, mut force_n, mut picture) = (20.0, 10.0, String::new());
+    for frame in 0..frames_count {
+        let (along, pivot_rad, jaws, pressed_n) = shows(frame, force_n);
+        let mut report = hand(SlipState::Stick);
+        report.shear_mm = along.map(|along| HandVector { along, ..HandVector::default() });
+        report.pivot_rad = along.map(|_| pivot_rad);
+        let (now_ns, state) = (frame * FRAME_NS, GripperState { jaws, ..gripper(pressed_n) });
+        let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm, moving: true };
+        let step = task.step(&Observation { now_ns, hand: &report, gripper: &state, wrist: &wrist });
+        picture.push(match step.phase {
+            Phase::Grasping => 'G',
+            Phase::Working => 'v',
+            Phase::Waiting => '-',
+            Phase::Releasing => 'R',
+            Phase::Ended(Ending::Placed) => 'P',
+            Phase::Ended(Ending::Lost) => 'L',
+            Phase::Ended(Ending::Limit) => 'E',
+            Phase::Ended(Ending::GripStays) => 'S',
+            other => panic!("{other:?}"),
+        });
+        assert_eq!(step.grip == GripCommand::Release, matches!(picture.chars().last(), Some('R' | 'P')), "{picture}");
+        force_n = step.grip.force_n().unwrap_or(force_n);
+        if let WristMotion::Lower { rate_mm_per_s, .. } = step.wrist.motion {
+            lowered_mm += rate_mm_per_s * FRAME_NS as f64 * 1e-9;
+        }
+    }
+    picture
+}
+
+#[test]
+fn a_tool_is_laid_down_only_as_far_as_the_ground_is_felt() {
+    let mut settings = TaskSettings::default().with_controller(ControllerKind::Constant);
+    let touches = |frame: u64| if frame < 12 { 0.0 } else { 0.2 };
+    // The ground pushes by 0.01 mm a frame from frame 30 on. 0.05 MPa/mm on 100 mm2: 0.25 N are 0.05 mm.
+    let push = |frame: u64| -0.01 * frame.saturating_sub(30) as f64 - 0.001;
+    let jaws = |frame: u64, from| if frame < from { Jaws::Holding } else { Jaws::Open };
+    let told = |stiffness| {
+        laying_picture(&settings, stiffness, 42, |frame, n| (Some(push(frame)), touches(frame), jaws(frame, 40), n))
+    };
+    // Touch at 12, half a second for the loose grip to stand, then down until it is carried.
+    let after = "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vvvvvvv";
+    assert_eq!(told(Some(0.05)), after.clone() + "RRRRRPP");
+    assert_eq!(told(None), after.clone() + "RRRRRPP", "by the displacement alone");
+    assert_eq!(told(Some(0.1)), after[..after.len() - 2].to_owned() + "RRRRRRRPP", "twice as stiff: 0.025 mm");
+
+    // What the gels were sheared by when the loose grip stood is no push of the ground.
+    let picture = laying_picture(&settings, None, 36, |frame, n| (Some(-0.3), touches(frame), Jaws::Holding, n));
+    assert_eq!(picture, "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vvvvvvvv");
+
+    // Nothing is felt for three frames: nothing is lowered then.
+    let deaf = |frame: u64| if (30..33).contains(&frame) { None } else { Some(0.0) };
+    let picture = laying_picture(&settings, None, 36, |frame, n| (deaf(frame), touches(frame), Jaws::Holding, n));
+    assert_eq!(picture, "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vv---vvv");
+
+    // Before it touches a frame that is not felt is no reason to wait; it may hang turned, and it may be lost.
+    let deaf = |frame: u64| if frame == 9 { None } else { Some(0.0) };
+    let picture = laying_picture(&settings, None, 16, |frame, n| (deaf(frame), 0.3, jaws(frame, 99), n));
+    assert_eq!(picture, "GGGGGGGvvvvvvvvv");
+    let lost = |frame| if frame < 10 { Jaws::Holding } else { Jaws::Lost };
+    let picture = laying_picture(&settings, None, 12, |frame, n| (Some(0.0), 0.0, lost(frame), n));
+    assert_eq!(picture, "GGGGGGGvvvLL");
+
+    // 3 mm/s are 0.1 mm a frame: 1 mm are ten, from the second one on.
+    settings.place.most_mm = 0.999;
+    let picture = laying_picture(&settings, None, 20, |_, n| (Some(0.0), 0.0, Jaws::Holding, n));
+    assert_eq!(picture, "G".repeat(7) + &"v".repeat(11) + "EE");
+}
+
+#[test]
+fn a_grip_that_does_not_loosen_is_waited_for_three_seconds_more() {
+    let settings = TaskSettings::default().with_controller(ControllerKind::Constant);
+    let touches = |frame: u64| if frame < 12 { 0.0 } else { 0.2 };
+    let told = |from: u64| {
+        laying_picture(&settings, None, 125, |frame, n| {
+            (Some(0.0), touches(frame), Jaws::Holding, if frame < from { 10.0 } else { n })
+        })
+    };
+    let waits = |picture: &str| picture.chars().filter(|c| *c == '-').count();
+    assert_eq!((waits(&told(60)), told(60).ends_with('v')), (60 - 12, true));
+    // 3.5 s are 105 frames and a hair.
+    assert_eq!((waits(&told(999)), told(999).ends_with('S')), (106, true));
+}
+
+/// Every task says what it waits for while it takes hold, and nothing after.
+#[test]
+fn what_is_missing_is_said_while_hold_is_taken() {
+    use slipbound::task::Missing;
+    for kind in [TaskKind::Screw, TaskKind::Unscrew, TaskKind::Place, TaskKind::Lift] {
+        let settings = TaskSettings::default().with_controller(ControllerKind::Constant);
+        let mut task = settings.task(kind, Some(0.05)).expect("valid");
+        let mut missing = Vec::new();
+        for frame in 0..14u64 {
+            let (state, jaws) = match frame {
+                0..2 => (SlipState::NoContact, Jaws::Closing),
+                2..4 => (SlipState::NoContact, Jaws::Holding),
+                4 => (SlipState::Unjudged, Jaws::Holding),
+                _ => (SlipState::Stick, Jaws::Holding),
+            };
+            let (now_ns, gripper) = (frame * FRAME_NS, GripperState { jaws, ..gripper(10.0) });
+            let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+            task.step(&Observation { now_ns, hand: &hand(state), gripper: &gripper, wrist: &wrist });
+            missing.push(task.missing());
+        }
+        use Missing::*;
+        let waits = [Some(Hold), Some(Hold), Some(Contact), Some(Contact), Some(Sight)];
+        let rests = [Some(Rest); 7];
+        assert_eq!(missing, [&waits[..], &rests[..], &[None, None]].concat(), "{kind:?}");
+    }
+}
+
+/// The force is believed once it has stood for a fifth of a second, too, not when it is first read right.
+#[test]
+fn taking_hold_waits_until_the_force_has_stood_as_well() {
+    let settings = TaskSettings::default().with_controller(ControllerKind::Constant);
+    let begins = |reads_wrong: &dyn Fn(u64) -> bool| {
+        let picture = lift_picture(&settings, 40, |frame, force_n| {
+            (hand(SlipState::Stick), gripper(if reads_wrong(frame) { 7.0 } else { force_n }))
+        });
+        picture.0.find('>').expect("it begins")
+    };
+    assert_eq!(begins(&|frame| frame < 12), 12 + 7);
+    assert_eq!(begins(&|frame| frame < 12 || frame == 15), 16 + 7, "it flickered once");
+    assert_eq!(begins(&|_| true), 31, "1 s, whatever it reads");
+}
+
+#[test]
+fn a_lift_that_need_not_be_held_is_lifted_all_the_same() {
+    let mut settings = TaskSettings::default();
+    (settings.lift.lift_mm, settings.lift.hold_ns) = (4.5, 0);
+    let (picture, _) = lift_picture(&settings, 16, |frame, force_n| {
+        // Blind as it arrives: that it is held has to be seen.
+        let state = if (12..14).contains(&frame) { SlipState::Unjudged } else { SlipState::Stick };
+        (hand(state), gripper(force_n))
+    });
+    assert_eq!(picture, "GGGGGGG>>>>>>-HH");
+}

@@ -1,0 +1,148 @@
+//! When a contact begins and ends, and what a new reference knows: painted fingers, a letter a frame.
+
+mod picture;
+
+use picture::{Painter, Touch, frame};
+use slipbound::image::SizePx;
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
+use slipbound::plane::Vec2;
+use slipbound::sensor::Skin;
+
+const SIZE: SizePx = SizePx::new(320, 240);
+
+fn finger(skin: Skin) -> (Painter, SlipMonitor) {
+    let painter = Painter::new(SIZE, 20.0, 7.0, skin, 0.0, 3);
+    let mut builder = RestBuilder::new(&painter.sensor, &Settings::default(), SIZE).expect("valid");
+    for i in 0..4 {
+        builder.add(&frame(&painter.paint(&painter.rest, None, 900 + i), SIZE, i)).expect("bright");
+    }
+    let rest = builder.build(RestKind::Unloaded).expect("markers");
+    let monitor = SlipMonitor::new(&painter.sensor, &Settings::default(), rest).expect("valid");
+    (painter, monitor)
+}
+
+fn touch(radius_px: f64) -> Touch {
+    Touch { centre: Vec2::new(160.0, 120.0), radii_px: Vec2::new(1.1, 0.9) * radius_px, strength_levels: 32.0 }
+}
+
+/// Contact, `#`, in a row of frames: `.` nothing touches, `o` little does, `O` much does.
+fn contact_in(row: &str, skin: Skin) -> String {
+    let (painter, mut monitor) = finger(skin);
+    // A contact begins from 2255 px2 on and lasts down to 440 px2.
+    let touch = |shown| match shown {
+        'o' => Some(touch(19.0)),
+        'O' => Some(touch(55.0)),
+        _ => None,
+    };
+    let step = |(i, shown): (usize, char)| {
+        let rgb = painter.paint(&painter.rest, touch(shown).as_ref(), i as u64);
+        let report = monitor.step(&frame(&rgb, SIZE, i as u64), None);
+        let touches = report.state != SlipState::NoContact;
+        assert_eq!(touches, report.contact.area_px2 > 0.0, "frame {i}: {report:?}");
+        assert_eq!(report.contact.area_px2, monitor.contact_region().area_px2() as f64);
+        if touches { '#' } else { '.' }
+    };
+    row.chars().enumerate().map(step).collect()
+}
+
+#[test]
+fn a_contact_begins_with_the_fourth_frame_of_much_and_lasts_while_a_little_is_left() {
+    for skin in [Skin::Smooth, Skin::Fabric] {
+        let row = ".OOO.OOOOOooooo..OOOoooo";
+        assert_eq!(contact_in(row, skin), "........#######.........", "{row} {skin:?}");
+    }
+}
+
+/// Markers that the border cut when the reference was taken have no displacement since: they say nothing until it is taken anew.
+#[test]
+fn markers_that_were_cut_when_the_reference_was_taken_are_not_in_it() {
+    let (painter, mut monitor) = finger(Skin::Smooth);
+    let mut seq = 0;
+    let mut show = |monitor: &mut SlipMonitor, shift: Vec2, touched: bool| -> SlipReport {
+        let places: Vec<Vec2> = painter.rest.iter().map(|&p| p + shift).collect();
+        let rgb = painter.paint(&places, touched.then_some(&touch(85.0)), seq);
+        seq += 1;
+        monitor.step(&frame(&rgb, SIZE, seq), None)
+    };
+    for _ in 0..6 {
+        show(&mut monitor, Vec2::ZERO, true);
+    }
+    // All move by nearly a pitch: the last column leaves the picture.
+    let away = Vec2::new(18.0, 0.0);
+    for i in 1..=6 {
+        show(&mut monitor, away * (f64::from(i) / 6.0), true);
+    }
+    let cut = |m: &slipbound::monitor::Marker| m.rest.x > 298.0;
+    assert!(monitor.markers().iter().all(|m| m.in_reference && (m.whole != cut(m))), "the last column is cut");
+    monitor.rebase(12);
+    let report = (0..2).map(|_| show(&mut monitor, away, true)).last().expect("frames");
+    assert_eq!(report.reference_seq + 2, report.seq);
+    for m in monitor.markers() {
+        assert_eq!(m.in_reference, !cut(m), "marker {}", m.id);
+        assert!(cut(m) || m.now_from_reference().length() < 0.3, "marker {}: {m:?}", m.id);
+    }
+    // In view again, a column that nobody knows the way of has no slip and no say in the motion, though it is touched.
+    let back = |i: u32| away * (1.0 - f64::from(i) / 6.0);
+    let report = (1..=6).map(|i| show(&mut monitor, back(i), true)).last().expect("frames");
+    for m in monitor.markers().iter().filter(|m| cut(m)) {
+        assert!(m.whole && !m.in_reference && !m.inner && !m.over, "{m:?}");
+    }
+    assert!(report.motion.expect("in contact").translation_px.x < -17.0);
+    // Nothing touches: all count from rest again.
+    for _ in 0..4 {
+        show(&mut monitor, Vec2::ZERO, false);
+    }
+    assert!(monitor.markers().iter().all(|m| m.in_reference && m.reference == m.rest));
+}
+
+/// Beside a firm contact: what is brighter by some levels within some px of a place.
+#[test]
+fn a_patch_that_is_small_or_faint_beside_the_contact_is_none() {
+    let patch = Vec2::new(60.0, 60.0);
+    let seen = |levels: f64, radius_px: f64| {
+        let (painter, mut monitor) = finger(Skin::Smooth);
+        for i in 0..6u64 {
+            let mut rgb =
+                painter.paint(&painter.rest, Some(&Touch { centre: Vec2::new(210.0, 140.0), ..touch(55.0) }), i);
+            for (at, value) in rgb.iter_mut().enumerate() {
+                let place = Vec2::new((at / 3 % 320) as f64, (at / 3 / 320) as f64);
+                let share = 0.5 * libm::erfc(((place - patch).length() - radius_px) / 3.0);
+                *value = (f64::from(*value) + levels * share).round().clamp(0.0, 255.0) as u8;
+            }
+            monitor.step(&frame(&rgb, SIZE, i), None);
+        }
+        assert!(monitor.contact_region().get(210, 140), "the contact itself");
+        monitor.contact_region().get(60, 60)
+    };
+    assert!(seen(30.0, 25.0), "large and strong: a contact, too");
+    assert!(!seen(30.0, 5.0), "as strong, but small");
+    assert!(!seen(9.0, 25.0), "as large, but less than half as strong as the contact");
+}
+
+/// The last report of a finger pressed this strongly (None: not at all) under light that is this much brighter than at rest.
+fn lit(strength_levels: Option<f64>, gain: f64) -> SlipReport {
+    let (painter, mut monitor) = finger(Skin::Smooth);
+    let pressed = strength_levels.map(|strength_levels| Touch { strength_levels, ..touch(55.0) });
+    let step = |i: u64| {
+        let mut rgb = painter.paint(&painter.rest, pressed.as_ref(), i);
+        rgb.iter_mut().for_each(|value| *value = (f64::from(*value) * gain).round().min(255.0) as u8);
+        monitor.step(&frame(&rgb, SIZE, i), None)
+    };
+    (0..6).map(step).last().expect("frames")
+}
+
+#[test]
+fn light_that_changes_as_a_whole_is_no_contact_and_hides_none() {
+    for gain in [0.85, 1.15] {
+        assert_eq!(lit(None, gain).state, SlipState::NoContact, "{gain}");
+        let (pressed, usual) = (lit(Some(32.0), gain).contact.area_px2, lit(Some(32.0), 1.0).contact.area_px2);
+        assert!((pressed / usual - 1.0).abs() < 0.1, "{gain}: {pressed} px2 instead of {usual}");
+    }
+}
+
+#[test]
+fn a_faint_contact_has_little_quality_however_many_markers_it_covers() {
+    let (faint, firm) = (lit(Some(12.0), 1.0).contact, lit(Some(32.0), 1.0).contact);
+    assert!(firm.quality > 0.9, "{firm:?}");
+    assert!(faint.quality > 0.0 && faint.quality < 0.7 && faint.area_px2 > 0.7 * firm.area_px2, "{faint:?}");
+}
