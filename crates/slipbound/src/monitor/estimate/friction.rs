@@ -143,6 +143,23 @@ mod tests {
     }
 
     #[test]
+    fn it_is_load_over_grip_over_what_is_used_of_it_and_who_knows_it_better_counts_for_more() {
+        let after = |frames: &[(f64, f64, f64)]| {
+            let mut friction = Friction::default();
+            let see =
+                |&(per_grip, value, sd): &(f64, f64, f64)| friction.see(&shown(per_grip, 10.0), used(value, sd)).0;
+            frames.iter().map(see).last().flatten()
+        };
+        assert_eq!(after(&[(0.0, 0.5, 0.1), (0.4, 0.02, 0.01)]), None, "nothing pulls, or nothing is used");
+        let first = after(&[(0.4, 0.5, 0.1)]).expect("told");
+        assert!((first.value - 0.8).abs() < 1e-9 && first.sd < 0.54 * 0.8, "{first:?}");
+        let [worse, better] = [0.2, 0.05].map(|sd| after(&[(0.4, 0.5, 0.1), (0.4, 0.8, sd)]).expect("told"));
+        assert!(worse.value > 0.6 && better.value < 0.55 && better.sd < worse.sd, "{worse:?} {better:?}");
+        let sunk = Friction::default().see(&Shown { sunk: 1.25, ..shown(0.5, 10.0) }, used(0.5, 0.1)).0;
+        assert!((sunk.expect("told").value - 0.8).abs() < 1e-9, "{sunk:?}");
+    }
+
+    #[test]
     fn what_frames_near_the_slide_told_is_not_forgotten_over_many_that_tell_little() {
         let mut friction = loaded(0.8);
         let mut told = None;
