@@ -1,8 +1,8 @@
 //! What a gripper's force reading is worth: its bias learned while the jaws are open, its noise measured and averaged
-//! away, and, once it stands still near what was commanded, read as that.
+//! away, and, once it stands still near what has been commanded for a while, read as that.
 //!
 //! ```text
-//!   reading --- idle reading ---> / noise > --- stands still, and within what the driver states? ---> as commanded
+//!   reading --- idle reading ---> / noise > --- both stand still, and within what the driver states? -> as commanded
 //!                                 average        | no
 //!                                                '-----------------------------------------------> as averaged
 //! ```
