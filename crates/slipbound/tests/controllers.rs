@@ -226,7 +226,7 @@ fn settings_that_are_no_numbers_or_out_of_range_are_refused_by_name() {
     with(|s| s.grip.blind_force_n = Some(100.0), "grip.blind_force_n");
     with(|s| s.on_slip.step_n = f64::INFINITY, "on_slip.step_n");
     with(|s| s.margin.target_fraction = 1.5, "margin.target_fraction");
-    with(|s| s.margin.slippery_target_fraction = 0.73, "margin.slippery_target_fraction");
+    with(|s| s.margin.slippery_target_fraction = 0.76, "margin.slippery_target_fraction");
     with(|s| s.screw.rate_rad_per_s = 0.0, "screw.rate_rad_per_s");
     with(|s| s.unscrew.open_rad = -1.0, "unscrew.open_rad");
     with(|s| s.place.laying_mm_per_s = 0.1, "place.laying_mm_per_s");

@@ -30,7 +30,8 @@ pub fn hand(state: SlipState) -> HandReport {
         quality: 0.8,
         slip,
         margin: None,
-        friction: None,
+        // Of which the law `margin` uses 0.65.
+        friction: Some(0.5),
     }
 }
 
