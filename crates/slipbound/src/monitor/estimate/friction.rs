@@ -19,13 +19,13 @@ const FRAMES_ALIKE: f64 = 12.0;
 /// of one over the variance of its logarithm.
 const LEAST_TOLD: f64 = 0.5;
 const MOST_TOLD: f64 = 60.0;
-/// Standard deviation by which log mu may differ at another grip force, for a difference of 1 in the logarithm of the force: what
-/// `sunk` leaves.
-const DRIFT_LOG_SD: f64 = 0.2;
 /// Share of that after a regrip, and the time in which it grows to that, s: the field then shows less slip than the load has made, and right
 /// after it none.
 const REGRIPPED_SHARE: f64 = 0.25;
 const REGRIPPED_S: f64 = 0.2;
+/// Standard deviation by which log mu may differ at another grip force, for a difference of 1 in the logarithm of the force: what
+/// `sunk` leaves.
+const DRIFT_LOG_SD: f64 = 0.2;
 /// What holds a load has the friction for it, within the error of the load.
 const LOAD_SURE: f64 = 0.95;
 /// Growth of the load that slides with the shear of the gel, in half widths of the contact, at a traction as large as the pressure:
@@ -106,10 +106,8 @@ impl Friction {
         if self.told <= 0.0 {
             return (None, used);
         }
-        if libm::exp(self.log_mu) < LOAD_SURE * load {
-            (self.log_mu, self.log_grip) = (libm::log(LOAD_SURE * load), log_grip);
-        }
-        let value = libm::exp(self.log_mu);
+        // For this frame alone: one reading of the grip that is too low must not make the contact less slippery for good.
+        let value = libm::exp(self.log_mu).max(LOAD_SURE * load);
         let variance = self.variance(log_grip, ANY);
         let friction = Estimate { value, sd: value * variance.sqrt(), age_frames: 0 };
         let Some(seen) = seen else { return (Some(friction), used) };
@@ -176,6 +174,11 @@ mod tests {
         let mut friction = loaded(0.4);
         let (told, _) = friction.see(&shown(0.9, 10.0), used(0.6, 0.1));
         assert!(told.expect("told").value >= 0.85, "{told:?}");
+        let (told, _) = friction.see(&shown(0.2, 10.0), used(0.5, 0.1));
+        assert!(
+            (told.expect("told").value - 0.4).abs() < 0.05,
+            "a reading that was half of the grip is forgotten: {told:?}"
+        );
         let sunk = Shown { sunk: 1.5, ..shown(0.9, 10.0) };
         let (told, _) = loaded(0.4).see(&sunk, used(0.6, 0.1));
         assert!((0.56..0.65).contains(&told.expect("told").value), "the far side bears a third of it: {told:?}");
