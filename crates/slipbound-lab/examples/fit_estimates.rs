@@ -8,7 +8,7 @@
 
 use slipbound::monitor::{FEATURES_COUNT, SLIDE_FEATURES_COUNT};
 use slipbound_lab::eval::EvalError;
-use slipbound_lab::fit::{Row, gross_rows_of, gross_table, read_rows, rows_of, table, write_rows};
+use slipbound_lab::fit::{Row, Told, gross_rows_of, gross_table, read_rows, rows_of, table, write_rows};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -38,21 +38,24 @@ fn simulate<T: Send>(trials_count: u64, of: impl Fn(u64) -> Result<T, EvalError>
     found.into_iter().map(|(_, rows)| rows).collect()
 }
 
-fn errors(name: &str, rows: &[Row], estimates: &[[f64; 2]]) {
-    let mean = |of: &dyn Fn(&Row, &[f64; 2]) -> f64| {
-        let (mut sum, mut count) = (0.0, 0.0);
-        for (row, said) in rows.iter().zip(estimates).filter(|(row, _)| row.weight == 1.0 && row.targets[0] < 1.0) {
-            (sum, count) = (sum + of(row, said), count + 1.0);
+/// Mean error and the one stated, by what is said. `of` makes a fraction of a target.
+fn errors(name: &str, told: &[Told], of: impl Fn(f64) -> f64) {
+    for (from, to) in [(-1.0, 9.0), (-1.0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 9.0)] {
+        let (mut weights, mut bias, mut error, mut stated) = (0.0, 0.0, 0.0, 0.0);
+        for Told { row, said, error: own } in told {
+            if (from..to).contains(&of(*said)) {
+                let off = of(*said) - of(row.targets[0]);
+                (weights, bias, error) = (weights + 1.0, bias + off, error + off.abs());
+                stated += (of(said + own) - of(said - own)) / 2.0;
+            }
         }
-        sum / count
-    };
-    println!(
-        "{name}: ramps before gross slip, objects left out: mean error of f {:.3} ({:+.3}), of phi {:.3} ({:+.3})",
-        mean(&|row, said| (said[0] - row.targets[0]).abs()),
-        mean(&|row, said| said[0] - row.targets[0]),
-        mean(&|row, said| (said[1] - row.targets[1]).abs()),
-        mean(&|row, said| said[1] - row.targets[1]),
-    );
+        println!(
+            "{name}, {from} to {to} said: {weights} frames, mean error {:.3} ({:+.3}), stated {:.3}",
+            error / weights,
+            bias / weights,
+            stated / weights
+        );
+    }
 }
 
 /// Trials with a false word and trials that slide without a word in their first three frames, by the probability from which it is said, in
@@ -119,10 +122,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             write_rows(path, &rows)?;
             rows
         };
-        let (text, with_grip, alone) = table(&rows);
-        println!("{} rows", rows.len());
-        errors("with grip force and stiffness", &rows, &with_grip);
-        errors("from the picture alone", &rows, &alone);
+        println!("{} rows; of objects left out:", rows.len());
+        let (text, [used, stick, alone_used, alone_stick]) = table(&rows);
+        errors("used", &used, f64::exp);
+        errors("stick", &stick, |stick| stick);
+        errors("used, without grip force", &alone_used, |used| used);
+        errors("stick, without grip force", &alone_stick, |stick| stick);
         text
     };
     if let Some(to) = option("--table") {

@@ -33,6 +33,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     run.run(&|| false, &mut Printer::default())?;
     let score = run.score();
     let held = if score.succeeded(TaskKind::Lift) { "held" } else { "not held" };
-    println!("{held}: {:?}, at most {:.0} N, slid {:.2} mm", score.ending, score.most_n, score.last.slid_mm);
+    println!("{held}: {:?}, at most {:.0} N, slid {:.2} mm", score.ending, score.most_n, score.slid_mm);
     Ok(())
 }

@@ -20,7 +20,6 @@ pub use split::{TRAINING_SEED, rows_of, training_trial};
 
 use slipbound::monitor::{FEATURES_COUNT, GEOMETRIC_COUNT};
 use std::collections::BTreeSet;
-use std::fmt::Write;
 
 /// What an ensemble is fitted with.
 pub const VALUES: Fitting =
@@ -34,12 +33,50 @@ pub const ERRORS: Fitting =
 pub const GROSS: Fitting =
     Fitting { loss: Loss::Logistic, trees_count: 300, shrinkage: 0.1, least_rows: 3.0, ridge: 3.0 };
 
-/// The features of a row as an estimate without grip force sees them.
-fn alone(row: &Row) -> Row {
+/// Where the load is among the features: the first one that needs the grip force.
+const LOAD: usize = GEOMETRIC_COUNT;
+/// Where `moving` is: it tells for how long a load has grown at its pace, and of a ramp to gross slip how much is left of it. A bottle
+/// that fills for ten seconds is none.
+const MOVING: usize = 19;
+
+/// Least load feature and used fraction of a frame that teaches anything of the friction: what hardly pulls says nothing of it.
+const LEAST_LOAD: f64 = 0.02;
+const LEAST_USED: f64 = 0.02;
+
+/// Friction at which a row keeps its weight.
+const MIDDLE_MU: f64 = 0.5;
+
+/// A row that teaches the logarithm of the used fraction, None where nothing pulls. A ramp to gross slip passes a given load the faster
+/// the more friction there is, and most of its frames with that load would be of slippery contacts: weights undo that.
+fn used(row: &Row) -> Option<Row> {
+    let [used, _] = row.targets;
+    let pulls = row.features[LOAD] > LEAST_LOAD && used > LEAST_USED;
+    let mut row = Row { weight: row.weight * row.mu / MIDDLE_MU, targets: [used.ln(), 0.0], ..row.clone() };
+    row.features[MOVING] = 0.0;
+    pulls.then_some(row)
+}
+
+/// A row that teaches the stick ratio.
+fn stick(row: &Row) -> Option<Row> {
+    Some(Row { targets: [row.targets[1], 0.0], ..row.clone() })
+}
+
+/// A row as an estimate without grip force sees it: it teaches the used fraction.
+fn alone_used(row: &Row) -> Option<Row> {
     let mut row = row.clone();
     row.features[GEOMETRIC_COUNT..FEATURES_COUNT].fill(0.0);
-    row
+    Some(row)
 }
+
+/// The same; it teaches the stick ratio.
+fn alone_stick(row: &Row) -> Option<Row> {
+    alone_used(row).as_ref().and_then(stick)
+}
+
+/// What trees of the table teach, by the names that they have there: from rows to rows whose first target it is.
+type Lesson = (&'static str, fn(&Row) -> Option<Row>);
+const LESSONS: [Lesson; 4] =
+    [("used", used), ("stick", stick), ("alone_used", alone_used), ("alone_stick", alone_stick)];
 
 /// What trees say of every row that were fitted without its object.
 pub fn left_out<const N: usize>(rows: &[Row], targets: impl Fn(&Row) -> [f64; N], how: &Fitting) -> Vec<[f64; N]> {
@@ -56,29 +93,42 @@ pub fn left_out<const N: usize>(rows: &[Row], targets: impl Fn(&Row) -> [f64; N]
     estimates
 }
 
-/// The whole table, as `slipbound` reads it, and the left-out estimates with and without grip force.
-pub fn table(rows: &[Row]) -> (String, Vec<[f64; 2]>, Vec<[f64; 2]>) {
-    let bare: Vec<Row> = rows.iter().map(alone).collect();
-    let mut text = String::new();
-    let mut fit = |name: &str, rows: &[Row]| {
-        let estimates = left_out(rows, |row| row.targets, &VALUES);
-        let errors: Vec<Row> = rows
-            .iter()
-            .zip(&estimates)
-            .map(|(row, said)| Row {
-                targets: [(row.targets[0] - said[0]).abs(), (row.targets[1] - said[1]).abs()],
-                ..row.clone()
-            })
-            .collect();
-        let values = Ensemble::fit(rows, |row| row.targets, &VALUES);
-        let errors = Ensemble::fit(&errors, |row| row.targets, &ERRORS);
-        // Writing to a string cannot fail.
-        let _ = write!(text, "{}{}", values.written(name), errors.written(&format!("{name}_error")));
-        estimates
-    };
-    let with_grip = fit("grip", rows);
-    let without = fit("alone", &bare);
-    (text, with_grip, without)
+/// What trees said of a row that were fitted without its object, and by how much they said they were off.
+#[derive(Debug, Clone)]
+pub struct Told {
+    /// The row; its first target is what was asked for.
+    pub row: Row,
+    /// What they said.
+    pub said: f64,
+    /// Mean error that was stated.
+    pub error: f64,
+}
+
+fn taught(name: &str, rows: &[Row]) -> (String, Vec<Told>) {
+    let target = |row: &Row| [row.targets[0]];
+    let said = left_out(rows, target, &VALUES);
+    let off = |(row, [said]): (&Row, &[f64; 1])| Row { targets: [(row.targets[0] - said).abs(), 0.0], ..row.clone() };
+    let errors: Vec<Row> = rows.iter().zip(&said).map(off).collect();
+    let stated = left_out(&errors, target, &ERRORS);
+    let [values, errors] = [Ensemble::fit(rows, target, &VALUES), Ensemble::fit(&errors, target, &ERRORS)];
+    let told = |((row, [said]), [error]): ((&Row, [f64; 1]), [f64; 1])| Told { row: row.clone(), said, error };
+    let told = rows.iter().zip(said).zip(stated).map(told).collect();
+    (values.written(name) + &errors.written(&format!("{name}_error")), told)
+}
+
+/// The whole table, as `slipbound` reads it, and what its ensembles say of rows whose objects are left out: the logarithm of the used
+/// fraction, the stick ratio, and used fraction and stick ratio without the grip force.
+pub fn table(rows: &[Row]) -> (String, [Vec<Told>; 4]) {
+    let taught = LESSONS.map(|(name, lesson)| {
+        let rows: Vec<Row> = rows.iter().filter_map(lesson).collect();
+        move || taught(name, &rows)
+    });
+    let taught = std::thread::scope(|scope| {
+        // A thread that panics takes this one with it.
+        taught.map(|teach| scope.spawn(teach)).map(|thread| thread.join().expect("no panic"))
+    });
+    let text = taught.iter().map(|(text, _)| text.as_str()).collect();
+    (text, taught.map(|(_, told)| told))
 }
 
 /// The table of the verdict on gross slip, as `slipbound` reads it, and the probabilities that trees without a row's object say, of the

@@ -43,12 +43,15 @@ pub struct RunScore {
     pub least_held_n: Option<f64>,
     /// The truth at the end.
     pub last: HandTruth,
+    /// How far the object slid through the fingers before it was let go, mm.
+    pub slid_mm: f64,
     /// Largest torque on a cap, N mm.
     pub torque_n_mm: f64,
     /// Sums over the cycles in which more than the least grip was required.
     pressed_sum_n: f64,
     required_sum_n: f64,
     first_alarm_used_fraction: Option<f64>,
+    let_go: bool,
 }
 
 impl RunScore {
@@ -77,6 +80,7 @@ impl RunScore {
         if matches!(phase, Phase::Working | Phase::Waiting | Phase::Ended(_)) {
             self.least_held_n.get_or_insert(truth.grip_force_n);
         }
+        self.let_go = commanded_n.is_none();
         self.add_truth(truth);
         if truth.required_n > LEAST_GRIP_N {
             self.pressed_sum_n += truth.grip_force_n;
@@ -91,6 +95,9 @@ impl RunScore {
     pub fn add_truth(&mut self, truth: &HandTruth) {
         if let Some(least_n) = &mut self.least_held_n {
             *least_n = least_n.min(truth.grip_force_n);
+        }
+        if !self.let_go {
+            self.slid_mm = truth.slid_mm;
         }
         self.last.clone_from(truth);
     }
@@ -147,13 +154,15 @@ mod tests {
         score.add_cycle(2 * SECOND_NS, Phase::Working, Some(10.0), 0, Some(&pressed(10.0, 6.0)));
         score.add_cycle(3 * SECOND_NS, Phase::Waiting, Some(14.0), 1, Some(&pressed(10.0, 8.0)));
         score.add_cycle(4 * SECOND_NS, Phase::Working, Some(14.0), 2, Some(&pressed(14.0, 4.0)));
-        score.add_truth(&pressed(9.0, 4.0));
+        score.add_truth(&HandTruth { slid_mm: 0.3, ..pressed(9.0, 4.0) });
         assert_eq!((score.ending, score.alarms_count, score.most_n), (None, 2, 14.0));
         assert_eq!((score.least_held_n, score.last.grip_force_n), (Some(9.0), 9.0));
         assert_eq!(score.first_alarm_used_fraction(), Some(0.8), "at the first of the two");
         assert_eq!(score.over_squeeze_ratio(), Some(20.0 / 14.0), "only where more than 5 N was required");
         score.add_cycle(5 * SECOND_NS, Phase::Ended(Ending::Held), None, 2, None);
-        score.add_cycle(6 * SECOND_NS, Phase::Ended(Ending::Lost), None, 2, None);
+        let opened = HandTruth { slid_mm: 2.0, ..pressed(9.0, 4.0) };
+        score.add_cycle(6 * SECOND_NS, Phase::Ended(Ending::Lost), None, 2, Some(&opened));
+        assert_eq!((score.slid_mm, score.last.slid_mm), (0.3, 2.0), "what it slides while it is let go does not count");
         assert_eq!((score.ending, score.ended_s, score.time_s), (Some(Ending::Held), Some(5.0), 6.0));
         assert_eq!((score.most_n, score.last.grip_force_n), (14.0, 9.0), "a release commands no force");
         assert_eq!(RunScore::default().over_squeeze_ratio(), None);

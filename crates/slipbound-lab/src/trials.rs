@@ -210,12 +210,13 @@ pub fn row(cell: &TrialCell, runs: &[RunScore]) -> String {
     let fractions = runs.iter().zip(&cell.scenes).filter_map(|(run, scene)| run.torque_fraction(scene.mean_mu()));
     let torque = fractions.reduce(f64::min).map_or("-".into(), |t| format!("{:.1} %", 100.0 * t));
     let squeezes: Vec<f64> = runs.iter().filter_map(RunScore::over_squeeze_ratio).collect();
-    let squeeze = squeezes.iter().sum::<f64>() / squeezes.len() as f64;
+    let mean_squeeze = squeezes.iter().sum::<f64>() / squeezes.len() as f64;
+    let squeeze = if squeezes.is_empty() { "-".into() } else { format!("{mean_squeeze:.2}") };
     let TrialCell { names: [object, mu], task, controller, fingers, .. } = cell;
     format!(
-        "| {task} | {object} | {mu} | {controller} | {fingers} | {right} of {count} | {torque} | {:.2} / {:.2} | {squeeze:.2} | {:.1} | {:.1} | {:.0} |",
-        mean(&|run| run.last.slid_mm),
-        worst(&|run| run.last.slid_mm),
+        "| {task} | {object} | {mu} | {controller} | {fingers} | {right} of {count} | {torque} | {:.2} / {:.2} | {squeeze} | {:.1} | {:.1} | {:.0} |",
+        mean(&|run| run.slid_mm),
+        worst(&|run| run.slid_mm),
         mean(&|run| run.ended_s.unwrap_or(run.time_s)),
         mean(&|run| f64::from(run.alarms_count)),
         worst(&|run| run.most_n),
@@ -228,7 +229,7 @@ pub fn line(run: &RunScore) -> String {
         "{:?} at {:?} s, slid {:.2} mm, gross steps {}, alarms {}, first at {:.2?} of the friction, least held {:.1?} N, most {:.0} N, strain {:.2}, border {}",
         run.ending,
         run.ended_s,
-        run.last.slid_mm,
+        run.slid_mm,
         run.last.gross_steps_count,
         run.alarms_count,
         run.first_alarm_used_fraction(),

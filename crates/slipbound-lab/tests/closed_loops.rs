@@ -62,7 +62,7 @@ fn line(task: TaskKind, controller: ControllerKind, fault: &str) -> String {
     let least = watch.least_n.map_or("-".into(), |n| format!("{n:.0}"));
     format!(
         "| {task} | {controller} | {fault} | {ended} | {least} | {:.0} | {:.1} | {} | {} |",
-        watch.most_n, score.last.slid_mm, watch.slips_count, score.alarms_count
+        watch.most_n, score.slid_mm, watch.slips_count, score.alarms_count
     )
 }
 

@@ -245,7 +245,7 @@ mod tests {
             features[3] = (n % 37) as f64 / 37.0;
             features[20] = (n % 11) as f64;
             let step = if features[3] > 0.5 { 1.0 } else { 0.0 };
-            Row::new(n, "ball", 1.0, [step, step * features[20] / 10.0], &features)
+            Row::new(n, "ball", 1.0, 0.5, [step, step * features[20] / 10.0], &features)
         };
         (0..2000).map(row).collect()
     }
@@ -273,7 +273,7 @@ mod tests {
             .map(|n| {
                 let above = n % 2 == 1;
                 let is_one = above && n % 8 == 1;
-                Row::new(n, "ball", 1.0, [f64::from(u8::from(is_one)), 0.0], &[if above { 0.9 } else { 0.1 }, 0.0])
+                Row::new(n, "ball", 1.0, 0.5, [f64::from(u8::from(is_one)), 0.0], &[if above { 0.9 } else { 0.1 }, 0.0])
             })
             .collect();
         let ensemble = Ensemble::fit(&rows, |row| [row.targets[0]], &how);

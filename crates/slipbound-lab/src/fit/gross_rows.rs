@@ -95,7 +95,7 @@ pub fn gross_rows_of(number: u64) -> Result<[Vec<Row>; 2], EvalError> {
     let rows = |knowing: usize| {
         seen.iter()
             .filter_map(|seen| Some((seen.features[knowing]?, truth(seen)?)))
-            .map(|(features, targets)| Row::new(number, trial.object().name, 1.0, targets, &features))
+            .map(|(features, targets)| Row::new(number, trial.object().name, 1.0, trial.mu(), targets, &features))
             .collect()
     };
     Ok([rows(0), rows(1)])

@@ -14,6 +14,8 @@ pub struct Row {
     pub object: String,
     /// Weight.
     pub weight: f64,
+    /// Friction coefficient.
+    pub mu: f64,
     /// What is true: used fraction f and stick ratio phi; or 1 where it slides as a whole, else 0, and f.
     pub targets: [f64; 2],
     /// The features: [`slipbound::monitor::Features`] or [`slipbound::monitor::SlideFeatures`].
@@ -47,10 +49,10 @@ pub enum RowError {
 
 impl Row {
     /// A row. Rounded so that a file holds all of it.
-    pub fn new(trial: u64, object: &str, weight: f64, targets: [f64; 2], features: &[f64]) -> Self {
+    pub fn new(trial: u64, object: &str, weight: f64, mu: f64, targets: [f64; 2], features: &[f64]) -> Self {
         let round = |value: f64| (value * 1e5).round() / 1e5 + 0.0;
         let features = features.iter().copied().map(round).collect();
-        Row { trial, object: object.into(), weight, targets: targets.map(round), features }
+        Row { trial, object: object.into(), weight, mu: round(mu), targets: targets.map(round), features }
     }
 }
 

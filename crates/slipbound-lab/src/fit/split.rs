@@ -165,7 +165,7 @@ pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
             None => return None,
         };
         let weight = if is_ramp { 1.0 } else { QUIET_WEIGHT };
-        Some(Row::new(number, trial.object().name, weight, [used.clamp(0.0, 1.1), stick], &features))
+        Some(Row::new(number, trial.object().name, weight, trial.mu(), [used.clamp(0.0, 1.1), stick], &features))
     });
     Ok(rows.collect())
 }

@@ -299,7 +299,8 @@ impl Estimator {
             let per_grip = k * load_px3 / grip_n;
             // Rolling and settling make a rim lag, too; but what hardly pulls does not slide.
             used.value = used.value.min(per_grip / LEAST_FRICTION);
-            let shown = Shown { at_s: self.time_s, per_grip, grip_n, sunk: self.sunk(k, grip_n, seen) };
+            let log_used_sd = said.log_used_sd.unwrap_or(used.sd / used.value.max(1e-3));
+            let shown = Shown { at_s: self.time_s, per_grip, grip_n, sunk: self.sunk(k, grip_n, seen), log_used_sd };
             (self.estimates.friction, used) = self.friction.see(&shown, used);
         }
         if let Some((k, mm)) = self.stiffness_n_per_px3.zip(self.mm_per_px) {

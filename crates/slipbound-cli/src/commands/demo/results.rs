@@ -40,7 +40,7 @@ pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<R
         let drop = ground.free_drop_mm.map_or("not let go".into(), |mm| format!("{mm:.2} mm"));
         rows.push(row("free drop", drop, "at most 1 mm", Some(ground.free_drop_mm.is_some_and(|mm| mm <= 1.0))));
     }
-    rows.push(row("slid in the fingers", format!("{:.2} mm", run.last.slid_mm), "", None));
+    rows.push(row("slid in the fingers", format!("{:.2} mm", run.slid_mm), "", None));
     if let Some(ratio) = run.over_squeeze_ratio() {
         rows.push(row("over-squeeze", format!("{ratio:.2}"), "", None));
     }

@@ -1,27 +1,36 @@
 //! Friction of a contact, gathered over its frames: the object and the gel stay the same, what a frame tells of them does not.
 //!
 //! ```text
-//!   a frame:  mu = load / (used x grip x sunk), the surer the more of the friction it uses
-//!   known:    mean of the frames' log mu, each by what it tells beyond what is known of any contact
+//!   a frame:  log mu = log (load / (grip x sunk)) - log used, by trees of its own (said.rs)
+//!   known:    mean of the frames' log mu, each by what it tells beyond what is known of any contact; and that, once
 //!   after a regrip the field counts anew:  used <- the frame's, and load / (grip x mu x sunk), each by its error
 //! ```
+//!
+//! While little is pulled a frame hardly tells a rough contact from a slippery one: what trees say of it then is what is known of any
+//! contact, and counts for nothing.
 //!
 //! `sunk`: a curved object that lies in the gel bears against its far side, and slides at more than mu P.
 
 use crate::monitor::report::Estimate;
 use crate::plane::Vec2;
 
-/// What is known of the friction of any contact: standard deviation of the logarithm of an even choice from 0.2 to 1.3.
-const ANY_LOG_SD: f64 = 0.54;
-/// Frames in a row are wrong alike: so many tell as much as one.
+/// What is known of the friction of any contact: mean and one over the variance of its logarithm, of a choice from 0.2 to 1.3 that is
+/// even by the logarithm. The trees were fitted to that.
+const ANY_LOG_MU: f64 = -0.673;
+const ANY: f64 = 1.0 / (0.54 * 0.54);
+/// What a frame tells leans towards that; undone by this factor at most, where it tells little.
+const MOST_STRETCH: f64 = 2.0;
+/// Frames in a row are wrong alike, so many tell as much as one; but one whose load has changed by so much in its logarithm since the last
+/// such frame, as that of the frame before it had, tells something of its own.
 const FRAMES_ALIKE: f64 = 12.0;
-/// What a frame tells at least, so that the first one is told at all, and all frames together at most (0.13 of the friction): in units
-/// of one over the variance of its logarithm.
-const LEAST_TOLD: f64 = 0.5;
-const MOST_TOLD: f64 = 60.0;
+const OWN_LOG_LOAD: f64 = 0.1;
+/// From how much on the friction is said to be known, and most that all frames tell together (0.2 of the friction): in units of one
+/// over the variance of its logarithm.
+const LEAST_TOLD: f64 = 2.0;
+const MOST_TOLD: f64 = 25.0;
 /// Share of that after a regrip, and the time in which it grows to that, s: the field then shows less slip than the load has made, and right
 /// after it none.
-const REGRIPPED_SHARE: f64 = 0.25;
+const REGRIPPED_SHARE: f64 = 0.1;
 const REGRIPPED_S: f64 = 0.2;
 /// Standard deviation by which log mu may differ at another grip force, for a difference of 1 in the logarithm of the force: what
 /// `sunk` leaves.
@@ -59,6 +68,8 @@ pub(super) struct Shown {
     pub grip_n: f64,
     /// See [`sunk`].
     pub sunk: f64,
+    /// Standard deviation of the logarithm of the used fraction.
+    pub log_used_sd: f64,
 }
 
 /// What is known of the friction.
@@ -69,6 +80,10 @@ pub(super) struct Friction {
     told: f64,
     /// Logarithm of the grip force at which it was seen.
     log_grip: f64,
+    /// Logarithm of the load over the grip force of the last frame that told something of its own, and by how much that of the last frame
+    /// differed.
+    own_log_load: Option<f64>,
+    last_change: f64,
     /// When the grip last grew under load, s, and when the last frame was: slip counts anew from there.
     regripped_s: Option<f64>,
     now_s: f64,
@@ -80,41 +95,64 @@ impl Friction {
         self.regripped_s = Some(self.now_s).filter(|_| self.told > 0.0);
     }
 
-    /// Variance of log mu at a grip force, by what frames told.
-    fn variance(&self, log_grip: f64, besides: f64) -> f64 {
+    /// What frames told of log mu, as far as it holds at a grip force.
+    fn told_at(&self, log_grip: f64) -> f64 {
         let drift = DRIFT_LOG_SD * (log_grip - self.log_grip);
-        1.0 / (self.told + besides) + drift * drift
+        self.told / (1.0 + self.told * drift * drift)
     }
 
-    /// Takes what a frame says. The friction, if any frame has said anything so far; `used` with what was known before.
+    /// Whether a frame tells something of its own; a single one that differs may be a wrong reading.
+    fn is_own(&mut self, log_load: f64) -> bool {
+        let change = log_load - *self.own_log_load.get_or_insert(log_load);
+        let before = std::mem::replace(&mut self.last_change, change);
+        let own = change.abs() >= OWN_LOG_LOAD && before.abs() >= OWN_LOG_LOAD && change * before > 0.0;
+        if own {
+            self.own_log_load = Some(log_load);
+        }
+        own
+    }
+
+    /// Takes what a frame tells: log mu, which is right within `log_sd` if any contact is as likely as another.
+    fn take(&mut self, log_mu: f64, log_sd: f64, share: f64, log_grip: f64) {
+        let of_frame = 1.0 / (log_sd * log_sd);
+        let beyond = of_frame - ANY;
+        if beyond <= 0.0 || share <= 0.0 {
+            return;
+        }
+        let own_log_mu = ANY_LOG_MU + (log_mu - ANY_LOG_MU) * (of_frame / beyond).min(MOST_STRETCH);
+        let told = share * beyond;
+        let newest = told / (self.told_at(log_grip) + told);
+        self.log_mu += newest * (own_log_mu - self.log_mu);
+        self.log_grip += newest * (log_grip - self.log_grip);
+        self.told = (self.told + told).min(MOST_TOLD);
+    }
+
+    /// Takes what a frame says. The friction, once enough is known of it; `used` with what was known before.
     pub fn see(&mut self, shown: &Shown, used: Estimate) -> (Option<Estimate>, Estimate) {
-        const ANY: f64 = 1.0 / (ANY_LOG_SD * ANY_LOG_SD);
-        let load = shown.per_grip / shown.sunk;
-        let log_grip = libm::log(shown.grip_n.max(0.1));
+        let load = (shown.per_grip / shown.sunk).max(1e-6);
+        let (log_load, log_grip) = (libm::log(load), libm::log(shown.grip_n.max(0.1)));
+        let log_used = libm::log(used.value.max(1e-3));
         self.now_s = shown.at_s;
         let seen = self.regripped_s.map(|regripped_s| ((self.now_s - regripped_s) / REGRIPPED_S).clamp(0.0, 1.0));
-        let share = seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen);
-        if load > 1e-6 && used.value > 0.02 {
-            let relative_sd = used.sd / used.value;
-            let told = share * (1.0 / (relative_sd * relative_sd) - ANY).max(LEAST_TOLD) / FRAMES_ALIKE;
-            let known = if self.told > 0.0 { 1.0 / self.variance(log_grip, 0.0) } else { 0.0 };
-            let newest = told / (known + told);
-            self.log_mu += newest * (libm::log(load / used.value) - self.log_mu);
-            self.log_grip += newest * (log_grip - self.log_grip);
-            self.told = (self.told + told).min(MOST_TOLD);
+        // One that only stands there tells what it told before.
+        if used.age_frames == 0 {
+            let own = if self.is_own(log_load) { 1.0 } else { FRAMES_ALIKE.recip() };
+            let share = own * seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen);
+            self.take(log_load - log_used, shown.log_used_sd, share, log_grip);
         }
-        if self.told <= 0.0 {
-            return (None, used);
-        }
+        let told = self.told_at(log_grip);
+        let log_mu = (told * self.log_mu + ANY * ANY_LOG_MU) / (told + ANY);
         // For this frame alone: one reading of the grip that is too low must not make the contact less slippery for good.
-        let value = libm::exp(self.log_mu).max(LOAD_SURE * load);
-        let variance = self.variance(log_grip, ANY);
-        let friction = Estimate { value, sd: value * variance.sqrt(), age_frames: 0 };
-        let Some(seen) = seen else { return (Some(friction), used) };
-        let expected = load / value;
-        let (of_frame, of_memory) = (seen / (used.sd * used.sd), 1.0 / (expected * expected * variance).max(1e-6));
-        let value = (of_frame * used.value + of_memory * expected) / (of_frame + of_memory);
-        (Some(friction), Estimate { value: value.min(1.2), sd: (of_frame + of_memory).recip().sqrt(), ..used })
+        let value = libm::exp(log_mu).max(LOAD_SURE * load);
+        let known = Estimate { value, sd: value * (told + ANY).recip().sqrt(), age_frames: 0 };
+        let friction = Some(known).filter(|_| told >= LEAST_TOLD);
+        let Some(seen) = seen else { return (friction, used) };
+        let of_frame = seen / (shown.log_used_sd * shown.log_used_sd);
+        let of_memory = told + (1.0 - seen) * ANY;
+        let all = of_frame + of_memory;
+        let log_used = (of_frame * log_used + of_memory * (log_load - libm::log(value))) / all;
+        let value = libm::exp(log_used).min(1.2);
+        (friction, Estimate { value, sd: value * all.recip().sqrt(), ..used })
     }
 }
 
@@ -122,12 +160,13 @@ impl Friction {
 mod tests {
     use super::*;
 
-    fn used(value: f64, sd: f64) -> Estimate {
-        Estimate { value, sd, age_frames: 0 }
+    fn used(value: f64) -> Estimate {
+        Estimate { value, sd: 0.1, age_frames: 0 }
     }
 
-    fn shown(per_grip: f64, grip_n: f64) -> Shown {
-        Shown { at_s: 0.0, per_grip, grip_n, sunk: 1.0 }
+    /// A frame of this load, and how sure it is of the logarithm of the used fraction.
+    fn shown(per_grip: f64, grip_n: f64, log_used_sd: f64) -> Shown {
+        Shown { at_s: 0.0, per_grip, grip_n, sunk: 1.0, log_used_sd }
     }
 
     /// Loaded up to a used fraction of 0.8 at 10 N.
@@ -135,67 +174,101 @@ mod tests {
         let mut friction = Friction::default();
         for step in 1..=24 {
             let f = f64::from(step) / 30.0;
-            friction.see(&shown(mu * f, 10.0), used(f, 0.1));
+            friction.see(&shown(mu * f, 10.0, (0.55 - 0.55 * f).max(0.1)), used(f));
         }
         friction
+    }
+
+    /// What is told after a frame of that load that says that so much is used.
+    fn told(friction: &mut Friction, shown: &Shown, fraction: f64) -> f64 {
+        friction.see(shown, used(fraction)).0.expect("told").value
     }
 
     #[test]
     fn it_is_load_over_grip_over_what_is_used_of_it_and_who_knows_it_better_counts_for_more() {
         let after = |frames: &[(f64, f64, f64)]| {
             let mut friction = Friction::default();
-            let see =
-                |&(per_grip, value, sd): &(f64, f64, f64)| friction.see(&shown(per_grip, 10.0), used(value, sd)).0;
+            let see = |&(per_grip, f, sd): &(f64, f64, f64)| friction.see(&shown(per_grip, 10.0, sd), used(f)).0;
             frames.iter().map(see).last().flatten()
         };
-        assert_eq!(after(&[(0.0, 0.5, 0.1), (0.4, 0.02, 0.01)]), None, "nothing pulls, or nothing is used");
+        assert_eq!(after(&[(0.0, 0.02, 0.6), (0.1, 0.2, 0.54)]), None, "nothing pulls, or all of it is what any contact has");
+        assert_eq!(after(&[(0.4, 0.5, 0.2)]), None, "one frame is not enough");
         let first = after(&[(0.4, 0.5, 0.1)]).expect("told");
-        assert!((first.value - 0.8).abs() < 1e-9 && first.sd < 0.54 * 0.8, "{first:?}");
-        let [worse, better] = [0.2, 0.05].map(|sd| after(&[(0.4, 0.5, 0.1), (0.4, 0.8, sd)]).expect("told"));
+        assert!((0.65..0.8).contains(&first.value) && first.sd < 0.4 * first.value, "between any and 0.8: {first:?}");
+        let long = after(&[(0.4, 0.5, 0.1); 60]).expect("told");
+        assert!((long.value - 0.76).abs() < 0.03 && long.sd < 0.2 * 0.8, "{long:?}");
+        let [worse, better] = [0.3, 0.05].map(|sd| after(&[(0.4, 0.5, 0.1), (0.4, 0.8, sd)]).expect("told"));
         assert!(worse.value > 0.6 && better.value < 0.55 && better.sd < worse.sd, "{worse:?} {better:?}");
-        let sunk = Friction::default().see(&Shown { sunk: 1.25, ..shown(0.5, 10.0) }, used(0.5, 0.1)).0;
-        assert!((sunk.expect("told").value - 0.8).abs() < 1e-9, "{sunk:?}");
+        let quick = after(&[(0.1, 0.2, 0.3), (0.2, 0.4, 0.3), (0.3, 0.6, 0.3)]).expect("told");
+        let slow = after(&[(0.29, 0.58, 0.3), (0.29, 0.58, 0.3), (0.3, 0.6, 0.3)]);
+        assert!(quick.sd < 0.3 && slow.is_none(), "as the load grows every frame tells something of its own: {quick:?} {slow:?}");
+        let mut sunk = Friction::default();
+        let deep = Shown { sunk: 1.25, ..shown(0.5, 10.0, 0.1) };
+        let deep = (0..60).filter_map(|_| sunk.see(&deep, used(0.5)).0).last().expect("frames");
+        assert!((deep.value - 0.76).abs() < 0.03, "{deep:?}");
+    }
+
+    #[test]
+    fn what_leans_towards_any_contact_is_not_taken_for_a_slippery_one() {
+        // A rough one, pulled at a tenth of what it holds: a frame says a sixth, which any contact would use, and little surer.
+        let mut friction = Friction::default();
+        for _ in 0..60 {
+            friction.see(&shown(0.09, 10.0, 0.5), used(0.16));
+        }
+        let (told, _) = friction.see(&shown(0.9, 10.0, 0.1), used(0.9));
+        assert!(told.is_some_and(|told| told.value > 0.7), "one frame that knows outweighs them: {told:?}");
+        // Many that lean half way know it all the same.
+        let mut friction = Friction::default();
+        let leans = |mu: f64| (ANY_LOG_MU + mu.ln()) / 2.0;
+        let mut rough = 0.0;
+        for _ in 0..200 {
+            let lean = (0.5f64).ln() - leans(1.0);
+            rough = friction.see(&shown(0.5, 10.0, 0.38), used(lean.exp())).0.map_or(0.0, |told| told.value);
+        }
+        assert!((rough - 1.0).abs() < 0.1, "{rough}");
     }
 
     #[test]
     fn what_frames_near_the_slide_told_is_not_forgotten_over_many_that_tell_little() {
         let mut friction = loaded(0.8);
-        let mut told = None;
-        for _ in 0..90 {
-            // Let off to a quarter; a frame then takes any contact for one of middling friction.
-            told = friction.see(&shown(0.2, 10.0), used(0.45, 0.2)).0;
-        }
-        let told = told.expect("told").value;
-        assert!((0.68..=0.82).contains(&told), "{told}");
+        // Let off to a quarter; a frame then takes any contact for one of middling friction.
+        let kept = (0..90).map(|_| told(&mut friction, &shown(0.2, 10.0, 0.5), 0.45)).last().expect("frames");
+        assert!((0.68..=0.82).contains(&kept), "{kept}");
+    }
+
+    #[test]
+    fn a_frame_that_only_stands_there_tells_nothing_anew() {
+        let [moving, standing] = [0, 3].map(|age_frames| {
+            let mut friction = loaded(0.8);
+            let stands = Estimate { age_frames, ..used(0.9) };
+            (0..90).map(|_| friction.see(&shown(0.4, 10.0, 0.2), stands).0.expect("told").value).last()
+        });
+        assert!(moving < Some(0.65) && standing > Some(0.75), "{moving:?} {standing:?}");
     }
 
     #[test]
     fn what_holds_a_load_has_the_friction_for_it() {
         let mut friction = loaded(0.4);
-        let (told, _) = friction.see(&shown(0.9, 10.0), used(0.6, 0.1));
-        assert!(told.expect("told").value >= 0.85, "{told:?}");
-        let (told, _) = friction.see(&shown(0.2, 10.0), used(0.5, 0.1));
-        assert!(
-            (told.expect("told").value - 0.4).abs() < 0.05,
-            "a reading that was half of the grip is forgotten: {told:?}"
-        );
-        let sunk = Shown { sunk: 1.5, ..shown(0.9, 10.0) };
-        let (told, _) = loaded(0.4).see(&sunk, used(0.6, 0.1));
-        assert!((0.56..0.65).contains(&told.expect("told").value), "the far side bears a third of it: {told:?}");
+        let held = told(&mut friction, &shown(0.9, 10.0, 0.2), 0.6);
+        assert!(held >= 0.85, "{held}");
+        let after = told(&mut friction, &shown(0.2, 10.0, 0.2), 0.5);
+        assert!((after - 0.4).abs() < 0.07, "a reading that was half of the grip is forgotten: {after}");
+        let sunk = told(&mut loaded(0.4), &Shown { sunk: 1.5, ..shown(0.9, 10.0, 0.2) }, 0.6);
+        assert!((0.56..0.65).contains(&sunk), "the far side bears a third of it: {sunk}");
     }
 
     #[test]
     fn right_after_a_regrip_a_frame_says_nothing_and_soon_it_counts_beside_what_was_known() {
         let mut friction = loaded(0.5);
-        friction.see(&shown(0.3, 12.0), used(0.6, 0.1));
+        friction.see(&shown(0.3, 12.0, 0.2), used(0.6));
         friction.regripped();
-        let (told, now) = friction.see(&shown(0.3, 12.0), used(0.2, 0.1));
-        assert!((now.value - 0.6).abs() < 0.03, "its field is empty: {now:?}");
-        assert!((told.expect("told").value - 0.5).abs() < 0.02, "{told:?}");
-        let later = Shown { at_s: 0.3, ..shown(0.3, 12.0) };
-        let now = friction.see(&later, used(0.3, 0.1)).1;
-        assert!((0.35..0.55).contains(&now.value) && now.sd < 0.1, "between both, and surer than each: {now:?}");
-        let sure = friction.see(&later, used(0.9, 0.01)).1;
+        let (told, now) = friction.see(&shown(0.3, 12.0, 0.3), used(0.2));
+        assert!((now.value - 0.6).abs() < 0.05, "its field is empty: {now:?}");
+        assert!((told.expect("told").value - 0.5).abs() < 0.04, "{told:?}");
+        let later = Shown { at_s: 0.3, ..shown(0.3, 12.0, 0.3) };
+        let now = friction.see(&later, used(0.3)).1;
+        assert!((0.35..0.58).contains(&now.value) && now.sd < 0.1, "between both, and surer than each: {now:?}");
+        let sure = friction.see(&Shown { at_s: 0.3, ..shown(0.3, 12.0, 0.01) }, used(0.9)).1;
         assert!((sure.value - 0.9).abs() < 0.02, "what a frame is sure of counts: {sure:?}");
     }
 
@@ -203,9 +276,9 @@ mod tests {
     fn at_another_grip_less_is_known_of_it() {
         let sd = |grip_n: f64| {
             let mut friction = loaded(0.5);
-            friction.see(&shown(0.3, 10.0), used(0.6, 0.1));
+            friction.see(&shown(0.3, 10.0, 0.2), used(0.6));
             friction.regripped();
-            friction.see(&shown(0.3, grip_n), used(0.6, 0.3)).1.sd
+            friction.see(&shown(0.3, grip_n, 0.5), used(0.6)).1.sd
         };
         assert!(sd(60.0) > 1.2 * sd(10.0), "{} {}", sd(60.0), sd(10.0));
     }

@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     fn said(used: f64, stick: f64) -> Said {
-        Said { used, used_sd: 0.1, stick, stick_sd: 0.1 }
+        Said { used, used_sd: 0.1, log_used_sd: None, stick, stick_sd: 0.1 }
     }
 
     #[test]

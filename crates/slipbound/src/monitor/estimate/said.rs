@@ -12,18 +12,22 @@ pub(super) struct Said {
     /// Load over the load at gross slip.
     pub used: f64,
     pub used_sd: f64,
+    /// Standard deviation of the logarithm of it. Before a frame says anything, friction is from 0.2 to 1.3, even by the logarithm; None where
+    /// the trees were fitted to ramps alone.
+    pub log_used_sd: Option<f64>,
     /// Area that sticks over area in contact.
     pub stick: f64,
     pub stick_sd: f64,
 }
 
-/// The four ensembles.
+/// The ensembles, each with that of its error: with grip force the logarithm of the used fraction, which is as right for a slow load as
+/// for a fast one, and the stick ratio; without, the used fraction of ramps to gross slip, and the stick ratio.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Trees {
-    grip: Ensemble<2>,
-    grip_error: Ensemble<2>,
-    alone: Ensemble<2>,
-    alone_error: Ensemble<2>,
+    used: [Ensemble<1>; 2],
+    stick: [Ensemble<1>; 2],
+    alone_used: [Ensemble<1>; 2],
+    alone_stick: [Ensemble<1>; 2],
 }
 
 /// The ones that are shipped.
@@ -35,39 +39,58 @@ pub(super) fn shipped() -> &'static Trees {
 /// The least standard deviation that is ever stated.
 const LEAST_SD: f64 = 0.02;
 
+/// Names of the ensembles in the table.
+const NAMES: [&str; 8] = [
+    "used",
+    "used_error",
+    "stick",
+    "stick_error",
+    "alone_used",
+    "alone_used_error",
+    "alone_stick",
+    "alone_stick_error",
+];
+
 impl Trees {
     /// With grip force and stiffness.
     pub fn with_grip(&self, features: &Features) -> Said {
-        said(&self.grip, &self.grip_error, features)
+        let ((log_used, log_used_sd), (stick, stick_sd)) = (said(&self.used, features), said(&self.stick, features));
+        let used = libm::exp(log_used);
+        Said { used, used_sd: (used * log_used_sd).max(LEAST_SD), log_used_sd: Some(log_used_sd), stick, stick_sd }
     }
 
     /// From the picture alone: the features that need more are taken for 0, as they were when the trees were fitted.
     pub fn alone(&self, features: &Features) -> Said {
         let mut seen = *features;
         seen[GEOMETRIC_COUNT..].fill(0.0);
-        said(&self.alone, &self.alone_error, &seen)
+        let ((used, used_sd), (stick, stick_sd)) = (said(&self.alone_used, &seen), said(&self.alone_stick, &seen));
+        Said { used, used_sd, log_used_sd: None, stick, stick_sd }
     }
 
     /// None when the table is spoiled.
     pub fn parse(text: &str) -> Option<Trees> {
-        let names = ["grip", "grip_error", "alone", "alone_error"];
-        let [grip, grip_error, alone, alone_error] = parse(text, names, FEATURES_COUNT)?;
-        Some(Trees { grip, grip_error, alone, alone_error })
+        let [used, used_error, stick, stick_error, alone_used, alone_used_error, alone_stick, alone_stick_error] =
+            parse(text, NAMES, FEATURES_COUNT)?;
+        Some(Trees {
+            used: [used, used_error],
+            stick: [stick, stick_error],
+            alone_used: [alone_used, alone_used_error],
+            alone_stick: [alone_stick, alone_stick_error],
+        })
     }
 }
 
 #[cfg(test)]
 impl Trees {
     /// Trees of each ensemble.
-    pub fn counts(&self) -> [usize; 4] {
-        [&self.grip, &self.grip_error, &self.alone, &self.alone_error].map(Ensemble::trees_count)
+    pub fn counts(&self) -> Vec<usize> {
+        let all = [&self.used, &self.stick, &self.alone_used, &self.alone_stick];
+        all.into_iter().flatten().map(Ensemble::trees_count).collect()
     }
 }
 
-fn said(values: &Ensemble<2>, errors: &Ensemble<2>, features: &Features) -> Said {
-    let [used, stick] = values.at(features);
-    let [used_error, stick_error] = errors.at(features);
-    // The mean length of an error, as the standard deviation of a normal one.
-    let sd = |error: f64| (1.2533 * error).max(LEAST_SD);
-    Said { used, used_sd: sd(used_error), stick, stick_sd: sd(stick_error) }
+/// The value and its standard deviation: the mean length of an error is stated.
+fn said([value, error]: &[Ensemble<1>; 2], features: &Features) -> (f64, f64) {
+    let ([value], [error]) = (value.at(features), error.at(features));
+    (value, (1.2533 * error).max(LEAST_SD))
 }
