@@ -143,3 +143,49 @@ pub fn gross_table(rows: &[Vec<Row>; 2]) -> (String, [Vec<f64>; 2]) {
     };
     (text, [likely(&rows[0]), likely(&rows[1])])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slipbound::monitor::FEATURE_NAMES;
+
+    fn row(mu: f64, used: f64, moving: f64) -> Row {
+        let mut features = [0.5; FEATURES_COUNT];
+        (features[LOAD], features[MOVING]) = (mu * used / 0.6, moving);
+        Row::new(0, "ball", 1.0, mu, [used, 0.7], &features)
+    }
+
+    #[test]
+    fn features_are_where_they_are_meant() {
+        assert_eq!((FEATURE_NAMES[LOAD], FEATURE_NAMES[MOVING]), ("load", "moving"));
+    }
+
+    /// Ramps to gross slip of contacts whose friction is from 0.2 to 1.3, even by the logarithm.
+    #[test]
+    fn at_a_given_load_the_friction_is_even_by_its_logarithm() {
+        let mus = (0..400).map(|i| 0.2 * (1.3f64 / 0.2).powf((f64::from(i) + 0.5) / 400.0));
+        let ramps = mus.flat_map(|mu| (1..=200).map(move |step| row(mu, f64::from(step) / 200.0, 0.1)));
+        let lessons: Vec<Row> = ramps.filter_map(|row| used(&row)).collect();
+        let (mut weights, mut logs, mut plain, mut count) = (0.0, 0.0, 0.0, 0.0);
+        for row in lessons.iter().filter(|row| (0.14..0.16).contains(&row.features[LOAD])) {
+            let log_mu = (0.6 * row.features[LOAD] / row.targets[0].exp()).ln();
+            (weights, logs) = (weights + row.weight, logs + row.weight * log_mu);
+            (plain, count) = (plain + log_mu, count + 1.0);
+        }
+        assert!((logs / weights + 0.673).abs() < 0.02, "{}", logs / weights);
+        assert!(plain / count < -0.9, "without weights the slippery ones prevail: {}", plain / count);
+    }
+
+    #[test]
+    fn a_lesson_hides_what_it_is_not_to_rest_on() {
+        assert!(used(&row(0.5, 0.01, 0.1)).is_none() && used(&row(0.5, 0.6, 0.1)).is_some(), "nothing pulls");
+        let fast = used(&row(0.5, 0.6, 0.4)).expect("a lesson");
+        assert_eq!(fast, used(&row(0.5, 0.6, 0.01)).expect("a lesson"), "the pace of a load");
+        assert!((fast.targets[0] - 0.6f64.ln()).abs() < 1e-12);
+        let without = alone_used(&row(0.5, 0.6, 0.4)).expect("a lesson");
+        assert_eq!(without.features[GEOMETRIC_COUNT..], [0.0; FEATURES_COUNT - GEOMETRIC_COUNT]);
+        assert_eq!((without.targets[0], without.features[MOVING]), (0.6, 0.4));
+        let taught = [stick(&row(0.5, 0.6, 0.4)), alone_stick(&row(0.5, 0.6, 0.4))].map(|row| row.expect("a lesson"));
+        assert_eq!(taught.map(|row| row.targets[0]), [0.7, 0.7]);
+    }
+}

@@ -191,7 +191,11 @@ mod tests {
             let see = |&(per_grip, f, sd): &(f64, f64, f64)| friction.see(&shown(per_grip, 10.0, sd), used(f)).0;
             frames.iter().map(see).last().flatten()
         };
-        assert_eq!(after(&[(0.0, 0.02, 0.6), (0.1, 0.2, 0.54)]), None, "nothing pulls, or all of it is what any contact has");
+        assert_eq!(
+            after(&[(0.0, 0.02, 0.6), (0.1, 0.2, 0.54)]),
+            None,
+            "nothing pulls, or all of it is what any contact has"
+        );
         assert_eq!(after(&[(0.4, 0.5, 0.2)]), None, "one frame is not enough");
         let first = after(&[(0.4, 0.5, 0.1)]).expect("told");
         assert!((0.65..0.8).contains(&first.value) && first.sd < 0.4 * first.value, "between any and 0.8: {first:?}");
@@ -201,7 +205,10 @@ mod tests {
         assert!(worse.value > 0.6 && better.value < 0.55 && better.sd < worse.sd, "{worse:?} {better:?}");
         let quick = after(&[(0.1, 0.2, 0.3), (0.2, 0.4, 0.3), (0.3, 0.6, 0.3)]).expect("told");
         let slow = after(&[(0.29, 0.58, 0.3), (0.29, 0.58, 0.3), (0.3, 0.6, 0.3)]);
-        assert!(quick.sd < 0.3 && slow.is_none(), "as the load grows every frame tells something of its own: {quick:?} {slow:?}");
+        assert!(
+            quick.sd < 0.3 && slow.is_none(),
+            "as the load grows every frame tells something of its own: {quick:?} {slow:?}"
+        );
         let mut sunk = Friction::default();
         let deep = Shown { sunk: 1.25, ..shown(0.5, 10.0, 0.1) };
         let deep = (0..60).filter_map(|_| sunk.see(&deep, used(0.5)).0).last().expect("frames");
