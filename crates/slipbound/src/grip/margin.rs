@@ -75,7 +75,7 @@ impl Default for MarginSettings {
     fn default() -> Self {
         MarginSettings {
             stiffness_mpa_per_mm: 0.0,
-            target_fraction: 0.75,
+            target_fraction: 0.66,
             slippery_target_fraction: 0.55,
             urgent_fraction: 0.8,
             average_ns: 100_000_000,
