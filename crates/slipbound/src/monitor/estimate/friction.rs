@@ -209,6 +209,13 @@ mod tests {
             quick.sd < 0.3 && slow.is_none(),
             "as the load grows every frame tells something of its own: {quick:?} {slow:?}"
         );
+        let by_and_by: Vec<_> =
+            (0..12).map(|step| 0.2 * 1.04f64.powi(step)).map(|load| (load, 2.0 * load, 0.3)).collect();
+        let by_and_by = after(&by_and_by).expect("told");
+        assert!(
+            by_and_by.sd < 0.22 * by_and_by.value,
+            "so does every third of a load that grows slowly: {by_and_by:?}"
+        );
         let mut sunk = Friction::default();
         let deep = Shown { sunk: 1.25, ..shown(0.5, 10.0, 0.1) };
         let deep = (0..60).filter_map(|_| sunk.see(&deep, used(0.5)).0).last().expect("frames");
@@ -271,7 +278,9 @@ mod tests {
         friction.regripped();
         let (told, now) = friction.see(&shown(0.3, 12.0, 0.3), used(0.2));
         assert!((now.value - 0.6).abs() < 0.05, "its field is empty: {now:?}");
-        assert!((told.expect("told").value - 0.5).abs() < 0.04, "{told:?}");
+        let told = told.expect("told");
+        assert!((told.value - 0.5).abs() < 0.04, "{told:?}");
+        assert!((now.sd / now.value - told.sd / told.value).abs() < 1e-9, "as sure as the friction: {now:?} {told:?}");
         let later = Shown { at_s: 0.3, ..shown(0.3, 12.0, 0.3) };
         let now = friction.see(&later, used(0.3)).1;
         assert!((0.35..0.58).contains(&now.value) && now.sd < 0.1, "between both, and surer than each: {now:?}");
