@@ -1,25 +1,34 @@
 //! Stick ratio, margin, load and friction against the truth of simulated trials.
 
 use slipbound::monitor::{Estimate, RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
+use slipbound::plane::Vec2;
 use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
 use slipbound::sensor::Sensor;
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::{FrameTruth, World, complete};
 
-/// The reports of a trial after rest and the truth beside them.
-fn watch(trial: &str, knows_grip: bool, of: impl Fn(Sensor) -> Sensor) -> Vec<(SlipReport, FrameTruth)> {
+fn world(trial: &str) -> World {
     let trial = Trial::parse(&format!("{trial}&grid=fast&rest_frames=12")).expect("a trial");
-    let mut world = World::new(&trial).expect("a sound trial");
-    let (sensor, settings) = (of(world.sensor()), Settings::default());
-    let mut frame = FrameBuffer::default();
-    world.next(&mut frame).expect("a frame");
-    let mut rest = RestBuilder::new(&sensor, &settings, frame.size).expect("valid");
+    World::new(&trial).expect("a sound trial")
+}
+
+/// A monitor after the frames at rest.
+fn at_rest(world: &mut World, sensor: &Sensor, settings: &Settings, frame: &mut FrameBuffer) -> SlipMonitor {
+    world.next(frame).expect("a frame");
+    let mut rest = RestBuilder::new(sensor, settings, frame.size).expect("valid");
     for _ in 0..10 {
         rest.add(&frame.frame().expect("whole")).expect("bright");
-        world.next(&mut frame).expect("a frame");
+        world.next(frame).expect("a frame");
     }
-    let mut monitor =
-        SlipMonitor::new(&sensor, &settings, rest.build(RestKind::Unloaded).expect("markers")).expect("valid");
+    SlipMonitor::new(sensor, settings, rest.build(RestKind::Unloaded).expect("markers")).expect("valid")
+}
+
+/// The reports of a trial after rest and the truth beside them.
+fn watch(trial: &str, knows_grip: bool, of: impl Fn(Sensor) -> Sensor) -> Vec<(SlipReport, FrameTruth)> {
+    let mut world = world(trial);
+    let sensor = of(world.sensor());
+    let mut frame = FrameBuffer::default();
+    let mut monitor = at_rest(&mut world, &sensor, &Settings::default(), &mut frame);
     let (mut reports, mut truths) = (Vec::new(), Vec::new());
     while world.next(&mut frame).expect("a frame") == Next::Frame {
         let truth = world.truth().clone();
@@ -52,6 +61,39 @@ fn a_load_raises_the_alarm_and_a_squeeze_does_not() {
         assert!(alarm(&seen).is_none(), "{quiet}: {:?}", alarm(&seen));
         assert!(seen.iter().filter(|(report, _)| report.estimates.margin.is_some()).count() > 20, "{quiet}");
     }
+}
+
+/// How far the middle of the contact that is seen lies from that of the cells that touch, mm, at the end of a trial.
+fn middle_off_mm(trial: &str, drop_weak_pieces: bool) -> f64 {
+    let mut world = world(trial);
+    let (sensor, mut settings) = (world.sensor(), Settings::default());
+    settings.contact.drop_weak_pieces = drop_weak_pieces;
+    let mut frame = FrameBuffer::default();
+    let mut monitor = at_rest(&mut world, &sensor, &settings, &mut frame);
+    while world.next(&mut frame).expect("a frame") == Next::Frame {
+        monitor.step(&frame.frame().expect("whole"), None);
+    }
+    let touching = world.finger().contact().iter().enumerate().filter(|(_, touches)| **touches);
+    let places: Vec<Vec2> = touching.map(|(cell, _)| world.grid().centre_mm(cell)).collect();
+    let truth_mm = places.iter().fold(Vec2::ZERO, |sum, place| sum + *place) / places.len() as f64;
+    let size = sensor.rectified_px();
+    let middle_px = Vec2::new((size.width - 1) as f64, (size.height - 1) as f64) / 2.0;
+    let seen_px = monitor.contact_region().middle_px().expect("contact");
+    ((seen_px - middle_px) * sensor.mm_per_px().expect("simulated") - truth_mm).length()
+}
+
+/// Noise and well-lit weave make edges where nothing presses: they are no contact, and pull its middle nowhere.
+#[test]
+fn a_weave_that_nothing_presses_is_no_part_of_the_contact() {
+    let off_mm = |drop_weak_pieces: bool| -> f64 {
+        let trials = [("tape_roll", 24), ("super_glue", 38), ("toy_duck", 15), ("screwdriver", 16)];
+        let trials =
+            trials.map(|(object, force_n)| format!("press?object={object}&force_n={force_n}&hold_s=0.2&seed=9"));
+        trials.iter().map(|trial| middle_off_mm(trial, drop_weak_pieces)).sum::<f64>() / trials.len() as f64
+    };
+    let (off, with_pieces) = (off_mm(true), off_mm(false));
+    println!("middle of the contact {off:.2} mm off, {with_pieces:.2} with weak pieces");
+    assert!(off < 0.35 && with_pieces > 2.0 * off, "{off} {with_pieces} mm");
 }
 
 #[test]

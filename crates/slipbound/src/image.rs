@@ -1,5 +1,6 @@
 //! Borrowed pixels with a stride, and the bit-packed mask.
 
+use crate::plane::Vec2;
 use std::fmt;
 use std::ops::Range;
 
@@ -199,6 +200,16 @@ pub struct Mask {
     words: Vec<u64>,
 }
 
+/// The columns of a word whose number has a binary digit, and what the digit counts.
+const COLUMN_BITS: [(usize, u64); 6] = [
+    (1, 0xaaaa_aaaa_aaaa_aaaa),
+    (2, 0xcccc_cccc_cccc_cccc),
+    (4, 0xf0f0_f0f0_f0f0_f0f0),
+    (8, 0xff00_ff00_ff00_ff00),
+    (16, 0xffff_0000_ffff_0000),
+    (32, 0xffff_ffff_0000_0000),
+];
+
 impl Mask {
     /// An empty mask.
     pub fn new(size: SizePx) -> Self {
@@ -264,6 +275,21 @@ impl Mask {
         self.words.iter().map(|w| w.count_ones() as usize).sum()
     }
 
+    /// Mean place of the pixels set, px; None of an empty mask.
+    pub fn middle_px(&self) -> Option<Vec2> {
+        let (mut sum_x, mut sum_y, mut count) = (0, 0, 0);
+        for (y, row) in self.words.chunks_exact(self.words_per_row.max(1)).enumerate() {
+            for (at, word) in row.iter().enumerate().filter(|(_, word)| **word != 0) {
+                let ones = word.count_ones() as usize;
+                let bits = COLUMN_BITS.map(|(weight, columns)| weight * (word & columns).count_ones() as usize);
+                sum_x += 64 * at * ones + bits.iter().sum::<usize>();
+                sum_y += y * ones;
+                count += ones;
+            }
+        }
+        (count > 0).then(|| Vec2::new(sum_x as f64, sum_y as f64) / count as f64)
+    }
+
     /// The words of row `y`.
     pub fn row(&self, y: usize) -> &[u64] {
         &self.words[y * self.words_per_row..][..self.words_per_row]
@@ -317,5 +343,30 @@ impl fmt::Debug for Mask {
             f.write_str("\n")?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_middle_is_the_mean_place(width in 1usize..200, height in 1usize..5, seed in 1u64..) {
+            let mut mask = Mask::new(SizePx::new(width, height));
+            let (mut state, mut sum, mut count) = (seed, Vec2::ZERO, 0.0);
+            for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                if state >> 62 == 0 {
+                    mask.set(x, y, true);
+                    (sum, count) = (sum + Vec2::new(x as f64, y as f64), count + 1.0);
+                }
+            }
+            match mask.middle_px() {
+                Some(middle) => prop_assert!((middle - sum / count).length() < 1e-9),
+                None => prop_assert_eq!(count, 0.0),
+            }
+        }
     }
 }

@@ -193,7 +193,9 @@ impl SlipMonitor {
         if by_displacement && !had_reference {
             self.estimator.count_from_rest();
         }
-        self.estimator.see(frame.time_ns, grip, area_px2, &self.markers.all);
+        // A region that only displacement shows moves with it.
+        let middle_px = self.contact.region.middle_px().filter(|_| !by_displacement);
+        self.estimator.see(frame.time_ns, grip, area_px2, middle_px, &self.markers.all);
         let (evidence, recent) = (self.evidence.report.as_ref(), self.evidence.recent.as_ref());
         self.slides = self.settings.evidence.used
             && self.gross.see(&self.estimator.estimates, self.estimator.knows_grip(), evidence, recent);

@@ -56,7 +56,7 @@ const EVENTS: [&str; 5] = ["grip step", "press to 60 N", "roll", "drift", "vibra
 
 /// The script of an episode.
 #[derive(Debug)]
-struct Script {
+pub(crate) struct Script {
     legs: Vec<Leg>,
     /// World frames after which it stands still, and for how long.
     stills: Vec<(u64, u64)>,
@@ -138,7 +138,8 @@ impl Quiet {
         Quiet { seed, trials_count: trials.unwrap_or(TRIALS_COUNT) }
     }
 
-    fn watch_of(&self, number: u64) -> Result<(Script, Watch), EvalError> {
+    /// The script of an episode, and what is watched.
+    pub(crate) fn watch_of(&self, number: u64) -> Result<(Script, Watch), EvalError> {
         let mut random = stream(self.seed, 4 << 32 | number);
         let object = &OBJECTS[(number % 10) as usize];
         let (force_n, mu) = (random.between(5.0, 30.0), object.mu * random.between(0.85, 1.15));

@@ -2,11 +2,12 @@
 
 use super::row::Row;
 use crate::eval::EvalError;
+use crate::eval::quiet::Quiet;
 use crate::eval::watch::Reading;
 use crate::objects::OBJECTS;
 use crate::random::Random;
 use crate::scenes::Trial;
-use crate::world::{Gross, World};
+use crate::world::{Gross, Physics, World};
 use slipbound::monitor::{Features, RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::port::{FrameBuffer, FrameSource, Next};
 use slipbound::setting::SettingError;
@@ -23,6 +24,10 @@ const MOST_NOISE_N: f64 = 0.6;
 /// Of a thousand trials the last three hundred change the grip under load, at lighter grips too, as a controller does: they keep
 /// a fifth to all of the friction used meanwhile, or the trees would learn what a regrip is followed by.
 const REGRIP_FROM: u64 = 700;
+
+/// One of so many is an episode in which nothing slides, however it is gripped, rolled, pressed and shaken: one after the other, as the grip
+/// of a hand that moves; each moment of it, not the stillness in between.
+const QUIET_EVERY: u64 = 40;
 
 /// A trial of the split: mostly pulls and turns up to gross slip, some below it, some without any load.
 pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
@@ -129,10 +134,21 @@ pub(super) fn reading(number: u64) -> (Reading, Random) {
     (Reading { noise_n: readings.between(0.0, MOST_NOISE_N), ..Reading::default() }, readings)
 }
 
+/// A trial and its world; None for one whose object does not fit on the pad.
+fn world_of(number: u64) -> Option<(Trial, World)> {
+    if number % QUIET_EVERY != QUIET_EVERY / 2 {
+        let trial = training_trial(number).ok()?;
+        let world = World::new(&trial).ok()?;
+        return Some((trial, world));
+    }
+    let (_, watch) = Quiet::new(TRAINING_SEED, None).watch_of(number / QUIET_EVERY).ok()?;
+    let world = World::with(&watch.trial, watch.profile?, &Physics::default()).ok()?;
+    Some((watch.trial, world))
+}
+
 /// The rows of a trial; none for one whose object does not fit on the pad.
 pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
-    let Ok(trial) = training_trial(number) else { return Ok(Vec::new()) };
-    let Ok(mut world) = World::new(&trial) else { return Ok(Vec::new()) };
+    let Some((trial, mut world)) = world_of(number) else { return Ok(Vec::new()) };
     let mut frame = FrameBuffer::default();
     let mut monitor = monitor_at_rest(&mut world, &mut frame)?;
     let mut seen: Vec<(Features, [f64; 2], f64, f64)> = Vec::new();

@@ -19,6 +19,7 @@ use crate::monitor::imprint::Imprint;
 use crate::monitor::report::Marker;
 use crate::monitor::rest::{Rest, RestKind};
 use crate::pixels::canny::Canny;
+use crate::pixels::components::Components;
 use crate::pixels::morphology::{Element, Morphology};
 use crate::sensor::{EdgeBand, Sensor, Skin};
 use crate::setting::{SettingError, within};
@@ -46,6 +47,8 @@ pub struct ContactSettings {
     pub dilate_pitch: f64,
     /// Fabric: whether what looks like contact in the rest frame (a scratch, a reflex) is left out from then on.
     pub hide_rest_edges: bool,
+    /// Fabric: whether small and weak pieces of the region are dropped, which noise makes of a weave that nothing presses.
+    pub drop_weak_pieces: bool,
     /// Smooth gel: change of a cell's colour, in its most changed channel, that counts as contact.
     pub change_levels: f64,
     /// Smooth gel: share of the strongest change that a cell must reach, too. An imprint reflects light onto the gel around it: on a GelSlim
@@ -74,6 +77,8 @@ impl Default for ContactSettings {
             // Deviation: D12 tighter region
             dilate_pitch: 18.0 / 15.2,
             hide_rest_edges: true,
+            // Deviation: D19 weak pieces dropped
+            drop_weak_pieces: true,
             change_levels: 6.0,
             change_fraction: 0.25,
             smooth_close_pitch: 1.2,
@@ -102,6 +107,11 @@ impl ContactSettings {
     }
 }
 
+/// A weave that is near the camera or well lit has edges here and there that nothing presses. What is left of them where edges have
+/// been closed and eroded is small, or edges fill less of it than this share of what they fill in the largest piece.
+const LEAST_PIECE_PITCH: f64 = 0.5;
+const WEAK_PIECE_FRACTION: f64 = 0.6;
+
 /// The contact region of a fabric skin: the paper's edges and morphology.
 #[derive(Debug, Clone)]
 struct TextureContact {
@@ -114,6 +124,9 @@ struct TextureContact {
     edges: Mask,
     work: Mask,
     hidden: Option<Mask>,
+    pieces: Components,
+    least_piece_px2: usize,
+    drops_weak: bool,
 }
 
 impl TextureContact {
@@ -130,11 +143,19 @@ impl TextureContact {
             edges: Mask::new(size),
             work: Mask::new(size),
             hidden: None,
+            pieces: Components::new(size),
+            least_piece_px2: (LEAST_PIECE_PITCH * LEAST_PIECE_PITCH * sensor.pitch_px * sensor.pitch_px).round()
+                as usize,
+            drops_weak: settings.drop_weak_pieces,
         }
     }
 
     /// Writes the region; returns the share of edge pixels in it.
     fn find(&mut self, flat: &[u8], seen: Option<&Mask>, region: &mut Mask) -> f64 {
+        self.find_with(flat, seen, self.drops_weak, region)
+    }
+
+    fn find_with(&mut self, flat: &[u8], seen: Option<&Mask>, drop_weak: bool, region: &mut Mask) -> f64 {
         let size = region.size();
         let mut from = 0;
         for band in &self.bands {
@@ -151,6 +172,9 @@ impl TextureContact {
         }
         self.morphology.close(&self.edges, &self.close, &mut self.work);
         self.morphology.erode(&self.work, &self.erode, region);
+        if drop_weak {
+            self.pieces.drop_weak(region, &self.edges, self.least_piece_px2, WEAK_PIECE_FRACTION);
+        }
         self.morphology.dilate(region, &self.dilate, &mut self.work);
         region.copy_from(&self.work);
         let inside: u32 = self.edges.words().iter().zip(region.words()).map(|(e, r)| (e & r).count_ones()).sum();
@@ -160,7 +184,7 @@ impl TextureContact {
     /// Leaves out from now on what looks like contact in this picture of a finger at rest.
     fn hide(&mut self, flat: &[u8], seen: Option<&Mask>) {
         let mut region = Mask::new(self.edges.size());
-        self.find(flat, seen, &mut region);
+        self.find_with(flat, seen, false, &mut region);
         self.hidden = (region.area_px2() > 0).then_some(region);
     }
 }

@@ -169,7 +169,14 @@ impl Estimator {
     }
 
     /// Looks at a frame in contact.
-    pub fn see(&mut self, time_ns: Option<u64>, grip: Option<GripSample>, area_px2: f64, markers: &[Marker]) {
+    pub fn see(
+        &mut self,
+        time_ns: Option<u64>,
+        grip: Option<GripSample>,
+        area_px2: f64,
+        middle_px: Option<Vec2>,
+        markers: &[Marker],
+    ) {
         (self.estimates, self.features) = (Estimates::default(), None);
         let seconds_s = self.pass_time(time_ns);
         self.take_grip(grip, seconds_s);
@@ -199,8 +206,13 @@ impl Estimator {
             return;
         }
         let growth = self.reference.growth(self.grip_n);
+        let touched = || markers.iter().filter(|m| m.in_contact && m.whole && m.matched);
+        if let Some(middle_px) = middle_px {
+            let moved = touched().fold(Vec2::ZERO, |sum, m| sum + m.now_from_rest()) / touched().count().max(1) as f64;
+            self.reference.roll(seconds_s, middle_px - moved, self.pitch_px, markers);
+        }
         self.points.clear();
-        for m in markers.iter().filter(|m| m.in_contact && m.whole && m.matched) {
+        for m in touched() {
             let displacement = self.reference.under_load(m, growth);
             let joined = self.reference.joined(m);
             self.points.push(Point { id: m.id, rest: m.rest, displacement, joined, ..Point::default() });

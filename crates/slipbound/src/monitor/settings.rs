@@ -46,6 +46,7 @@ impl Settings {
             imprint: ImprintSettings { illumination: Illumination::Gaussian, ..ImprintSettings::default() },
             contact: ContactSettings {
                 hide_rest_edges: false,
+                drop_weak_pieces: false,
                 displaced_pitch: 0.0,
                 dilate_pitch: 25.0 / 15.2,
                 ..ContactSettings::default()

@@ -41,6 +41,8 @@ pub struct Components {
     sums: Vec<[u64; 2]>,
     /// Per run, of a root: whether its piece reaches the border.
     reaches_border: Vec<bool>,
+    /// Per piece, how much of it another mask fills.
+    filled_px2: Vec<u32>,
 }
 
 impl Components {
@@ -56,6 +58,7 @@ impl Components {
             components: Vec::with_capacity(pieces),
             sums: Vec::with_capacity(pieces),
             reaches_border: Vec::with_capacity(most_runs),
+            filled_px2: Vec::with_capacity(pieces),
         }
     }
 
@@ -134,6 +137,27 @@ impl Components {
         self.retain(mask, |c| c.area_px2 >= min_area_px);
     }
 
+    /// Clears the pieces of fewer than `least_area_px2` pixels, and those that `other` fills less than by `least_fraction` of the share by which
+    /// it fills the largest piece.
+    pub fn drop_weak(&mut self, mask: &mut Mask, other: &Mask, least_area_px2: usize, least_fraction: f64) {
+        self.label(mask);
+        self.filled_px2.clear();
+        self.filled_px2.resize(self.components.len(), 0);
+        for (run, &piece) in self.runs.all.iter().zip(&self.piece) {
+            self.filled_px2[piece as usize] += run.count(other);
+        }
+        let share = |piece: usize| f64::from(self.filled_px2[piece]) / self.components[piece].area_px2 as f64;
+        let Some(largest) = (0..self.components.len()).max_by_key(|&piece| self.components[piece].area_px2) else {
+            return;
+        };
+        let least = least_fraction * share(largest);
+        for (run, &piece) in self.runs.all.iter().zip(&self.piece) {
+            if self.components[piece as usize].area_px2 < least_area_px2 || share(piece as usize) < least {
+                run.write(mask, false);
+            }
+        }
+    }
+
     /// Sets the clear pixels from which no way along sides of clear pixels leads to the border.
     pub fn fill_holes(&mut self, mask: &mut Mask) {
         self.runs.find(mask, u64::MAX, Corners::Part);
@@ -196,6 +220,34 @@ mod tests {
         );
         assert_eq!((found[1].left_px, found[1].right_px, found[1].area_px2), (5, 7, 2));
         assert_eq!(found[3].centroid_px, Vec2::new(7.0, 3.5));
+    }
+
+    #[test]
+    fn small_pieces_go_and_those_that_little_fills() {
+        let mut mask = Mask::from_picture(
+            "####..##.##..###
+             ####..##.##..###
+             ####..##.....###",
+        );
+        // 8 of 12, 2 of 6, 3 of 4, 5 of 9.
+        let filled = Mask::from_picture(
+            "####..#..##...#.
+             ####..#..#...###
+             ..............#.",
+        );
+        let mut components = Components::new(mask.size());
+        components.drop_weak(&mut mask, &filled, 5, 0.6);
+        let kept = Mask::from_picture(
+            "####.........###
+             ####.........###
+             ####.........###",
+        );
+        assert_eq!(mask, kept);
+        components.drop_weak(&mut mask, &filled, 5, 0.9);
+        assert_eq!(mask.area_px2(), 12, "5 of 9 is less than nine tenths of 8 of 12");
+        mask.clear();
+        components.drop_weak(&mut mask, &filled, 5, 0.6);
+        assert_eq!(mask.area_px2(), 0);
     }
 
     #[test]

@@ -16,20 +16,31 @@ pub(super) struct Run {
 }
 
 impl Run {
+    /// Its words in a row, and its pixels in each.
+    fn words(&self) -> impl Iterator<Item = (usize, u64)> {
+        let (from, to) = (self.from, self.to);
+        (from / 64..=(to - 1) / 64).map(move |word| {
+            let (from, to) = (from.saturating_sub(word * 64), (to - word * 64).min(64));
+            (word as usize, (u64::MAX >> (64 - (to - from))) << from)
+        })
+    }
+
     /// Sets or clears its pixels.
     pub(super) fn write(&self, mask: &mut Mask, on: bool) {
         let row = mask.row_mut(self.row as usize);
-        let (first, last) = (self.from / 64, (self.to - 1) / 64);
-        for word in first..=last {
-            let from = self.from.saturating_sub(word * 64);
-            let to = (self.to - word * 64).min(64);
-            let bits = (u64::MAX >> (64 - (to - from))) << from;
+        for (word, bits) in self.words() {
             if on {
-                row[word as usize] |= bits;
+                row[word] |= bits;
             } else {
-                row[word as usize] &= !bits;
+                row[word] &= !bits;
             }
         }
+    }
+
+    /// How many of its pixels are set in a mask.
+    pub(super) fn count(&self, mask: &Mask) -> u32 {
+        let row = mask.row(self.row as usize);
+        self.words().map(|(word, bits)| (row[word] & bits).count_ones()).sum()
     }
 }
 

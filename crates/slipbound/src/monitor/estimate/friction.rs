@@ -6,7 +6,7 @@
 //!   after a regrip the field counts anew:  used <- the frame's, and load / (grip x mu x sunk), each by its error
 //! ```
 //!
-//! While little is pulled a frame hardly tells a rough contact from a slippery one: what trees say of it then is what is known of any
+//! Where less than the noise of the load pulls, a frame tells nothing. While little is pulled a frame hardly tells a rough contact from a slippery one: what trees say of it then is what is known of any
 //! contact, and counts for nothing.
 //!
 //! `sunk`: a curved object that lies in the gel bears against its far side, and slides at more than mu P.
@@ -40,6 +40,8 @@ const LOAD_SURE: f64 = 0.95;
 /// Growth of the load that slides with the shear of the gel, in half widths of the contact, at a traction as large as the pressure:
 /// 0.5 to 1.1 for simulated spheres, cylinders and the cap between 6 and 50 N, whatever their friction.
 const SUNK_GROWTH: f64 = 0.8;
+/// Standard deviation of the load over the grip force where nothing pulls: squeeze and rolling leave so much.
+const LOAD_NOISE_PER_GRIP: f64 = 0.01;
 /// More than that was not simulated.
 const MOST_SUNK: f64 = 1.5;
 
@@ -55,6 +57,17 @@ pub(super) fn half_width_px(places: impl ExactSizeIterator<Item = Vec2>, middle:
     let n = places.len().max(1) as f64;
     let squares: f64 = places.map(|place| (place - middle).dot(along)).map(|x| x * x).sum();
     2.0 * (squares / n).sqrt()
+}
+
+/// A frame that knows less than what is known of any contact leans towards that: the logarithm of what is used, and that.
+fn lean(log_load: f64, log_sd: f64, used: Estimate) -> (f64, Estimate) {
+    let log_used = libm::log(used.value.max(1e-3));
+    let of_frame = 1.0 / (ANY * log_sd * log_sd);
+    if of_frame >= 1.0 {
+        return (log_used, used);
+    }
+    let log_used = of_frame * log_used + (1.0 - of_frame) * (log_load - ANY_LOG_MU);
+    (log_used, Estimate { value: libm::exp(log_used), ..used })
 }
 
 /// What a frame shows.
@@ -131,14 +144,15 @@ impl Friction {
     pub fn see(&mut self, shown: &Shown, used: Estimate) -> (Option<Estimate>, Estimate) {
         let load = (shown.per_grip / shown.sunk).max(1e-6);
         let (log_load, log_grip) = (libm::log(load), libm::log(shown.grip_n.max(0.1)));
-        let log_used = libm::log(used.value.max(1e-3));
+        let (log_used, used) = lean(log_load, shown.log_used_sd, used);
         self.now_s = shown.at_s;
         let seen = self.regripped_s.map(|regripped_s| ((self.now_s - regripped_s) / REGRIPPED_S).clamp(0.0, 1.0));
         // One that only stands there tells what it told before.
         if used.age_frames == 0 {
             let own = if self.is_own(log_load) { 1.0 } else { FRAMES_ALIKE.recip() };
             let share = own * seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen);
-            self.take(log_load - log_used, shown.log_used_sd, share, log_grip);
+            let log_sd = shown.log_used_sd.hypot(LOAD_NOISE_PER_GRIP / shown.per_grip.max(1e-6));
+            self.take(log_load - log_used, log_sd, share, log_grip);
         }
         let told = self.told_at(log_grip);
         let log_mu = (told * self.log_mu + ANY * ANY_LOG_MU) / (told + ANY);
@@ -202,7 +216,7 @@ mod tests {
         let long = after(&[(0.4, 0.5, 0.1); 60]).expect("told");
         assert!((long.value - 0.76).abs() < 0.03 && long.sd < 0.2 * 0.8, "{long:?}");
         let [worse, better] = [0.3, 0.05].map(|sd| after(&[(0.4, 0.5, 0.1), (0.4, 0.8, sd)]).expect("told"));
-        assert!(worse.value > 0.6 && better.value < 0.55 && better.sd < worse.sd, "{worse:?} {better:?}");
+        assert!(worse.value > 0.6 && better.value < 0.56 && better.sd < worse.sd, "{worse:?} {better:?}");
         let quick = after(&[(0.1, 0.2, 0.3), (0.2, 0.4, 0.3), (0.3, 0.6, 0.3)]).expect("told");
         let slow = after(&[(0.29, 0.58, 0.3), (0.29, 0.58, 0.3), (0.3, 0.6, 0.3)]);
         assert!(
@@ -220,6 +234,30 @@ mod tests {
         let deep = Shown { sunk: 1.25, ..shown(0.5, 10.0, 0.1) };
         let deep = (0..60).filter_map(|_| sunk.see(&deep, used(0.5)).0).last().expect("frames");
         assert!((deep.value - 0.76).abs() < 0.03, "{deep:?}");
+    }
+
+    #[test]
+    fn what_hardly_pulls_tells_nothing_however_long_it_stands() {
+        let mut friction = Friction::default();
+        for frame in 0..600 {
+            let noise = 0.001 + 0.0005 * f64::from(frame % 3);
+            // Trees that never saw so little say the least that they know, and are as sure of it as of that.
+            assert_eq!(friction.see(&shown(noise, 20.0, 0.5), used(0.04)).0, None, "frame {frame}");
+        }
+        let told = (0..60).map(|_| friction.see(&shown(0.4, 20.0, 0.1), used(0.5)).0).last().flatten();
+        assert!(told.is_some_and(|told| (told.value - 0.77).abs() < 0.05), "{told:?}");
+    }
+
+    #[test]
+    fn a_frame_that_knows_less_than_is_known_of_any_contact_is_not_believed() {
+        let said = |sd: f64| Friction::default().see(&shown(0.1, 10.0, sd), used(0.8)).1.value;
+        assert!((said(0.3) - 0.8).abs() < 1e-9 && (said(0.53) - 0.8).abs() < 1e-9, "it knows something");
+        // Of any contact a load of 0.1 uses 0.196.
+        assert!(said(0.8) < 0.4 && said(0.8) > said(1.6) && said(1.6) > 0.196, "{} {}", said(0.8), said(1.6));
+        let memory = loaded(0.8).told;
+        let mut friction = loaded(0.8);
+        friction.see(&shown(0.1, 10.0, 0.8), used(0.8));
+        assert!(friction.told <= memory, "nor does it tell anything");
     }
 
     #[test]

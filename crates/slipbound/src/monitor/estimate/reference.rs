@@ -6,6 +6,7 @@
 //!                                     v       squeeze (P / P_taken)^0.85 when the grip changes later
 //!   displacement under load = now - rest - squeeze - what the marker had over the rigid motion when it joined the contact
 //!
+//!   rolled or slid over the gel: the squeeze goes along with the contact, between markers as its neighbours have it
 //!   gripped harder by a tenth: what has slipped sticks again where it is, and slip counts from there
 //! ```
 
@@ -29,10 +30,19 @@ const REGRIP_FRACTION: f64 = 0.1;
 /// A marker that has been out of the contact for as many frames joins it anew.
 const AWAY_FRAMES: u8 = 10;
 
+/// A contact takes the squeeze along in steps of so many pitches: its middle is known to 0.2.
+const ROLLED_PITCH: f64 = 0.4;
+/// A marker takes the squeeze of those that were so near to its place in the contact.
+const REACH_PITCH: f64 = 1.5;
+/// Time constant with which the middle of a contact is smoothed, s.
+const ROLL_S: f64 = 0.1;
+
 /// What is remembered of a marker.
 #[derive(Debug, Clone, Copy, Default)]
 struct Base {
-    /// Displacement from rest by the squeeze alone, px.
+    /// Displacement from rest by the squeeze alone as it was taken, px.
+    taken_squeeze: Vec2,
+    /// The same with the contact where it is now, px.
     squeeze: Vec2,
     /// Displacement that it had over the rigid motion when it joined the contact, px.
     joined: Vec2,
@@ -50,6 +60,10 @@ pub(super) struct Reference {
     taken_grip_n: Option<f64>,
     /// Grip at which slip began to count.
     counts_from_n: Option<f64>,
+    /// Middle of the contact on the gel when it was taken and now, and how far the squeeze has gone along, px.
+    taken_middle_px: Option<Vec2>,
+    middle_px: Vec2,
+    rolled_px: Vec2,
 }
 
 impl Reference {
@@ -61,6 +75,9 @@ impl Reference {
             taken: false,
             taken_grip_n: None,
             counts_from_n: None,
+            taken_middle_px: None,
+            middle_px: Vec2::ZERO,
+            rolled_px: Vec2::ZERO,
         }
     }
 
@@ -116,10 +133,35 @@ impl Reference {
     fn take_with(&mut self, grip_n: Option<f64>, markers: &[Marker], squeeze: impl Fn(&Marker) -> Vec2) {
         for (base, marker) in self.bases.iter_mut().zip(markers) {
             let away_frames = if marker.in_contact { 0 } else { AWAY_FRAMES };
-            *base = Base { squeeze: squeeze(marker), joined: Vec2::ZERO, away_frames };
+            let squeeze = squeeze(marker);
+            *base = Base { taken_squeeze: squeeze, squeeze, joined: Vec2::ZERO, away_frames };
         }
+        (self.taken_middle_px, self.rolled_px) = (None, Vec2::ZERO);
         (self.taken, self.taken_grip_n) = (true, grip_n.filter(|n| *n > 0.0));
         self.counts_from_n = self.taken_grip_n;
+    }
+
+    /// Takes the squeeze along with a contact that rolls or slides over the gel. `middle_px`: of the contact, where that gel is at rest.
+    pub fn roll(&mut self, seconds_s: f64, middle_px: Vec2, pitch_px: f64, markers: &[Marker]) {
+        let newest = if self.taken_middle_px.is_some() { 1.0 - libm::exp(-seconds_s / ROLL_S) } else { 1.0 };
+        self.middle_px += (middle_px - self.middle_px) * newest;
+        let by = self.middle_px - *self.taken_middle_px.get_or_insert(self.middle_px);
+        if (by - self.rolled_px).length() < ROLLED_PITCH * pitch_px {
+            return;
+        }
+        self.rolled_px = by;
+        let reach_squared = (REACH_PITCH * pitch_px) * (REACH_PITCH * pitch_px);
+        for to in markers {
+            let (mut sum, mut weights) = (Vec2::ZERO, 0.0);
+            for (from, base) in markers.iter().zip(&self.bases) {
+                let off = (from.rest + by - to.rest).length_squared();
+                if off < reach_squared {
+                    let weight = 1.0 / (off * off + 1e-6);
+                    (sum, weights) = (sum + base.taken_squeeze * weight, weights + weight);
+                }
+            }
+            self.bases[to.id as usize].squeeze = if weights > 0.0 { sum / weights } else { Vec2::ZERO };
+        }
     }
 
     /// Whether the grip has grown so much that slip counts anew.
@@ -222,5 +264,74 @@ impl Recent {
     fn before_px(&self, now_s: f64) -> Option<&[Vec2]> {
         let old = |(_, at_s): &&(Vec<Vec2>, f64)| at_s.is_finite() && now_s - at_s >= BEFORE_S - 1e-9;
         self.kept.iter().filter(old).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(px, _)| px.as_slice())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PITCH_PX: f64 = 30.0;
+
+    /// What a squeeze about a place does to the gel: it is driven outwards, most at 60 px.
+    fn squeeze(from_middle: Vec2) -> Vec2 {
+        from_middle * (0.1 * (-from_middle.length_squared() / (2.0 * 60.0 * 60.0)).exp())
+    }
+
+    /// Markers under a squeeze, its reference taken, that then goes on over the gel in a second; the longest displacement that is taken
+    /// for load in the end, and the longest squeeze, px.
+    fn rolled(by: Vec2, follows: bool) -> (f64, f64) {
+        let place = |i: u32| Vec2::new(15.0 + PITCH_PX * f64::from(i % 16), 15.0 + PITCH_PX * f64::from(i / 16));
+        let mut markers: Vec<Marker> = (0..192).map(|id| Marker::at_rest(id, place(id))).collect();
+        let middle = Vec2::new(220.0, 180.0);
+        let mut press = |middle: Vec2| -> Vec<Marker> {
+            for m in &mut markers {
+                (m.in_contact, m.now) = ((m.rest - middle).length() < 80.0, m.rest + squeeze(m.rest - middle));
+            }
+            markers.clone()
+        };
+        let pressed = press(middle);
+        let mut reference = Reference::new(pressed.len());
+        reference.take(Some(10.0), &pressed, false);
+        let mut now = pressed;
+        for frame in 0..60 {
+            let at = middle + by * (f64::from(frame) / 30.0).min(1.0);
+            now = press(at);
+            if follows {
+                reference.roll(1.0 / 30.0, at, PITCH_PX, &now);
+            }
+        }
+        let longest = |of: &dyn Fn(&Marker) -> Vec2| now.iter().map(|m| of(m).length()).fold(0.0, f64::max);
+        (longest(&|m| reference.under_load(m, 1.0)), longest(&|m| m.now_from_rest()))
+    }
+
+    #[test]
+    fn a_squeeze_goes_along_with_a_contact_that_rolls() {
+        let by = Vec2::new(70.0, 50.0);
+        let ((with, longest_px), (without, _)) = (rolled(by, true), rolled(by, false));
+        assert!(without > 0.8 * longest_px, "left behind, the squeeze is taken for a load: {without} of {longest_px}");
+        assert!(with < 0.35 * longest_px, "{with} of {longest_px}");
+        let (still, _) = rolled(Vec2::new(8.0, -6.0), true);
+        let (left, _) = rolled(Vec2::new(8.0, -6.0), false);
+        assert_eq!(still, left, "less than a step is noise of the middle");
+    }
+
+    #[test]
+    fn a_new_contact_has_not_rolled() {
+        let marker =
+            Marker { in_contact: true, now: Vec2::new(103.0, 100.0), ..Marker::at_rest(0, Vec2::new(100.0, 100.0)) };
+        let mut reference = Reference::new(1);
+        reference.take(None, &[marker], false);
+        for at in [0.0, 300.0, 300.0, 300.0, 300.0] {
+            reference.roll(0.1, Vec2::new(at, 0.0), PITCH_PX, &[marker]);
+        }
+        assert_eq!(
+            reference.under_load(&marker, 1.0),
+            Vec2::new(3.0, 0.0),
+            "the contact, and its squeeze with it, is elsewhere"
+        );
+        reference.take(None, &[marker], false);
+        reference.roll(0.1, Vec2::new(300.0, 0.0), PITCH_PX, &[marker]);
+        assert_eq!(reference.under_load(&marker, 1.0), Vec2::ZERO);
     }
 }

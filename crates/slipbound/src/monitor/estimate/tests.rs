@@ -38,7 +38,7 @@ fn push(scale: f64, grip_n: Option<f64>, far_pitch: f64, stick: f64) -> Estimato
             m.now = m.rest + Vec2::new(far_pitch * share * follows * sensor.pitch_px, 0.0);
         }
         let grip = grip_n.map(|force_n| GripSample { force_n });
-        estimator.see(Some(frame * 33_333_333), grip, AREA_PX2 * scale * scale, &markers);
+        estimator.see(Some(frame * 33_333_333), grip, AREA_PX2 * scale * scale, None, &markers);
     }
     estimator
 }
@@ -86,7 +86,7 @@ fn a_load_that_begins_before_the_reading_of_the_grip_has_settled_is_no_squeeze()
             m.in_contact = from_middle.length() < 90.0;
             m.now = m.rest + from_middle * (0.01 * pressed) + Vec2::new(shear_pitch * 30.0, 0.0);
         }
-        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n }), AREA_PX2, &markers);
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n }), AREA_PX2, None, &markers);
     }
     let shear_n = estimator.estimates.shear_n.expect("stiffness known").value;
     // Markers at the border stand for the gel beyond it as well.
@@ -123,11 +123,11 @@ fn a_harder_grip_holds_what_has_slipped_where_it_is() {
         m.now = m.rest + Vec2::new(0.6 * follows * 30.0, 0.0);
     }
     for frame in 30..50u64 {
-        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 10.0 }), AREA_PX2, &markers);
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 10.0 }), AREA_PX2, None, &markers);
     }
     assert!((residual(&estimator) - before).abs() < 0.05 * before, "the same grip forgets nothing");
     for frame in 50..60u64 {
-        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 14.0 }), AREA_PX2, &markers);
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 14.0 }), AREA_PX2, None, &markers);
     }
     assert!(residual(&estimator) < 0.2 * before, "{} of {before}", residual(&estimator));
     let shear_n = estimator.estimates.shear_n.expect("known").value;
@@ -147,7 +147,7 @@ fn a_squeeze_is_no_load_and_grows_with_the_grip() {
             m.in_contact = (m.rest - middle).length() < 90.0;
             m.now = m.rest + (m.rest - middle) * spread;
         }
-        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n }), AREA_PX2, &markers);
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n }), AREA_PX2, None, &markers);
     }
     let margin = estimator.estimates.margin.expect("settled").value;
     assert!(margin > 0.85, "{margin}");
@@ -254,7 +254,7 @@ fn motion_is_told_from_standing() {
             m.in_contact = (m.rest - middle).length() < 90.0;
             m.now = m.rest + Vec2::new(if m.in_contact { pulled_px } else { 0.0 }, 0.0);
         }
-        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 10.0 }), AREA_PX2, &markers);
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 10.0 }), AREA_PX2, None, &markers);
         seen[frame as usize] = estimator.features.unwrap_or([0.0; FEATURES_COUNT]);
     }
     assert!(seen[38][moving] > 0.2 && seen[55][moving].abs() < 1e-9, "{} {}", seen[38][moving], seen[55][moving]);
