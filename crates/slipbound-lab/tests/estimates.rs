@@ -55,6 +55,7 @@ fn a_load_raises_the_alarm_and_a_squeeze_does_not() {
     for quiet in [
         "quiet_grip_steps?object=bottle_cap&force_n=10&step_n=10&most_n=60&hold_s=0.3&seed=6",
         "roll?object=blue_tube&force_n=20&distance_mm=4&direction_deg=90&seed=7",
+        "roll?object=screwdriver&force_n=20&mu=0.72&distance_mm=5&direction_deg=90&seed=12",
         "ramp?object=scissors&force_n=30&mu=0.6&peak_fraction=0.19&ramp_s=1&hold_s=1&seed=8",
     ] {
         let seen = watch(quiet, true, |sensor| sensor);

@@ -154,6 +154,36 @@ fn a_squeeze_is_no_load_and_grows_with_the_grip() {
     assert!(estimator.estimates.shear_n.expect("known").value < 0.05);
 }
 
+/// A squeezed contact that goes to a place over the gel, or drags the gel along there, in two thirds of a second; told where its
+/// middle is, or not.
+fn moved(by_px: Vec2, drags: bool, told: bool) -> Features {
+    let (sensor, mut markers) = finger(1.0);
+    let mut estimator = Estimator::new(&sensor, &markers, false);
+    for frame in 0..60u64 {
+        let by = by_px * ((frame.max(20) - 20) as f64 / 20.0).min(1.0);
+        let (dragged, rolled) = if drags { (by, Vec2::ZERO) } else { (Vec2::ZERO, by) };
+        let middle = Vec2::new(165.0, 135.0) + rolled;
+        for m in &mut markers {
+            let from_middle = m.rest - middle;
+            m.in_contact = from_middle.length() < 80.0;
+            let squeeze = from_middle * (0.1 * (-from_middle.length_squared() / 5000.0).exp());
+            m.now = m.rest + squeeze + if m.in_contact { dragged } else { Vec2::ZERO };
+        }
+        let middle_px = told.then_some(middle + dragged);
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 10.0 }), AREA_PX2, middle_px, &markers);
+    }
+    estimator.features.expect("a contact")
+}
+
+#[test]
+fn a_contact_that_rolls_leaves_no_slip_behind_and_one_that_drags_the_gel_along_has_not_rolled() {
+    let slip = FEATURE_NAMES.iter().position(|name| *name == "residual_shear").expect("named");
+    let roll = Vec2::new(45.0, 20.0);
+    let (with, without) = (moved(roll, false, true)[slip], moved(roll, false, false)[slip]);
+    assert!(with < 0.6 * without, "{with} and {without}");
+    assert_eq!(moved(roll, true, true), moved(roll, true, false));
+}
+
 #[test]
 fn the_fit_goes_on_from_those_that_stuck() {
     // Two thirds slip together: from nothing the fit follows them, going on it stays with those that stick.
