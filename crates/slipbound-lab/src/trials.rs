@@ -7,7 +7,7 @@ use crate::score::RunScore;
 use slipbound::grip::Guard;
 use slipbound::monitor::Settings;
 use slipbound::setting::SettingError;
-use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, Ending, TaskKind, TaskSettings};
 use std::fmt;
 use std::str::FromStr;
 use std::sync::Mutex;
@@ -225,17 +225,19 @@ pub fn row(cell: &TrialCell, runs: &[RunScore]) -> String {
 
 /// One run in a line.
 pub fn line(run: &RunScore) -> String {
+    let ending = run.ending.map_or("did not end", Ending::evidence);
+    let ended = run.ended_s.map_or(String::new(), |ended_s| format!(" after {ended_s:.2} s"));
+    let first =
+        run.first_alarm_used_fraction().map_or("none".into(), |used| format!("first at {used:.2} of the friction"));
+    let least =
+        run.least_held_n.map_or("nothing was held".into(), |least_n| format!("held with {least_n:.1} N at least"));
     format!(
-        "{:?} at {:?} s, slid {:.2} mm, gross steps {}, alarms {}, first at {:.2?} of the friction, least held {:.1?} N, most {:.0} N, strain {:.2}, border {}",
-        run.ending,
-        run.ended_s,
+        "{ending}{ended}; slid {:.2} mm in {} steps; alarms: {}, {first}; {least}, {:.0} N at most; largest strain of the gel {:.2}{}",
         run.slid_mm,
         run.last.gross_steps_count,
         run.alarms_count,
-        run.first_alarm_used_fraction(),
-        run.least_held_n,
         run.most_n,
         run.last.largest_strain_fraction,
-        run.last.at_border,
+        if run.last.at_border { ", contact at the border of the pad" } else { "" },
     )
 }
