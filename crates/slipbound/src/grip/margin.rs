@@ -39,7 +39,7 @@ const GROWN_N: f64 = 0.1;
 const EXCESS: f64 = 1.5;
 
 /// Friction coefficients down from which a contact is slippery, and from which it is not.
-const FRICTION: (f64, f64) = (0.4, 0.9);
+const FRICTION: (f64, f64) = (0.3, 0.9);
 
 /// Settings of [`Margin`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -50,7 +50,7 @@ pub struct MarginSettings {
     pub stiffness_mpa_per_mm: f64,
     /// Used fraction to hold from a friction coefficient of 0.9 on, 0 to 1.
     pub target_fraction: f64,
-    /// Used fraction to hold down from a friction coefficient of 0.4 and where none is known, at most the other; even in between.
+    /// Used fraction to hold down from a friction coefficient of 0.3 and where none is known, at most the other; even in between.
     pub slippery_target_fraction: f64,
     /// Used fraction above which a single frame counts, not the average.
     pub urgent_fraction: f64,
@@ -75,7 +75,7 @@ impl Default for MarginSettings {
     fn default() -> Self {
         MarginSettings {
             stiffness_mpa_per_mm: 0.0,
-            target_fraction: 0.75,
+            target_fraction: 0.73,
             slippery_target_fraction: 0.55,
             urgent_fraction: 0.8,
             average_ns: 100_000_000,
