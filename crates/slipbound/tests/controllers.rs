@@ -162,8 +162,7 @@ fn the_more_slippery_the_more_is_held_in_reserve() {
             controller.decide(frame * FRAME_NS, &hand, &gripper(force_n)).force_n
         })
     };
-    for (friction, used) in [(None, 0.55), (Some(0.2), 0.55), (Some(0.3), 0.55), (Some(0.6), 0.64), (Some(1.2), 0.73)]
-    {
+    for (friction, used) in [(None, 0.55), (Some(0.2), 0.55), (Some(0.3), 0.55), (Some(0.6), 0.64), (Some(1.2), 0.73)] {
         assert!((holds_n(friction) - 13.0 / used).abs() < 0.1, "{friction:?}: {}", holds_n(friction));
     }
 }

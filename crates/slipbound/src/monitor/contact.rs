@@ -155,6 +155,7 @@ impl TextureContact {
         self.find_with(flat, seen, self.drops_weak, region)
     }
 
+    /// The same, and whether weak pieces are dropped.
     fn find_with(&mut self, flat: &[u8], seen: Option<&Mask>, drop_weak: bool, region: &mut Mask) -> f64 {
         let size = region.size();
         let mut from = 0;
@@ -311,6 +312,7 @@ impl Contact {
 pub(super) fn texture_share(sensor: &Sensor, settings: &ContactSettings, imprint: &Imprint) -> f64 {
     let mut texture = TextureContact::new(sensor, settings);
     let mut region = Mask::new(imprint.size());
-    texture.find(&imprint.flat, imprint.seen(), &mut region);
+    // Every piece, as `bare_sharpness` of a sensor counts them.
+    texture.find_with(&imprint.flat, imprint.seen(), false, &mut region);
     region.area_px2() as f64 / imprint.size().area() as f64
 }
