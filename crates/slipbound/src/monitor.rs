@@ -194,7 +194,7 @@ impl SlipMonitor {
             self.estimator.count_from_rest();
         }
         // A region that only displacement shows moves with it.
-        let middle_px = self.contact.region.middle_px().filter(|_| !by_displacement);
+        let middle_px = if by_displacement { None } else { self.contact.region.middle_px() };
         self.estimator.see(frame.time_ns, grip, area_px2, middle_px, &self.markers.all);
         let (evidence, recent) = (self.evidence.report.as_ref(), self.evidence.recent.as_ref());
         self.slides = self.settings.evidence.used
