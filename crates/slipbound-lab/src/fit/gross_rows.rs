@@ -3,6 +3,7 @@
 use super::row::Row;
 use super::split::{TRAINING_SEED, gross_later, monitor_at_rest, reading, training_trial};
 use crate::eval::facts::facts;
+use crate::eval::quiet::Quiet;
 use crate::eval::slides::Slides;
 use crate::eval::watch::{Restarts, Watch};
 use crate::eval::{EvalError, Facts};
@@ -15,6 +16,14 @@ const FIRST_TRIAL: u64 = 1000;
 
 /// Every fifth is a guided slide.
 const SLIDES_EVERY: u64 = 5;
+
+/// One of so many is an episode in which nothing slides, however it is gripped, rolled, pressed and shaken; other episodes than those that
+/// taught the estimates.
+const QUIET_EVERY: u64 = 40;
+/// Which one of them: none of the slides.
+const QUIET_AT: u64 = 21;
+/// Of such an episode every so many frames count.
+const QUIET_STRIDE: usize = 2;
 
 /// A frame between this load fraction and gross slip teaches nothing: either word is right.
 const EITHER_FROM_FRACTION: f64 = 0.8;
@@ -32,9 +41,17 @@ struct Seen {
     slides: bool,
 }
 
+fn is_quiet(number: u64) -> bool {
+    number % QUIET_EVERY == QUIET_AT
+}
+
 fn watched(number: u64) -> Option<Watch> {
     if number.is_multiple_of(SLIDES_EVERY) {
         return Slides::new(TRAINING_SEED, None).watch_of(number / SLIDES_EVERY).ok().map(|(_, watch)| watch);
+    }
+    if is_quiet(number) {
+        let episode = (FIRST_TRIAL + number) / QUIET_EVERY;
+        return Quiet::new(TRAINING_SEED, None).watch_of(episode).ok().map(|(_, watch)| watch);
     }
     let trial = training_trial(FIRST_TRIAL + number).ok()?;
     Some(Watch::new(trial, Restarts::Rivals))
@@ -92,8 +109,10 @@ pub fn gross_rows_of(number: u64) -> Result<[Vec<Row>; 2], EvalError> {
         };
         (used < EITHER_FROM_FRACTION).then_some([0.0, used])
     };
+    let stride = if is_quiet(number) { QUIET_STRIDE } else { 1 };
     let rows = |knowing: usize| {
         seen.iter()
+            .step_by(stride)
             .filter_map(|seen| Some((seen.features[knowing]?, truth(seen)?)))
             .map(|(features, targets)| Row::new(number, trial.object().name, 1.0, trial.mu(), targets, &features))
             .collect()

@@ -27,7 +27,7 @@ pub struct Ffmpeg {
     frames_count: Option<u64>,
     /// What the file lacks at its end, to be told there.
     lacks: Option<String>,
-    running: Option<Running>,
+    running: Option<(Running, Pictures)>,
     seq: u64,
 }
 
@@ -35,12 +35,19 @@ pub struct Ffmpeg {
 #[derive(Debug)]
 pub(super) struct Running {
     child: Child,
-    stdout: BufReader<ChildStdout>,
     stderr: Option<JoinHandle<String>>,
 }
 
+/// The pictures that the program writes, for [`read_ppm`].
+pub(super) type Pictures = BufReader<ChildStdout>;
+
 /// Options that pass every frame once. The first is of ffmpeg 5.1 and later, the second of those before.
-const EVERY_FRAME_ONCE: [&str; 2] = ["-fps_mode", "-vsync"];
+pub(super) const EVERY_FRAME_ONCE: [&str; 2] = ["-fps_mode", "-vsync"];
+
+/// Whether the program said that it does not know the first of them.
+pub(super) fn is_older(stderr: &str) -> bool {
+    stderr.contains(&EVERY_FRAME_ONCE[0][1..])
+}
 
 impl Ffmpeg {
     /// Starts the program on a video. `avi` is what our own reading of an AVI file found; for other containers
@@ -73,14 +80,14 @@ impl Ffmpeg {
 
     /// The program has nothing more to give: all is well, or it says why not.
     fn finish(&mut self, got: Option<String>) -> Result<Next, SourceError> {
-        let Some(mut running) = self.running.take() else {
+        let Some((mut running, _pictures)) = self.running.take() else {
             return Ok(Next::End);
         };
         if got.is_some() {
             running.stop();
         }
         let (status, stderr) = running.reap().map_err(|source| Error::Read { path: self.path.clone(), source })?;
-        if self.seq == 0 && stderr.contains(&EVERY_FRAME_ONCE[0][1..]) {
+        if self.seq == 0 && is_older(&stderr) {
             let again = start(&self.path, EVERY_FRAME_ONCE[1]);
             self.running = Some(again.map_err(|source| Error::FfmpegStart { path: self.path.clone(), source })?);
             return Ok(Next::Silent);
@@ -106,10 +113,10 @@ impl FrameSource for Ffmpeg {
         self.times.stamp(into, self.seq);
         into.encoded.clear();
         loop {
-            let Some(running) = &mut self.running else {
+            let Some((_, pictures)) = &mut self.running else {
                 return Ok(Next::End);
             };
-            match read_ppm(&mut running.stdout, into) {
+            match read_ppm(pictures, into) {
                 Ok(true) => {
                     self.seq += 1;
                     return Ok(Next::Frame);
@@ -158,14 +165,14 @@ fn file_argument(path: &Path) -> OsString {
     argument
 }
 
-fn start(path: &Path, every_frame_once: &str) -> io::Result<Running> {
+fn start(path: &Path, every_frame_once: &str) -> io::Result<(Running, Pictures)> {
     let input = if path.as_os_str() == STDIN { "pipe:0".into() } else { file_argument(path) };
     Running::start(&["-flags", "+bitexact"], &input, every_frame_once)
 }
 
 impl Running {
     /// Starts the program on what `input` names, with these options of its own in front.
-    pub(super) fn start(options: &[&str], input: &OsStr, every_frame_once: &str) -> io::Result<Running> {
+    pub(super) fn start(options: &[&str], input: &OsStr, every_frame_once: &str) -> io::Result<(Running, Pictures)> {
         let mut child = Command::new("ffmpeg")
             .args(["-nostdin", "-hide_banner", "-loglevel", "error", "-threads", "1"])
             .args(options)
@@ -181,12 +188,7 @@ impl Running {
         let missing = || io::Error::other("no pipe to the program");
         let stdout = BufReader::with_capacity(1 << 20, child.stdout.take().ok_or_else(missing)?);
         let stderr = child.stderr.take().ok_or_else(missing)?;
-        Ok(Running { child, stdout, stderr: Some(std::thread::spawn(move || last_words(stderr))) })
-    }
-
-    /// Its pictures.
-    pub(super) fn stdout(&mut self) -> &mut BufReader<ChildStdout> {
-        &mut self.stdout
+        Ok((Running { child, stderr: Some(std::thread::spawn(move || last_words(stderr))) }, stdout))
     }
 
     /// Ends it; what it said last.
@@ -257,6 +259,12 @@ fn word(from: &mut impl Read) -> io::Result<Vec<u8>> {
 mod tests {
     use super::*;
     use slipbound::image::SizePx;
+
+    #[test]
+    fn a_program_before_5_1_says_that_it_does_not_know_the_option() {
+        assert!(is_older("Unrecognized option 'fps_mode'.; Error splitting the argument list: Option not found"));
+        assert!(!is_older("rtsp://10.0.0.7/gel: Connection refused"));
+    }
 
     #[test]
     fn ppm_pictures_follow_each_other() {

@@ -1,23 +1,30 @@
 //! Streams that only the installed program `ffmpeg` reads: `rtsp://`, `https://`, `udp://` and the like.
 //!
 //! Its own buffers are made small (`nobuffer`, `low_delay`, short probing); what is left of its delay cannot be known, for the
-//! stream carries no clock of ours. Times are those of arrival. When it ends it is started again.
+//! stream carries no clock of ours. Times are those of arrival. When it ends, or gives no frame for a while, it is started again.
+//!
+//! ```text
+//!   ffmpeg --PPM--> reading thread --a picture--> next: waits a tenth of a second at most
+//!      ^                 '<--------a buffer---------'  |
+//!      '------- ended, and started again after a while-'
+//! ```
 
 use super::Error;
 use super::camera::{Camera, CameraTally};
-use super::ffmpeg::{Running, read_ppm};
+use super::ffmpeg::{EVERY_FRAME_ONCE, Pictures, Running, is_older, read_ppm};
 use crate::link::now_ns;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
 use std::io::{self, ErrorKind};
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Addresses that are handed to the program.
 pub(super) const SCHEMES: [&str; 8] =
     ["rtsp://", "rtsps://", "rtmp://", "https://", "udp://", "rtp://", "srt://", "tcp://"];
 
-/// Options before the address: small buffers, and an end when nothing comes for five seconds.
+/// Options before the address: small buffers.
 const LOW_LATENCY: [&str; 10] = [
     "-fflags",
     "nobuffer",
@@ -35,73 +42,157 @@ const LOW_LATENCY: [&str; 10] = [
 const FIRST_RETRY: Duration = Duration::from_millis(200);
 const LONGEST_RETRY: Duration = Duration::from_secs(3);
 
-/// The frames of a stream. `next` waits for as long as the program does: it belongs on a thread of its own.
+/// Longest time without a frame before the program is ended: until the first one, which takes connecting and probing, and later.
+const LONGEST_START: Duration = Duration::from_secs(15);
+const LONGEST_SILENCE: Duration = Duration::from_secs(3);
+
+/// Longest wait of one call.
+const LONGEST_WAIT: Duration = Duration::from_millis(100);
+
+/// The frames of a stream.
 #[derive(Debug)]
 pub struct FfmpegLive {
     uri: String,
-    running: Option<Running>,
+    started: Option<Started>,
+    /// Which of [`EVERY_FRAME_ONCE`] the program knows.
+    dialect: usize,
     retry: Duration,
+    retry_at: Instant,
     seq: u64,
     tally: Arc<CameraTally>,
+}
+
+/// The program and the thread that reads its pictures; the thread ends with the program.
+#[derive(Debug)]
+struct Started {
+    running: Running,
+    pictures: Receiver<Result<FrameBuffer, String>>,
+    buffers: Sender<FrameBuffer>,
+    /// When the last frame came, or the program was started.
+    heard_at: Instant,
 }
 
 impl FfmpegLive {
     /// Starts the program. Whether the stream is there shows with its first frame.
     pub fn open(uri: &str) -> Result<Camera, Error> {
-        let running = start(uri).map_err(|source| match source.kind() {
+        let started = Started::new(uri, 0).map_err(|source| match source.kind() {
             ErrorKind::NotFound => Error::FfmpegMissing { path: uri.into(), codec: "a stream".into() },
             _ => Error::FfmpegStart { path: uri.into(), source },
         })?;
         let tally = Arc::new(CameraTally::default());
-        let retry = FIRST_RETRY;
-        let source = FfmpegLive { uri: uri.into(), running: Some(running), retry, seq: 0, tally: tally.clone() };
+        let source = FfmpegLive {
+            uri: uri.into(),
+            started: Some(started),
+            dialect: 0,
+            retry: FIRST_RETRY,
+            retry_at: Instant::now(),
+            seq: 0,
+            tally: tally.clone(),
+        };
         let facts = vec![("stream".into(), uri.into()), ("format".into(), "whatever ffmpeg reads".into())];
         Ok(Camera { source: Box::new(source), facts, tally })
+    }
+
+    /// Starts the program again when it is time; silent meanwhile.
+    fn start_again(&mut self) -> Next {
+        let rest = self.retry_at.saturating_duration_since(Instant::now());
+        if !rest.is_zero() {
+            thread::sleep(rest.min(LONGEST_WAIT));
+            return Next::Silent;
+        }
+        self.retry = (2 * self.retry).min(LONGEST_RETRY);
+        self.retry_at = Instant::now() + self.retry;
+        self.started = Started::new(&self.uri, self.dialect).ok();
+        Next::Silent
+    }
+
+    /// The program is over, or is ended for its silence. A stream that never gave a frame was asked for wrongly, and the program says how.
+    fn ended(&mut self, got: String) -> Result<Next, SourceError> {
+        let stderr = self.started.take().map(|started| started.running.last_words()).unwrap_or_default();
+        self.retry_at = Instant::now() + self.retry;
+        if self.seq > 0 {
+            return Ok(Next::Silent);
+        }
+        if self.dialect == 0 && is_older(&stderr) {
+            (self.dialect, self.retry_at) = (1, Instant::now());
+            return Ok(Next::Silent);
+        }
+        let stderr = if stderr.is_empty() { "nothing".into() } else { stderr };
+        Err(Error::Ffmpeg { path: self.uri.as_str().into(), got, stderr }.into())
     }
 }
 
 impl FrameSource for FfmpegLive {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
-        let Some(running) = &mut self.running else {
-            thread::sleep(self.retry);
-            self.retry = (2 * self.retry).min(LONGEST_RETRY);
-            self.running = start(&self.uri).ok();
-            return Ok(Next::Silent);
-        };
-        into.encoded.clear();
-        into.label.clear();
-        let read = read_ppm(running.stdout(), into);
-        (into.seq, into.time_ns, into.clock) = (self.seq, Some(now_ns()), Clock::Host);
-        match read {
-            Ok(true) => {
-                if self.retry > FIRST_RETRY {
-                    self.tally.change(|counts| counts.returns_count += 1);
-                    self.retry = FIRST_RETRY;
+        let Some(started) = &mut self.started else { return Ok(self.start_again()) };
+        let picture = match started.pictures.recv_timeout(LONGEST_WAIT) {
+            Ok(picture) => picture,
+            Err(RecvTimeoutError::Disconnected) => return self.ended("none".into()),
+            Err(RecvTimeoutError::Timeout) => {
+                let longest = if self.seq == 0 { LONGEST_START } else { LONGEST_SILENCE };
+                if started.heard_at.elapsed() < longest {
+                    return Ok(Next::Silent);
                 }
-                self.seq += 1;
-                self.tally.frame(now_ns(), false);
+                return self.ended(format!("nothing within {} s", longest.as_secs()));
+            }
+        };
+        into.label.clear();
+        (into.seq, into.time_ns, into.clock) = (self.seq, Some(now_ns()), Clock::Host);
+        self.seq += 1;
+        match picture {
+            Ok(picture) => {
+                started.heard_at = Instant::now();
+                let is_back = self.retry > FIRST_RETRY;
+                self.retry = FIRST_RETRY;
+                let time_ns = picture.time_ns.unwrap_or_else(now_ns);
+                (into.size, into.format, into.time_ns) = (picture.size, picture.format, Some(time_ns));
+                into.encoded.clear();
+                let buffer = FrameBuffer {
+                    pixels: std::mem::replace(&mut into.pixels, picture.pixels),
+                    ..FrameBuffer::default()
+                };
+                let _ = started.buffers.send(buffer); // the program is over: its thread needs none
+                self.tally.change(|counts| counts.returns_count += u64::from(is_back));
+                self.tally.frame(time_ns, false);
                 Ok(Next::Frame)
             }
-            Ok(false) => {
-                let why = self.running.take().map(Running::last_words).unwrap_or_default();
-                // A stream that never gave a frame was asked for wrongly, and the program says how.
-                match self.seq {
-                    0 => Err(Error::Ffmpeg { path: self.uri.as_str().into(), got: "none".into(), stderr: why }.into()),
-                    _ => Ok(Next::Silent),
-                }
-            }
-            Err(e) => {
-                self.running = None;
-                self.seq += 1;
+            Err(why) => {
+                into.encoded.clear();
                 self.tally.change(|counts| counts.torn_count += 1);
-                Ok(Next::Torn { reason: format!("ffmpeg ended within a frame: {e}") })
+                self.ended(String::new())?;
+                Ok(Next::Torn { reason: format!("ffmpeg ended within a frame: {why}") })
             }
         }
     }
 }
 
-fn start(uri: &str) -> io::Result<Running> {
-    let over_tcp = ["-rtsp_transport", "tcp"];
-    let transport = if uri.starts_with("rtsp") { &over_tcp[..] } else { &[] };
-    Running::start(&[&LOW_LATENCY[..], transport].concat(), uri.as_ref(), "-fps_mode")
+impl Started {
+    /// Starts the program and a thread that reads what it gives.
+    fn new(uri: &str, dialect: usize) -> io::Result<Started> {
+        let over_tcp = ["-rtsp_transport", "tcp"];
+        let transport = if uri.starts_with("rtsp") { &over_tcp[..] } else { &[] };
+        let options = [&LOW_LATENCY[..], transport].concat();
+        let (running, from) = Running::start(&options, uri.as_ref(), EVERY_FRAME_ONCE[dialect])?;
+        let (to, pictures) = sync_channel(1);
+        let (buffers, emptied) = channel();
+        thread::spawn(move || read_all(from, &to, &emptied));
+        Ok(Started { running, pictures, buffers, heard_at: Instant::now() })
+    }
+}
+
+/// Reads pictures until the program is over or nobody wants them.
+fn read_all(mut from: Pictures, to: &SyncSender<Result<FrameBuffer, String>>, emptied: &Receiver<FrameBuffer>) {
+    loop {
+        let mut picture = emptied.try_recv().unwrap_or_default();
+        let read = match read_ppm(&mut from, &mut picture) {
+            Ok(true) => Ok(picture),
+            Ok(false) => return,
+            Err(e) => Err(e.to_string()),
+        };
+        let is_last = read.is_err();
+        let read = read.map(|picture| FrameBuffer { time_ns: Some(now_ns()), ..picture });
+        if to.send(read).is_err() || is_last {
+            return;
+        }
+    }
 }

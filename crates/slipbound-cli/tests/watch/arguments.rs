@@ -1,0 +1,106 @@
+//! What is asked for, and what cannot be.
+
+use super::trial::{Ended, SIZE, Trial, encode, jpeg};
+
+#[test]
+fn every_help_explains_the_exit_codes() {
+    let trial = Trial::new(0);
+    for arguments in [&["--help"][..], &["-h"], &["watch", "--help"], &["watch", "-h"]] {
+        let ended = Ended::of(trial.command(arguments).output().expect("runs"));
+        ended.expect(0, &[]);
+        for code in ["0  done", "1  failed", "2  what was asked for cannot be", "3  finished, but frames were torn"] {
+            assert!(ended.out.contains(code), "no `{code}` in {arguments:?}: {ended:?}");
+        }
+    }
+}
+
+#[test]
+fn arguments_that_cannot_be_exit_with_2() {
+    let trial = Trial::new(3);
+    trial.write("odd.jpg", &encode(&[128; 320 * 200], SizePx::new(320, 200)));
+    trial.write("dot.jpg", &encode(&[128], SizePx::new(1, 1)));
+    trial.write("dark.jpg", &encode(&vec![0; SIZE.area()], SIZE));
+    trial.write("typo.toml", b"extends = \"gelsight_mini_wide\"\npich_px = 30\n");
+    trial.write("negative.toml", b"[slip]\nthreshold_pitch = -1.0\n");
+    trial.write("unknown.toml", b"[slip]\nthreshold_pich = 0.2\n");
+    for (arguments, said) in [
+        (&["nowhere.avi", "--sensor", "gelslim"][..], &["nowhere.avi", "there is no such file"][..]),
+        (&["*.png", "--sensor", "gelslim"], &["*.png", "expected images"]),
+        (&["run"], &["run: more than one", "320x240", "--sensor with one of gelsight_mini_near, gelsight_mini_wide"]),
+        (&["odd.jpg"], &["odd.jpg: no built-in finger has frames of 320x200", "`slipbound sensors`"]),
+        (&["dot.jpg", "--sensor", "gelslim"], &["dot.jpg: frames of 1x1: sensor gelslim: image_px"]),
+        (&["odd.jpg/run.avi", "--sensor", "gelslim"], &["odd.jpg/run.avi: expected a folder", "there is no such file"]),
+        (&[&"long".repeat(90), "--sensor", "gelslim"], &["there is no such file"]),
+        (&["run", "--sensor", "gelslin"], &["`gelslin`", "did you mean `gelslim`?"]),
+        (&["run", "--sensor", "typo.toml"], &["typo.toml: unknown key `pich_px`; did you mean `pitch_px`?"]),
+        (&["run", "--sensor", "none.toml"], &["none.toml: cannot read"]),
+        (&["odd.jpg", "--sensor", "gelslim"], &["sensor gelslim: image_px: expected 427x320", "got frames of 320x200"]),
+        (
+            &["run", "--settings", "negative.toml"],
+            &["negative.toml: slip.threshold_pitch", "expected a number from", "got -1"],
+        ),
+        (
+            &["run", "--settings", "unknown.toml"],
+            &["unknown.toml: unknown key `slip.threshold_pich`", "`threshold_pitch`"],
+        ),
+        (&["run", "--rest", "5..3"], &["expected A below B, got 5..3"]),
+        (&["run", "--rest", "5.."], &["expected two whole numbers A..B, got 5.."]),
+        (
+            &["run", "--rest", "1..9", "--sensor", "gelsight_mini_wide"],
+            &["--rest 1..9: run ends before frame 8: it has 3 frames"],
+        ),
+        (&["run", "--rest", "no.png", "--sensor", "gelsight_mini_wide"], &["--rest no.png", "there is no such file"]),
+        (
+            &["run", "--rest", "dark.jpg", "--sensor", "gelsight_mini_wide"],
+            &["--rest dark.jpg: frame 0 (dark.jpg): unusable as rest frame: dark"],
+        ),
+        (
+            &["run", "--rest", "odd.jpg", "--sensor", "gelsight_mini_wide"],
+            &["--rest odd.jpg: expected 320x240 as the frames of run, got 320x200"],
+        ),
+        (&["run", "--rest", "run", "--sensor", "gelsight_mini_wide"], &["--rest run: expected one image", "several"]),
+        (&["run", "--markers"], &["--json"]),
+        (&["run", "--color", "red"], &["--color"]),
+    ] {
+        let ended = Ended::of(trial.command(&[&["watch"], arguments].concat()).output().expect("runs"));
+        ended.expect(2, said);
+    }
+    Ended::of(trial.command(&[]).output().expect("runs")).expect(2, &["Usage"]);
+}
+
+#[test]
+fn rest_may_be_named() {
+    let trial = Trial::new(6);
+    trial.write("untouched.jpg", &jpeg(0));
+    for (rest, frames) in [("2..5", "[2,5]"), ("untouched.jpg", "null")] {
+        trial.watch("run", &["--rest", rest, "--json", "report.json"]).expect(0, &[]);
+        let report = trial.report("report.json");
+        assert_eq!(report[0]["rest"].to_string(), format!(r#"{{"frames":{frames},"kind":"given"}}"#));
+        assert_eq!(report.len(), 7, "all frames are judged, those of rest too");
+    }
+    trial.write("run/000.jpg", &encode(&[128; 64 * 48], SizePx::new(64, 48)));
+    let ended = trial.watch("run", &["--rest", "untouched.jpg", "--json", "report.json"]);
+    ended.expect(0, &[]);
+    assert!(ended.out.contains("1 frame of another size; the first is frame 0"), "{ended:?}");
+}
+
+#[test]
+fn the_finger_is_taken_by_frame_size_only_when_there_is_no_doubt() {
+    let trial = Trial::new(0);
+    let watch = |width: usize, height: usize| {
+        trial.write("run/0.jpg", &encode(&vec![128; width * height], SizePx::new(width, height)));
+        Ended::of(trial.command(&["watch", "run"]).output().expect("runs"))
+    };
+    watch(640, 480).expect(1, &["run: too few markers"]);
+    watch(427, 320).expect(2, &["more than one built-in finger has frames of 427x320", "gelslim, gelslim3"]);
+}
+
+#[test]
+fn the_built_in_fingers_are_listed() {
+    let trial = Trial::new(0);
+    let ended = Ended::of(trial.command(&["sensors"]).output().expect("runs"));
+    ended.expect(0, &[]);
+    let names: Vec<&str> = ended.out.lines().map(|line| line.split(' ').next().expect("a word")).collect();
+    assert_eq!(names, ["NAME", "gelsight", "gelsight_mini_near", "gelsight_mini_wide", "gelslim", "gelslim3"]);
+    assert!(ended.out.contains("427x320") && ended.out.contains("unknown"));
+}

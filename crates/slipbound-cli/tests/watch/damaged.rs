@@ -1,0 +1,157 @@
+//! Recordings that are damaged, or not what they seem.
+
+use super::trial::{Ended, SENSOR, SIZE, Trial, encode, states, write_avi};
+use std::fs;
+
+#[test]
+fn a_zero_byte_picture_is_torn_and_the_rest_is_judged() {
+    let trial = Trial::new(6);
+    trial.write("run/003.jpg", b"");
+    let ended = trial.watch("run", &["--json", "report.json", "--overlay", "drawn"]);
+    ended.expect(3, &["run: frame 3 (003.jpg) is torn: empty: zero bytes"]);
+    assert!(
+        ended.out.contains("6 frames") && ended.out.contains("1 frame torn; the first is frame 3 (003.jpg)"),
+        "{ended:?}"
+    );
+    assert_eq!(ended.err.matches("torn").count(), 1, "said once: {ended:?}");
+    let report = trial.report("report.json");
+    assert_eq!(states(&report), ["no_contact", "no_contact", "no_contact", "unjudged", "no_contact", "no_contact"]);
+    assert_eq!(report[4]["reason"], "torn frame");
+    assert_eq!(fs::read_dir(trial.path("drawn")).expect("a folder").count(), 6);
+}
+
+#[test]
+fn other_sizes_and_black_frames_are_unjudged_with_the_reason() {
+    let trial = Trial::new(6);
+    trial.write("run/000.jpg", &encode(&[128; 64 * 48], SizePx::new(64, 48)));
+    trial.write("run/004.jpg", &encode(&vec![0; SIZE.area()], SIZE));
+    let ended = trial.watch("run", &["--json", "report.json"]);
+    ended.expect(0, &[]);
+    assert!(
+        ended.out.contains(
+            "1 frame of another size; the first is frame 0 (000.jpg): frame size: expected 320x240, got 64x48"
+        ),
+        "{ended:?}"
+    );
+    assert!(ended.out.contains("1 frame dark; the first is frame 4 (004.jpg)"), "{ended:?}");
+    let report = trial.report("report.json");
+    assert_eq!(states(&report), ["unjudged", "no_contact", "no_contact", "no_contact", "unjudged", "no_contact"]);
+    assert!(report[1]["reason"].as_str().expect("a reason").contains("got 64x48"));
+    assert!(report[5]["reason"].as_str().expect("a reason").contains("dark"));
+}
+
+#[test]
+fn without_a_whole_frame_it_says_what_tore_the_first() {
+    let trial = Trial::new(0);
+    trial.write("run/0.jpg", b"");
+    trial.write("run/1.jpg", b"day one");
+    trial
+        .watch("run", &[])
+        .expect(1, &["run: expected at least one whole frame, got none; frame 0 (0.jpg) is torn: empty"]);
+}
+
+#[test]
+fn the_summary_tells_why_the_first_frame_is_torn() {
+    let trial = Trial::new(3);
+    trial.write("run/001.jpg", b"day one");
+    let ended = trial.watch("run", &[]);
+    assert!(ended.out.contains("1 frame torn; the first is frame 1 (001.jpg): neither JPEG nor PNG"), "{ended:?}");
+}
+
+#[test]
+fn markers_that_do_not_stand_a_pitch_apart_raise_a_doubt() {
+    let trial = Trial::new(3);
+    let arguments = ["watch", "run", "--sensor", "gelsight_mini_near", "--json", "report.json"];
+    let ended = Ended::of(trial.command(&arguments).output().expect("runs"));
+    ended.expect(
+        0,
+        &[
+            "run: markers expected on a grid of 44.0 px (pitch_px of the sensor), got 30.8 px apart",
+            "no frame is judged until",
+        ],
+    );
+    let note = trial.report("report.json")[0]["note"].to_string();
+    assert!(note.contains("right sensor file?"), "{note}");
+    assert!(states(&trial.report("report.json")).iter().all(|state| *state == "unjudged"));
+}
+
+#[test]
+fn only_black_frames_are_refused() {
+    let trial = Trial::new(0);
+    trial.write("run/0.jpg", &encode(&vec![0; SIZE.area()], SIZE));
+    trial.watch("run", &[]).expect(1, &["run: no rest frame among the first 1 frames"]);
+}
+
+#[test]
+fn a_truncated_avi_is_judged_as_far_as_it_goes() {
+    let trial = Trial::new(0);
+    write_avi(&trial.path("run.avi"), 6);
+    trial.watch("run.avi", &["--json", "report.json"]).expect(0, &[]);
+    assert_eq!(trial.report("report.json")[2]["time_ns"], 40_000_000);
+    assert_eq!(trial.report("report.json")[0]["clock"], "assumed");
+
+    let whole = fs::read(trial.path("run.avi")).expect("reads");
+    trial.write("run.avi", &whole[..whole.len() * 7 / 10]);
+    let ended = trial.watch("run.avi", &["--json", "report.json"]);
+    ended.expect(3, &["run.avi: frame 4 is torn: frame cut off: the file ends at byte"]);
+    assert_eq!(
+        states(&trial.report("report.json")),
+        ["no_contact", "no_contact", "no_contact", "no_contact", "unjudged"]
+    );
+
+    trial.write("run.avi", &whole[..100]);
+    trial.watch("run.avi", &[]).expect(1, &["run.avi", "expected a list of frames", "the end of the file at byte 100"]);
+    trial.write("run.avi", b"");
+    trial.watch("run.avi", &[]).expect(1, &["run.avi", "0 bytes in all"]);
+}
+
+#[test]
+fn without_ffmpeg_it_says_what_to_install() {
+    let trial = Trial::new(0);
+    write_avi(&trial.path("run.avi"), 3);
+    let mut bytes = fs::read(trial.path("run.avi")).expect("reads");
+    while let Some(at) = bytes.windows(4).position(|w| w == b"MJPG") {
+        bytes[at..at + 4].copy_from_slice(b"FMP4");
+    }
+    trial.write("run.avi", &bytes);
+    let mut command = trial.command(&["watch", "run.avi", SENSOR[0], SENSOR[1]]);
+    let ended = Ended::of(command.env("PATH", trial.dir.path()).output().expect("runs"));
+    ended.expect(1, &["run.avi: decoding the codec FMP4 needs the program `ffmpeg`", "apt install ffmpeg"]);
+}
+
+#[test]
+fn hostile_names_and_headers_and_endless_settings_do_no_harm() {
+    let trial = Trial::new(4);
+    // A header of 60000 x 60000, and nothing else: 10.8 GB if it were believed.
+    let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();
+    png.extend([0, 0, 0xEA, 0x60, 0, 0, 0xEA, 0x60, 8, 2, 0, 0, 0]);
+    png.extend(0x0FB0_E215u32.to_be_bytes());
+    png.extend(b"\0\0\0\0IDAT\x35\xAF\x06\x1E");
+    trial.write("run/002.png", &png);
+    trial.watch("run", &[]).expect(3, &["002.png) is torn: PNG"]);
+
+    trial.write("large.toml", "# a comment\n".repeat(200_000).as_bytes());
+    trial.watch("run", &["--settings", "large.toml"]).expect(2, &["expected at most 1048576 bytes of TOML, got more"]);
+    #[cfg(unix)]
+    {
+        let output = trial.command(&["watch", "run", "--sensor", "/dev/zero"]).output().expect("runs");
+        assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    for name in ["\u{1b}[31mred\u{1b}[2J", "two words", "\u{3b1}\u{3b2}"] {
+        let escaped = name.replace('\u{1b}', "\\u{1b}");
+        for arguments in
+            [vec!["watch", name], vec!["watch", "run", "--sensor", name], vec!["watch", "run", "--wrong", name]]
+        {
+            let output = trial.command(&arguments).output().expect("runs");
+            let told = [output.stdout, output.stderr].concat();
+            assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+            assert!(!told.contains(&0x1b), "{}", told.escape_ascii());
+            let text = String::from_utf8(told).expect("UTF-8");
+            assert!(text.contains(&escaped) || arguments.len() == 4, "{arguments:?}: {text}");
+        }
+        // And with a folder of that name: it is read.
+        fs::create_dir(trial.path(name)).expect("made");
+        fs::copy(trial.path("run/000.jpg"), trial.path(name).join("a b\u{1b}[0m.jpg")).expect("copied");
+        trial.watch(name, &[]).expect(0, &[]);
+    }
+}

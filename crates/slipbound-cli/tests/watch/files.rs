@@ -1,0 +1,127 @@
+//! What is written, and what is never overwritten or lost.
+
+use super::trial::{Ended, SENSOR, Trial, jpeg, states, write_avi};
+use serde_json::Value;
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+#[test]
+fn the_report_alone_goes_to_standard_output() {
+    let trial = Trial::new(3);
+    let ended = trial.watch("run", &["--json", "-"]);
+    ended.expect(0, &["3 frames, 0 slips"]);
+    assert_eq!(ended.out.lines().filter(|line| serde_json::from_str::<Value>(line).is_ok()).count(), 4);
+    assert_eq!(ended.out.lines().count(), 4);
+}
+
+#[test]
+fn outputs_never_fall_on_what_is_read_or_on_each_other() {
+    let trial = Trial::new(3);
+    write_avi(&trial.path("run.avi"), 3);
+    trial.write("rest.jpg", &jpeg(0));
+    let files = ["run.avi", "rest.jpg", "run/000.jpg"];
+    let before = files.map(|name| fs::read(trial.path(name)).expect("reads"));
+    for (source, more, said) in [
+        ("run.avi", &["--json", "run.avi"][..], "--json run.avi: expected a place of its own, got that of SOURCE"),
+        ("run.avi", &["--overlay", "run/../run.avi"], "that of SOURCE"),
+        ("run", &["--overlay", "run"], "--overlay run: expected a place of its own, got that of SOURCE"),
+        ("run/*.jpg", &["--overlay", "./run"], "that of SOURCE"),
+        ("run/000.jpg", &["--overlay", "run"], "that of SOURCE"),
+        ("rest.jpg", &["--overlay", "."], "that of SOURCE"),
+        ("run", &["--rest", "rest.jpg", "--timings", "rest.jpg"], "that of --rest"),
+        (
+            "run",
+            &["--json", "new", "--timings", "./new"],
+            "--timings ./new: expected a place of its own, got that of --json",
+        ),
+    ] {
+        trial.watch(source, more).expect(2, &[said]);
+    }
+    assert!(before == files.map(|name| fs::read(trial.path(name)).expect("reads")), "a file was changed");
+    assert_eq!(fs::read_dir(trial.path("run")).expect("a folder").count(), 3);
+    // Beside what is read, in a folder named as the finger is, and nowhere at all.
+    trial.watch("run.avi", &["--overlay", "."]).expect(0, &[]);
+    trial.watch("run", &["--overlay", SENSOR[1]]).expect(0, &[]);
+    #[cfg(unix)]
+    trial.watch("run", &["--json", "/dev/null", "--timings", "/dev/null"]).expect(0, &[]);
+}
+
+#[test]
+#[cfg(unix)]
+fn what_was_judged_is_kept_when_a_later_file_cannot_be_read() {
+    let trial = Trial::new(4);
+    std::os::unix::fs::symlink("nowhere", trial.path("run/002_.jpg")).expect("links");
+    let ended = trial.watch("run", &["--json", "report.json", "--overlay", "drawn.avi"]);
+    ended.expect(1, &["002_.jpg: cannot read", "No such file"]);
+    assert_eq!(ended.err.matches("No such file").count(), 1, "said once: {ended:?}");
+    assert!(ended.out.contains("3 frames"), "{ended:?}");
+    assert_eq!(states(&trial.report("report.json")), ["no_contact"; 3]);
+    let ended = trial.watch("drawn.avi", &[]);
+    assert!(!ended.err.contains("torn"), "the video was closed: {ended:?}");
+}
+
+#[test]
+fn a_reader_that_leaves_is_no_failure() {
+    let trial = Trial::new(200);
+    let mut command = trial.command(&["watch", "run", SENSOR[0], SENSOR[1], "--json", "-", "--markers"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    let mut line = String::new();
+    BufReader::with_capacity(64, child.stdout.take().expect("a pipe")).read_line(&mut line).expect("reads");
+    assert!(line.contains("slipbound-report"));
+    let ended = Ended::of(child.wait_with_output().expect("ends"));
+    ended.expect(0, &[]);
+    assert_eq!(ended.err, "");
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_run_keeps_whole_lines_and_says_so() {
+    let trial = Trial::new(300);
+    let mut command =
+        trial.command(&["watch", "run", SENSOR[0], SENSOR[1], "--json", "report.json", "--overlay", "drawn.avi"]);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while fs::read_to_string(trial.path("report.json")).map_or(0, |text| text.lines().count()) < 4 {
+        assert!(Instant::now() < deadline, "no line is written");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("runs");
+    assert!(told.success());
+    let ended = Ended::of(child.wait_with_output().expect("ends"));
+    ended.expect(1, &["interrupted after"]);
+    let lines = trial.report("report.json").len();
+    assert!((4..300).contains(&lines), "{lines} lines");
+    assert!(ended.out.contains(&format!("{} frames", lines - 1)), "{ended:?}");
+}
+
+#[test]
+fn no_input_frame_is_overwritten_and_other_files_only_if_they_are_ours_or_by_force() {
+    let trial = Trial::new(3);
+    let frame = fs::read(trial.path("run/001.jpg")).expect("reads");
+    trial.watch("run", &["--json", "run/001.jpg"]).expect(2, &["--json run/001.jpg", "that of the frame"]);
+    trial.watch("run", &["--json", "run/001.jpg", "--force"]).expect(2, &["that of the frame"]);
+    trial.watch("run/0*.jpg", &["--timings", "run/002.jpg"]).expect(2, &["that of the frame"]);
+    assert_eq!(fs::read(trial.path("run/001.jpg")).expect("reads"), frame);
+    // Beside the frames, under a name of its own, is fine.
+    trial.watch("run", &["--json", "run/report.json"]).expect(0, &[]);
+    trial.watch("run", &["--json", "run/report.json"]).expect(0, &[]);
+
+    trial.write("notes.txt", b"mine");
+    fs::create_dir(trial.path("drawn")).expect("made");
+    trial.write("drawn/000001.png", b"mine");
+    for (args, file) in [
+        (["--json", "notes.txt"], "notes.txt"),
+        (["--timings", "notes.txt"], "notes.txt"),
+        (["--overlay", "drawn"], "drawn/000001.png"),
+    ] {
+        trial.watch("run", &args).expect(2, &["one that slipbound wrote", "--force overwrites it"]);
+        assert_eq!(fs::read(trial.path(file)).expect("reads"), b"mine");
+    }
+    trial.watch("run", &["--json", "notes.txt", "--overlay", "drawn", "--force"]).expect(0, &[]);
+    // All of that is ours now.
+    trial.watch("run", &["--json", "notes.txt", "--overlay", "drawn", "--timings", "t.json"]).expect(0, &[]);
+    trial.watch("run", &["--overlay", "film.avi", "--timings", "t.json"]).expect(0, &[]);
+    trial.watch("run", &["--overlay", "film.avi", "--timings", "t.json"]).expect(0, &[]);
+}
