@@ -30,6 +30,8 @@ pub struct Config {
     pub gripper_state_topic: Option<String>,
     /// Whether pictures of what was found are published.
     pub overlay: bool,
+    /// Whether the node configures and activates itself as soon as the rest frames are known.
+    pub autostart: bool,
     /// The fingers with their topics, in the order of the hand file.
     pub fingers: Vec<Finger>,
 }
@@ -82,6 +84,8 @@ struct ConfigFile {
     gripper_state_topic: Option<String>,
     #[serde(default)]
     overlay: bool,
+    #[serde(default = "yes")]
+    autostart: bool,
     fingers: Vec<FingerFile>,
 }
 
@@ -108,6 +112,10 @@ fn hand_frame() -> String {
 
 fn sensor_data() -> ImageQos {
     ImageQos::SensorData
+}
+
+fn yes() -> bool {
+    true
 }
 
 fn compressed() -> ImageType {
@@ -168,6 +176,7 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
         image_qos: file.image_qos,
         gripper_state_topic: file.gripper_state_topic,
         overlay: file.overlay,
+        autostart: file.autostart,
     })
 }
 
@@ -197,6 +206,8 @@ mod tests {
         assert_eq!(fingers, [("left", ImageType::Compressed), ("right", ImageType::Raw)]);
         assert_eq!((config.node.as_str(), config.domain_id, config.overlay), ("slipbound", 7, false));
         assert_eq!(read(&NODE.replace("domain_id = 7\n", ""), Some("9")).expect("valid").domain_id, 9);
+        let waits = read(&NODE.replace("domain_id = 7\n", "autostart = false\n"), None).expect("valid");
+        assert!(config.autostart && !waits.autostart);
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! A finger: its pictures in order to its reports, by the library's rest finder and monitor. Knows nothing of ROS's network.
 //!
 //! ```text
-//!   unconfigured --rest found--> active --tare--> active, and looking for a new rest
-//!                                  ^                 | untouched: that is the rest frame from now on
-//!                                  '-----------------' touched, dark, or a picture that fails: the old one stays
+//!   idle --look--> looking for rest --found--> judging --tare--> judging, and looking for a new rest
+//!    ^                   |                     |    ^                | untouched: that is the rest frame from now on
+//!    '-------forget------'---------------------'    '----------------' touched, dark, or a picture that fails: the old one stays
 //! ```
 
 use slipbound::finger_pipeline::RestFinder;
@@ -20,11 +20,14 @@ pub struct Finger {
     rest_kind: Option<RestKind>,
     last_state: Option<SlipState>,
     is_taring: bool,
+    looks_for_rest: bool,
 }
 
 /// What became of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Seen {
+    /// It was passed over: the rest frame is neither known nor looked for.
+    Idle,
     /// It was looked at for the rest frame; nothing is said of it.
     AtRest,
     /// The rest frame is known from now on; nothing is said of the picture.
@@ -38,9 +41,27 @@ pub enum Seen {
 }
 
 impl Finger {
-    /// A finger before its first picture.
+    /// A finger before its first picture, idle.
     pub fn new(sensor: Sensor, settings: Settings) -> Self {
-        Finger { sensor, settings, finder: None, monitor: None, rest_kind: None, last_state: None, is_taring: false }
+        let (finder, monitor, rest_kind, last_state) = (None, None, None, None);
+        let (is_taring, looks_for_rest) = (false, false);
+        Finger { sensor, settings, finder, monitor, rest_kind, last_state, is_taring, looks_for_rest }
+    }
+
+    /// Looks for the rest frame from the next picture on, where it is not known.
+    pub fn look(&mut self) {
+        self.looks_for_rest = true;
+    }
+
+    /// Forgets the rest frame and whatever rests on it, a tare too; idle from now on.
+    pub fn forget(&mut self) {
+        (self.finder, self.monitor, self.rest_kind, self.last_state) = (None, None, None, None);
+        (self.is_taring, self.looks_for_rest) = (false, false);
+    }
+
+    /// Whether pictures are of no use to it.
+    pub fn is_idle(&self) -> bool {
+        self.monitor.is_none() && !self.looks_for_rest
     }
 
     /// Its monitor; None before the rest frame is known.
@@ -71,6 +92,9 @@ impl Finger {
 
     /// Takes the next whole picture.
     pub fn see(&mut self, frame: &FrameBuffer, grip: Option<GripSample>) -> Seen {
+        if self.is_idle() {
+            return Seen::Idle;
+        }
         let pixels = match frame.frame() {
             Ok(pixels) => pixels,
             Err(e) => return Seen::Refused(e.to_string()),
@@ -86,7 +110,7 @@ impl Finger {
                 Seen::AtRest => return Seen::Judged(report),
                 Seen::RestFound(_) => Ok(()),
                 Seen::Refused(why) => Err(why),
-                Seen::Judged(_) | Seen::Tared(..) => Err("rest was not looked for".into()),
+                Seen::Idle | Seen::Judged(_) | Seen::Tared(..) => Err("rest was not looked for".into()),
             },
             _ => Err("expected a finger that nothing touches, got one in contact".into()),
         };

@@ -27,7 +27,7 @@ use std::time::Duration;
 const WAITING_COUNT: usize = 2;
 const WAITING_RELIABLE_COUNT: usize = 10;
 
-/// Longest wait for a picture before it is looked for the end and for tares.
+/// Longest wait for a picture before it is looked for the end and for what is asked.
 const LONGEST_WAIT: Duration = Duration::from_millis(20);
 
 /// What the threads of a node share.
@@ -35,8 +35,21 @@ const LONGEST_WAIT: Duration = Duration::from_millis(20);
 pub struct Shared {
     /// Whether all should end.
     pub stop: AtomicBool,
+    /// Whether reports, wrenches and overlays are published; pictures are judged all the same.
+    pub publishes: AtomicBool,
     /// The force per finger, where a gripper tells.
     pub grip: Mutex<Option<GripSample>>,
+}
+
+/// What is asked of a finger.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ask {
+    /// To take its rest frame anew.
+    Tare,
+    /// To look for its rest frame, where it has none.
+    Look,
+    /// To forget its rest frame, and not to look for one.
+    Forget,
 }
 
 /// What a finger tells the hand.
@@ -44,8 +57,8 @@ pub struct Shared {
 pub enum Told {
     /// A report.
     Report(Box<monitor::SlipReport>),
-    /// The rest frame is known.
-    Active,
+    /// The rest frame is known; so often it was asked to forget one before.
+    AtRest(u64),
     /// How a tare has ended.
     Tared(Result<(), String>),
 }
@@ -93,12 +106,17 @@ pub struct Kept {
     finger: Finger,
     frames_count: u64,
     last_seq: i64,
+    forgotten_count: u64,
 }
 
 impl Kept {
-    /// A finger that has seen nothing.
-    pub fn new(config: &FingerConfig, settings: &Settings) -> Self {
-        Kept { finger: Finger::new(config.finger.sensor.clone(), settings.clone()), frames_count: 0, last_seq: 0 }
+    /// A finger that has seen nothing, and was asked so often to forget.
+    pub fn new(config: &FingerConfig, settings: &Settings, looks_for_rest: bool, forgotten_count: u64) -> Self {
+        let mut finger = Finger::new(config.finger.sensor.clone(), settings.clone());
+        if looks_for_rest {
+            finger.look();
+        }
+        Kept { finger, frames_count: 0, last_seq: 0, forgotten_count }
     }
 }
 
@@ -112,12 +130,13 @@ pub struct FingerThread {
     waiting_most_count: usize,
     frame: FrameBuffer,
     frames_count: u64,
+    forgotten_count: u64,
     reports: Publisher<SlipReport>,
     wrenches: Publisher<WrenchStamped>,
     overlay: Option<OverlayThread>,
     tally: Arc<Mutex<Tally>>,
     shared: Arc<Shared>,
-    tares: Receiver<()>,
+    asked: Receiver<Ask>,
     hand: Sender<(usize, Told)>,
 }
 
@@ -127,8 +146,8 @@ pub struct Joints {
     pub shared: Arc<Shared>,
     /// Counts of this finger.
     pub tally: Arc<Mutex<Tally>>,
-    /// Where it is told to be tared.
-    pub tares: Receiver<()>,
+    /// Where it is asked for something.
+    pub asked: Receiver<Ask>,
     /// What it tells.
     pub hand: Sender<(usize, Told)>,
 }
@@ -151,7 +170,7 @@ impl FingerThread {
             .overlay
             .then(|| ros.publisher(&format!("{name}/overlay/compressed"), &SENSOR_DATA).map(OverlayThread::new))
             .transpose()?;
-        let Joints { shared, tally, tares, hand } = joints;
+        let Joints { shared, tally, asked, hand } = joints;
         Ok(FingerThread {
             place,
             finger: kept.finger,
@@ -160,12 +179,13 @@ impl FingerThread {
             waiting_most_count,
             frame: FrameBuffer::default(),
             frames_count: kept.frames_count,
+            forgotten_count: kept.forgotten_count,
             reports: ros.publisher(&format!("{name}/report"), &RELIABLE)?,
             wrenches: ros.publisher(&format!("{name}/wrench"), &SENSOR_DATA)?,
             overlay,
             tally,
             shared,
-            tares,
+            asked,
             hand,
             name,
         })
@@ -175,17 +195,38 @@ impl FingerThread {
     pub fn run(mut self) -> Kept {
         while !self.shared.stop.load(Ordering::Relaxed) {
             self.take_all();
-            if self.tares.try_recv().is_ok()
-                && let Err(why) = self.finger.tare()
-            {
-                self.tell(Told::Tared(Err(why)));
-            }
+            self.obey();
             match self.waiting.pop_front() {
                 Some((picture, seq)) => self.judge(picture, seq),
                 None => self.pictures.wait(LONGEST_WAIT),
             }
         }
-        Kept { last_seq: self.pictures.last_seq(), finger: self.finger, frames_count: self.frames_count }
+        self.obey(); // what was asked before the end holds after it
+        Kept {
+            last_seq: self.pictures.last_seq(),
+            finger: self.finger,
+            frames_count: self.frames_count,
+            forgotten_count: self.forgotten_count,
+        }
+    }
+
+    /// Does whatever is asked, in order.
+    fn obey(&mut self) {
+        while let Ok(ask) = self.asked.try_recv() {
+            match ask {
+                Ask::Tare => {
+                    if let Err(why) = self.finger.tare() {
+                        self.tell(Told::Tared(Err(why)));
+                    }
+                }
+                Ask::Look => self.finger.look(),
+                Ask::Forget => {
+                    self.finger.forget();
+                    self.forgotten_count += 1;
+                    self.tally.lock().unwrap_or_else(PoisonError::into_inner).has_rest = false;
+                }
+            }
+        }
     }
 
     /// Takes whatever has come in, and keeps the newest.
@@ -212,6 +253,9 @@ impl FingerThread {
     }
 
     fn judge(&mut self, picture: Picture, seq: u64) {
+        if self.finger.is_idle() {
+            return;
+        }
         let header = picture.header().clone();
         let grip = *self.shared.grip.lock().unwrap_or_else(PoisonError::into_inner);
         let report = match picture.decode(seq, &mut self.frame) {
@@ -221,10 +265,10 @@ impl FingerThread {
                     self.tell(Told::Tared(ended));
                     Some(report)
                 }
-                Seen::AtRest => None,
+                Seen::Idle | Seen::AtRest => None,
                 Seen::RestFound(_) => {
-                    self.tally.lock().unwrap_or_else(PoisonError::into_inner).is_active = true;
-                    self.tell(Told::Active);
+                    self.tally.lock().unwrap_or_else(PoisonError::into_inner).has_rest = true;
+                    self.tell(Told::AtRest(self.forgotten_count));
                     None
                 }
                 Seen::Refused(why) => {
@@ -239,8 +283,11 @@ impl FingerThread {
                 self.finger.torn(seq, self.frame.time_ns)
             }
         };
-        if let Some(report) = report {
-            self.publish(header, &report);
+        let Some(report) = report else { return };
+        // Asked once: whoever looks on gets all that is said of a picture, or nothing.
+        match self.shared.publishes.load(Ordering::Relaxed) {
+            true => self.publish(header, &report),
+            false => self.tell(Told::Report(Box::new(report))),
         }
     }
 

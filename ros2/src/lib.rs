@@ -3,6 +3,7 @@
 //! | what | where |
 //! |---|---|
 //! | the node: pictures in, reports, wrenches, overlays, diagnostics out | [`node`] |
+//! | its states, and what leads from one to another | [`lifecycle`] |
 //! | its parameters | [`config`] |
 //! | a gripper and a wrist that are nodes of their own, for the library's control loop | [`gripper`], [`gripper_action`], [`wrist`] |
 //! | the messages | [`msg`] |
@@ -17,6 +18,8 @@ mod finger_thread;
 pub mod gripper;
 pub mod gripper_action;
 mod heard;
+pub mod lifecycle;
+mod managed;
 pub mod msg;
 pub mod node;
 pub mod overlay;

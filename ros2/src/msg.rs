@@ -3,17 +3,21 @@
 
 mod device;
 mod from_report;
+mod lifecycle;
 mod report;
 mod standard;
 
 pub use device::{GripCommand, GripperState, WristCommand, WristState};
+pub use lifecycle::{
+    ChangeStateRequest, ChangeStateResponse, GetAvailableStatesResponse, GetAvailableTransitionsResponse,
+    GetStateResponse, LifecycleState, LifecycleTransition, TransitionDescription, TransitionEvent,
+};
 pub use report::{
     Contact, Estimate, Evidence, HandReport, HandSlip, HandVector, Markers, Motion, Shear, Slip, SlipReport,
 };
 pub use standard::{
-    CompressedImage, DiagnosticArray, DiagnosticStatus, Empty, GetStateResponse, GripperCommandGoal,
-    GripperCommandResult, Header, Image, JointState, KeyValue, LifecycleState, Time, TriggerResponse, Vector3, Wrench,
-    WrenchStamped,
+    CompressedImage, DiagnosticArray, DiagnosticStatus, Empty, GripperCommandGoal, GripperCommandResult, Header, Image,
+    JointState, KeyValue, Time, TriggerResponse, Vector3, Wrench, WrenchStamped,
 };
 
 /// A message that has a topic type of its own.

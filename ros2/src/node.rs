@@ -1,15 +1,18 @@
 //! The node `slipbound`: a thread a finger, and this one for the hand, the services and the diagnostics.
 
+mod states;
+
 use crate::config::Config;
 use crate::error::Error;
-use crate::finger_thread::{FingerThread, Joints, Kept, Shared, Told};
-use crate::msg::{
-    DiagnosticArray, Empty, GetStateResponse, GripperState, HandReport, Header, LifecycleState, TriggerResponse,
-};
+use crate::finger_thread::{Ask, FingerThread, Joints, Kept, Shared, Told};
+use crate::lifecycle::{Lifecycle, State};
+use crate::managed::Managed;
+use crate::msg::{DiagnosticArray, Empty, GripperState, HandReport, Header, TriggerResponse};
 use crate::returns::Returns;
-use crate::ros::{Inbox, LATCHED, RELIABLE, Ros, SENSOR_DATA, stamp, unix_ns};
+use crate::ros::{Inbox, RELIABLE, Ros, SENSOR_DATA, stamp, unix_ns};
 use crate::tally::Tally;
 use crate::tare::Tare;
+use ros2_client::service::RmwRequestId;
 use ros2_client::{Publisher, Server};
 use slipbound::hand::{Hand, Mounting};
 use slipbound::port::GripSample;
@@ -41,8 +44,7 @@ struct Joined {
     returns: Returns,
     hand_reports: Publisher<HandReport>,
     diagnostics: Publisher<DiagnosticArray>,
-    states: Publisher<LifecycleState>,
-    get_state: Server<Empty, GetStateResponse>,
+    managed: Managed,
     tare_service: Server<Empty, TriggerResponse>,
     gripper: Option<Inbox<GripperState>>,
 }
@@ -54,8 +56,7 @@ impl Joined {
             returns: Returns::new(&ros),
             hand_reports: ros.publisher("hand/report", &RELIABLE)?,
             diagnostics: ros.publisher("/diagnostics", &RELIABLE)?,
-            states: ros.publisher("state", &LATCHED)?,
-            get_state: ros.server("get_state", "lifecycle_msgs", "GetState")?,
+            managed: Managed::new(&mut ros)?,
             tare_service: ros.server("tare", "std_srvs", "Trigger")?,
             gripper: config.gripper_state_topic.as_deref().map(|topic| ros.inbox(topic, &SENSOR_DATA)).transpose()?,
             ros,
@@ -78,29 +79,35 @@ pub struct SlipNode {
     diagnosed_ns: u64,
     tare: Option<Tare>,
     gripped_ns: u64,
+    lifecycle: Lifecycle,
+    /// Whether it is to configure and activate itself: until it has, or until somebody asks for a transition.
+    starts_itself: bool,
+    /// Who asked for the transition under way, and when, ns.
+    asked: Option<(RmwRequestId, u64)>,
+    /// How often the fingers were asked to forget their rest frames.
+    forgotten_count: u64,
 }
 
 struct FingerOfNode {
     name: String,
     serial: String,
     tally: Arc<Mutex<Tally>>,
-    tares: Sender<()>,
-    is_active: bool,
+    asks: Sender<Ask>,
+    has_rest: bool,
     thread: Option<JoinHandle<Kept>>,
 }
 
 impl SlipNode {
     /// Joins the network and starts the fingers' threads.
     pub fn start(config: &Config) -> Result<Self, Error> {
-        let mountings: Vec<Mounting> = config.fingers.iter().map(|f| f.finger.mounting).collect();
-        let hand = Hand::new(&mountings)?;
+        let hand = hand(config)?;
         let nobody = channel().1;
         let fingers = config.fingers.iter().map(|finger| FingerOfNode {
             name: finger.finger.name.clone(),
             serial: finger.finger.serial.clone(),
             tally: Arc::default(),
-            tares: channel().0,
-            is_active: false,
+            asks: channel().0,
+            has_rest: false,
             thread: None,
         });
         let mut node = SlipNode {
@@ -111,28 +118,33 @@ impl SlipNode {
             diagnosed_ns: now_ns(),
             tare: None,
             gripped_ns: 0,
+            lifecycle: Lifecycle::default(),
+            starts_itself: config.autostart,
+            asked: None,
+            forgotten_count: 0,
             hand,
             shared: Arc::default(),
             told: nobody,
             fingers: fingers.collect(),
             config: config.clone(),
         };
-        node.spawn(config.fingers.iter().map(|finger| Kept::new(finger, &config.settings)).collect())?;
+        let fingers = config.fingers.iter().map(|finger| Kept::new(finger, &config.settings, config.autostart, 0));
+        node.spawn(fingers.collect())?;
         Ok(node)
     }
 
     /// Starts the threads of the fingers, on the network as it is joined.
     fn spawn(&mut self, fingers: Vec<Kept>) -> Result<(), Error> {
-        self.shared = Arc::default();
+        self.shared = Arc::new(Shared { publishes: self.publishes().into(), ..Shared::default() });
         let (to_hand, told) = channel();
         self.told = told;
         let mut threads = Vec::new();
         for (place, kept) in fingers.into_iter().enumerate() {
-            let (tares, tared) = channel();
+            let (asks, asked) = channel();
             let tally = self.fingers[place].tally.clone();
-            let joints = Joints { shared: self.shared.clone(), tally, tares: tared, hand: to_hand.clone() };
+            let joints = Joints { shared: self.shared.clone(), tally, asked, hand: to_hand.clone() };
             threads.push(FingerThread::new(&mut self.joined.ros, place, &self.config, kept, joints)?);
-            self.fingers[place].tares = tares;
+            self.fingers[place].asks = asks;
         }
         for (finger, thread) in self.fingers.iter_mut().zip(threads) {
             finger.thread = Some(thread::spawn(move || thread.run()));
@@ -141,17 +153,23 @@ impl SlipNode {
         Ok(())
     }
 
-    /// Joins the network anew. Fingers keep their rest frames and everything they know; a tare under way is forgotten.
+    /// Joins the network anew. The state stays, fingers keep their rest frames and everything they know; a tare under way is
+    /// forgotten.
     fn rejoin(&mut self) -> Result<(), Error> {
         let joined = Joined::new(&self.config)?;
         self.shared.stop.store(true, Ordering::Relaxed);
+        let looks = self.starts_itself || self.lifecycle.state() != State::Unconfigured;
         let mut kept = Vec::new();
         for (finger, config) in self.fingers.iter_mut().zip(&self.config.fingers) {
             let ended = finger.thread.take().and_then(|thread| thread.join().ok());
             // One that has broken down begins anew.
-            finger.is_active &= ended.is_some();
-            kept.push(ended.unwrap_or_else(|| Kept::new(config, &self.config.settings)));
-            finger.tally.lock().unwrap_or_else(PoisonError::into_inner).rejoined_count += 1;
+            let is_whole = ended.is_some();
+            let anew = || Kept::new(config, &self.config.settings, looks, self.forgotten_count);
+            kept.push(ended.unwrap_or_else(anew));
+            finger.has_rest &= is_whole;
+            let mut tally = finger.tally.lock().unwrap_or_else(PoisonError::into_inner);
+            tally.has_rest &= is_whole;
+            tally.rejoined_count += 1;
         }
         while let Ok((finger, told)) = self.told.try_recv() {
             self.hear(finger, told);
@@ -160,7 +178,7 @@ impl SlipNode {
         self.spawn(kept)
     }
 
-    /// Runs until `stop` is set, or the network cannot be joined anew.
+    /// Runs until `stop` is set, it is shut down by a service, or the network cannot be joined anew.
     pub fn run(mut self, stop: &AtomicBool) -> Result<(), Error> {
         while !stop.load(Ordering::Relaxed) {
             match self.told.recv_timeout(LOOK) {
@@ -171,6 +189,10 @@ impl SlipNode {
             self.report_hand();
             self.hear_gripper();
             self.serve();
+            if self.lifecycle.state() == State::Finalized {
+                self.take_leave(stop);
+                return Ok(());
+            }
             self.diagnose();
             if self.joined.returns.seen() {
                 self.rejoin()?;
@@ -184,22 +206,20 @@ impl SlipNode {
         self.joined.ros.full_name()
     }
 
-    fn is_active(&self) -> bool {
-        self.fingers.iter().all(|finger| finger.is_active)
-    }
-
     fn hear(&mut self, finger: usize, told: Told) {
         match told {
             Told::Report(report) => {
+                if !self.fingers[finger].has_rest {
+                    return; // it rests on what is forgotten by now
+                }
                 self.hand.see(finger, &report);
                 self.is_fresh[finger] = true;
                 self.fresh_since_ns.get_or_insert_with(now_ns);
             }
-            Told::Active => {
-                self.fingers[finger].is_active = true;
-                if self.is_active() {
-                    self.say_state();
-                }
+            Told::AtRest(forgotten_count) => {
+                // A rest frame found before it heard that it should forget it does not count.
+                self.fingers[finger].has_rest |= forgotten_count == self.forgotten_count;
+                self.settle();
             }
             Told::Tared(ended) => {
                 if let Some(tare) = &mut self.tare {
@@ -209,12 +229,14 @@ impl SlipNode {
         }
     }
 
-    /// Reports the hand when all fingers have reported, or have been waited for.
+    /// Reports the hand when all fingers have reported, or have been waited for. What is not published is reported all the
+    /// same, to keep the hand's sense of time.
     fn report_hand(&mut self) {
         let now_ns = now_ns();
         let waited = self.fresh_since_ns.is_some_and(|since_ns| now_ns - since_ns >= LONGEST_WAIT_NS);
         let is_silent = now_ns - self.hand_reported_ns >= LONGEST_SILENCE_NS;
-        if !self.is_active() || !(waited || is_silent || self.is_fresh.iter().all(|fresh| *fresh)) {
+        if !self.lifecycle.state().is_configured() || !(waited || is_silent || self.is_fresh.iter().all(|fresh| *fresh))
+        {
             return;
         }
         for (place, fresh) in self.is_fresh.iter_mut().enumerate() {
@@ -225,8 +247,10 @@ impl SlipNode {
         }
         (self.fresh_since_ns, self.hand_reported_ns) = (None, now_ns);
         let report = self.hand.report(now_ns);
-        // A reader that does not keep up loses reports; the next one is newer.
-        let _ = self.joined.hand_reports.publish(HandReport::of(&self.config.hand_frame, &report));
+        if self.publishes() {
+            // A reader that does not keep up loses reports; the next one is newer.
+            let _ = self.joined.hand_reports.publish(HandReport::of(&self.config.hand_frame, &report));
+        }
     }
 
     fn hear_gripper(&mut self) {
@@ -243,21 +267,8 @@ impl SlipNode {
         *self.shared.grip.lock().unwrap_or_else(PoisonError::into_inner) = grip;
     }
 
-    fn state(&self) -> LifecycleState {
-        match self.is_active() {
-            true => LifecycleState { id: 3, label: "active".into() },
-            false => LifecycleState { id: 1, label: "unconfigured".into() },
-        }
-    }
-
-    fn say_state(&mut self) {
-        let _ = self.joined.states.publish(self.state()); // also answered on request, and in the diagnostics
-    }
-
     fn serve(&mut self) {
-        while let Ok(Some((id, _))) = self.joined.get_state.receive_request() {
-            let _ = self.joined.get_state.send_response(id, GetStateResponse { current_state: self.state() }); // who asked is gone
-        }
+        self.serve_states();
         while let Ok(Some((id, _))) = self.joined.tare_service.receive_request() {
             if self.tare.is_some() {
                 let message = "the fingers are being tared already".into();
@@ -267,7 +278,7 @@ impl SlipNode {
             let names = self.fingers.iter().map(|finger| finger.name.clone()).collect();
             self.tare = Some(Tare::new(id, names, now_ns()));
             for finger in &self.fingers {
-                let _ = finger.tares.send(()); // a thread that has broken down does not answer: that is told
+                let _ = finger.asks.send(Ask::Tare); // a thread that has broken down does not answer: that is told
             }
         }
         if let Some((id, answer)) = self.tare.as_ref().and_then(|tare| tare.answer(now_ns())) {
@@ -283,13 +294,20 @@ impl SlipNode {
         }
         self.diagnosed_ns = now_ns;
         let node = self.joined.ros.full_name().trim_start_matches('/').to_owned();
+        let lifecycle = self.lifecycle.state();
         let status = self.fingers.iter().map(|finger| {
             let mut tally = finger.tally.lock().unwrap_or_else(PoisonError::into_inner);
-            tally.status(unix_ns(), &node, &finger.name, &finger.serial)
+            tally.status(unix_ns(), lifecycle, &node, &finger.name, &finger.serial)
         });
         let header = Header { stamp: stamp(), frame_id: String::new() };
         let _ = self.joined.diagnostics.publish(DiagnosticArray { header, status: status.collect() }); // the next one is newer
     }
+}
+
+/// A hand that has seen nothing.
+fn hand(config: &Config) -> Result<Hand, Error> {
+    let mountings: Vec<Mounting> = config.fingers.iter().map(|f| f.finger.mounting).collect();
+    Ok(Hand::new(&mountings)?)
 }
 
 impl Drop for SlipNode {

@@ -1,5 +1,6 @@
 //! What became of a finger's pictures, counted: for the diagnostics.
 
+use crate::lifecycle::State;
 use crate::msg::{DiagnosticStatus, KeyValue};
 
 /// Latencies beyond this are those of two clocks that do not agree, ns.
@@ -25,12 +26,13 @@ pub struct Tally {
     /// The last failure, in words.
     pub last_failure: Option<String>,
     /// Whether the rest frame is known.
-    pub is_active: bool,
+    pub has_rest: bool,
     /// The verdict published last.
     pub state: String,
     next_seq: Option<u64>,
     counted_at_ns: u64,
     reports_before_count: u64,
+    received_before_count: u64,
     lost_before_count: u64,
     latencies_ns: Vec<u64>,
 }
@@ -66,13 +68,21 @@ impl Tally {
         self.missing_count + self.passed_over_count + self.torn_count
     }
 
-    /// The status of the finger since the last call.
-    pub fn status(&mut self, now_ns: u64, node: &str, finger: &str, serial: &str) -> DiagnosticStatus {
+    /// The status of the finger since the last call, in a node of this state.
+    pub fn status(
+        &mut self,
+        now_ns: u64,
+        lifecycle: State,
+        node: &str,
+        finger: &str,
+        serial: &str,
+    ) -> DiagnosticStatus {
         let elapsed_s = now_ns.saturating_sub(self.counted_at_ns) as f64 * 1e-9;
         let reports_count = self.reports_count - self.reports_before_count;
+        let received_count = self.received_count - self.received_before_count;
         let lost_count = self.lost_count() - self.lost_before_count;
         (self.counted_at_ns, self.reports_before_count) = (now_ns, self.reports_count);
-        self.lost_before_count = self.lost_count();
+        (self.lost_before_count, self.received_before_count) = (self.lost_count(), self.received_count);
         let rate_hz = if elapsed_s > 0.0 { reports_count as f64 / elapsed_s } else { 0.0 };
         self.latencies_ns.sort_unstable();
         let quantile = |fraction: f64| {
@@ -82,15 +92,18 @@ impl Tally {
         let (p50, p99) = (quantile(0.5), quantile(0.99));
         self.latencies_ns.clear();
         let (level, message) = match () {
-            _ if !self.is_active && self.received_count == 0 => (3, "no picture yet".to_owned()),
-            _ if !self.is_active => (1, "unconfigured: the rest frame is not known yet".to_owned()),
-            _ if reports_count == 0 => (3, "no pictures".to_owned()),
+            _ if !self.has_rest && self.received_count == 0 => (3, "no picture yet".to_owned()),
+            _ if !self.has_rest => (1, "unconfigured: the rest frame is not known yet".to_owned()),
+            _ if received_count == 0 || (lifecycle == State::Active && reports_count == 0) => {
+                (3, "no pictures".to_owned())
+            }
             _ if lost_count > 0 => (1, format!("{lost_count} pictures lost")),
+            _ if lifecycle == State::Inactive => (0, "inactive: judged, not published".to_owned()),
             _ => (0, self.state.clone()),
         };
         let value = |key: &str, value: String| KeyValue { key: key.into(), value };
         let mut values = vec![
-            value("lifecycle", if self.is_active { "active" } else { "unconfigured" }.into()),
+            value("lifecycle", lifecycle.label().into()),
             value("state", self.state.clone()),
             value("rate_hz", format!("{rate_hz:.1}")),
             value("latency_p50_ms", p50),
@@ -114,19 +127,23 @@ mod tests {
 
     #[test]
     fn gaps_rates_and_latencies_are_counted() {
-        let mut tally = Tally { is_active: true, ..Tally::default() };
-        tally.status(1_000_000_000, "slipbound", "left", "A");
+        let mut tally = Tally { has_rest: true, ..Tally::default() };
+        tally.status(1_000_000_000, State::Active, "slipbound", "left", "A");
         for seq in [0, 1, 4, 5] {
             tally.received(seq);
             tally.published(2_000_000_000, Some(2_000_000_000 - 1_000_000 * (seq + 1)), "stick");
         }
         tally.published(2_000_000_000, Some(3_000_000_000), "stick"); // from the future: no latency
-        let status = tally.status(3_000_000_000, "slipbound", "left", "A");
+        let status = tally.status(3_000_000_000, State::Active, "slipbound", "left", "A");
         let value = |key: &str| status.values.iter().find(|v| v.key == key).map_or("", |v| v.value.as_str());
         assert_eq!((status.level, status.message.as_str()), (1, "2 pictures lost"));
         assert_eq!((value("missing_count"), value("rate_hz")), ("2", "2.5"));
         assert_eq!((value("latency_p50_ms"), value("latency_p99_ms")), ("5.00", "6.00"));
-        let status = tally.status(4_000_000_000, "slipbound", "left", "A");
+        let status = tally.status(4_000_000_000, State::Active, "slipbound", "left", "A");
         assert_eq!((status.level, status.message.as_str()), (3, "no pictures"));
+        tally.received(6);
+        let status = tally.status(5_000_000_000, State::Inactive, "slipbound", "left", "A");
+        assert_eq!((status.level, status.message.as_str()), (0, "inactive: judged, not published"));
+        assert_eq!(status.values[0], KeyValue { key: "lifecycle".into(), value: "inactive".into() });
     }
 }

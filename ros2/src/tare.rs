@@ -4,7 +4,7 @@ use crate::msg::TriggerResponse;
 use ros2_client::service::RmwRequestId;
 
 /// Longest wait for the fingers, ns: pictures for a rest frame at 5 Hz.
-const LONGEST_NS: u64 = 4_000_000_000;
+pub const LONGEST_NS: u64 = 4_000_000_000;
 
 /// A tare that is going on.
 #[derive(Debug)]

@@ -1,5 +1,6 @@
 //! The `.msg` files, the Rust structs and the JSON report say the same: names, order, types.
 
+use rustdds::serialization::{self, RepresentationIdentifier};
 use serde::Deserialize;
 use serde_json::Value;
 use serde_reflection::{ContainerFormat, Format, Tracer, TracerConfig};
@@ -9,6 +10,7 @@ use slipbound::monitor::{
     SlipReport as CoreReport, SlipState, SlipSummary,
 };
 use slipbound::plane::Vec2;
+use slipbound_ros2::lifecycle::Lifecycle;
 use slipbound_ros2::msg;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -43,10 +45,13 @@ fn kind(format: &Format) -> String {
     match format {
         Format::TypeName(name) => name.clone(),
         Format::Bool => "bool".into(),
+        Format::I32 => "int32".into(),
+        Format::U8 => "uint8".into(),
         Format::U32 => "uint32".into(),
         Format::U64 => "uint64".into(),
         Format::F64 => "float64".into(),
         Format::Str => "string".into(),
+        Format::Seq(content) => format!("{}[]", kind(content)),
         Format::TupleArray { content, size } => format!("{}[{size}]", kind(content)),
         Format::Tuple(parts) if parts.iter().all(|part| part == &parts[0]) => {
             format!("{}[{}]", kind(&parts[0]), parts.len())
@@ -55,21 +60,30 @@ fn kind(format: &Format) -> String {
     }
 }
 
+fn trace<T: for<'a> Deserialize<'a>>(tracer: &mut Tracer) {
+    tracer.trace_simple_type::<T>().expect("a struct");
+}
+
 fn structs() -> BTreeMap<String, Fields> {
-    let mut tracer = Tracer::new(TracerConfig::default());
-    fn trace<T: for<'a> Deserialize<'a>>(tracer: &mut Tracer) {
-        tracer.trace_simple_type::<T>().expect("a struct");
-    }
-    trace::<msg::SlipReport>(&mut tracer);
-    trace::<msg::HandReport>(&mut tracer);
-    trace::<msg::GripCommand>(&mut tracer);
-    trace::<msg::GripperState>(&mut tracer);
-    trace::<msg::WristCommand>(&mut tracer);
-    trace::<msg::WristState>(&mut tracer);
-    let mut registry = tracer.registry().expect("whole");
+    let mut structs = structs_of(|tracer| {
+        trace::<msg::SlipReport>(tracer);
+        trace::<msg::HandReport>(tracer);
+        trace::<msg::GripCommand>(tracer);
+        trace::<msg::GripperState>(tracer);
+        trace::<msg::WristCommand>(tracer);
+        trace::<msg::WristState>(tracer);
+    });
     for of_others in ["Header", "Time"] {
-        registry.remove(of_others).expect("it is used");
+        structs.remove(of_others).expect("it is used");
     }
+    structs
+}
+
+/// The structs that are traced, and those in them.
+fn structs_of(trace_all: impl Fn(&mut Tracer)) -> BTreeMap<String, Fields> {
+    let mut tracer = Tracer::new(TracerConfig::default());
+    trace_all(&mut tracer);
+    let registry = tracer.registry().expect("whole");
     let fields = |format| match format {
         ContainerFormat::Struct(fields) => {
             fields.into_iter().map(|field| (field.name, kind(&field.value))).collect::<Fields>()
@@ -270,4 +284,81 @@ fn values_of_a_hand_are_those_of_the_library() {
         compare("hand", &message, &serde_json::to_value(report).expect("JSON"));
         assert_eq!(report.slip.is_some(), seen.is_some(), "both cases are there");
     }
+}
+
+/// Messages and services of `lifecycle_msgs` as ROS 2 has them, request and answer apart.
+const LIFECYCLE: [(&str, &str); 9] = [
+    ("LifecycleState", "uint8 id\nstring label"),
+    ("LifecycleTransition", "uint8 id\nstring label"),
+    ("TransitionDescription", "Transition transition\nState start_state\nState goal_state"),
+    ("TransitionEvent", "uint64 timestamp\nTransition transition\nState start_state\nState goal_state"),
+    ("ChangeStateRequest", "Transition transition"),
+    ("ChangeStateResponse", "bool success"),
+    ("GetStateResponse", "State current_state"),
+    ("GetAvailableStatesResponse", "State[] available_states"),
+    ("GetAvailableTransitionsResponse", "TransitionDescription[] available_transitions"),
+];
+
+#[test]
+fn lifecycle_structs_are_as_in_lifecycle_msgs() {
+    let structs = structs_of(|tracer| {
+        trace::<msg::TransitionEvent>(tracer);
+        trace::<msg::ChangeStateRequest>(tracer);
+        trace::<msg::ChangeStateResponse>(tracer);
+        trace::<msg::GetStateResponse>(tracer);
+        trace::<msg::GetAvailableStatesResponse>(tracer);
+        trace::<msg::GetAvailableTransitionsResponse>(tracer);
+    });
+    assert_eq!(structs.len(), LIFECYCLE.len());
+    for (name, text) in LIFECYCLE {
+        // Two names are longer here, so that they say of what they are.
+        let expected = fields(text).into_iter().map(|(name, kind)| match kind.as_str() {
+            "State" | "State[]" | "Transition" => (name, format!("Lifecycle{kind}")),
+            _ => (name, kind),
+        });
+        assert_eq!(structs[name], expected.collect::<Fields>(), "{name}");
+    }
+}
+
+/// How it goes over the wire: the smallest byte of a number first.
+const CDR: RepresentationIdentifier = RepresentationIdentifier::CDR_LE;
+
+/// The bytes of XCDR1 written out: numbers at multiples of their size, a string with its length, 0 at its end included.
+#[test]
+fn lifecycle_messages_are_these_bytes() {
+    let mut lifecycle = Lifecycle::default();
+    let begun = lifecycle.request(1, "").expect("allowed");
+    let configure = b"\x01\0\0\0\x0a\0\0\0configure\0";
+    let unconfigured = b"\x01\0\0\0\x0d\0\0\0unconfigured\0";
+    let configuring = b"\x0a\0\0\0\x0c\0\0\0configuring\0";
+    // A state begins with one byte, wherever the string before it ended.
+    let after = |bytes: &mut Vec<u8>, state: &[u8]| {
+        bytes.push(state[0]);
+        bytes.resize(bytes.len().next_multiple_of(4), 0);
+        bytes.extend(&state[4..]);
+    };
+    let mut description = configure.to_vec();
+    after(&mut description, unconfigured);
+    after(&mut description, configuring);
+
+    let event = to_bytes(&msg::TransitionEvent::of(begun, 0x0102_0304_0506_0708));
+    assert_eq!(event, [&[8, 7, 6, 5, 4, 3, 2, 1], &description[..]].concat());
+    let available_transitions = vec![begun.into()];
+    let graph = to_bytes(&msg::GetAvailableTransitionsResponse { available_transitions });
+    assert_eq!(graph, [&[1, 0, 0, 0], &description[..]].concat());
+    let state = msg::LifecycleState::from(lifecycle.state());
+    let states = to_bytes(&msg::GetAvailableStatesResponse { available_states: vec![state.clone()] });
+    assert_eq!(states, [&[1, 0, 0, 0], &configuring[..]].concat());
+    assert_eq!(to_bytes(&msg::GetStateResponse { current_state: state }), configuring);
+    let transition = msg::LifecycleTransition { id: 1, label: "configure".into() };
+    assert_eq!(to_bytes(&msg::ChangeStateRequest { transition: transition.clone() }), configure);
+    assert_eq!(to_bytes(&msg::ChangeStateResponse { success: true }), [1]);
+    let read = serialization::deserialize_from_cdr_with_rep_id::<msg::ChangeStateRequest>(configure, CDR).expect("CDR");
+    assert_eq!(read.0.transition, transition);
+}
+
+fn to_bytes(message: &impl serde::Serialize) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    serialization::to_writer_with_rep_id(&mut bytes, message, CDR).expect("CDR");
+    bytes
 }

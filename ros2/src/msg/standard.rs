@@ -146,15 +146,6 @@ pub struct DiagnosticArray {
     pub status: Vec<DiagnosticStatus>,
 }
 
-/// `lifecycle_msgs/State`.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct LifecycleState {
-    /// 1 unconfigured, 3 active.
-    pub id: u8,
-    /// The same in a word.
-    pub label: String,
-}
-
 /// A message without fields, which has one byte in it all the same: the request of a trigger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Empty {
@@ -169,13 +160,6 @@ pub struct TriggerResponse {
     pub success: bool,
     /// In words.
     pub message: String,
-}
-
-/// The answer of `lifecycle_msgs/GetState`.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct GetStateResponse {
-    /// The state.
-    pub current_state: LifecycleState,
 }
 
 /// The goal of `control_msgs/action/GripperCommand`: its one field is a `control_msgs/GripperCommand`.
@@ -206,14 +190,7 @@ topic_types! {
     "diagnostic_msgs" / DiagnosticArray;
 }
 
-impl ros2_client::Message for LifecycleState {}
-impl super::TopicType for LifecycleState {
-    const PACKAGE: &'static str = "lifecycle_msgs";
-    const NAME: &'static str = "State";
-}
-
 impl ros2_client::Message for Empty {}
 impl ros2_client::Message for TriggerResponse {}
-impl ros2_client::Message for GetStateResponse {}
 impl ros2_client::Message for GripperCommandGoal {}
 impl ros2_client::Message for GripperCommandResult {}

@@ -19,7 +19,7 @@ use slipbound_ros2::ros::Ros;
 use slipbound_ros2::wrist::TopicWrist;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, sleep};
 use std::time::{Duration, Instant};
 
@@ -286,10 +286,13 @@ fn a_gripper_that_nobody_is_says_so() {
 }
 
 /// The namespace and the device that `ros2/namespaces.sh` makes.
-const THERE: &str = "slipbound-there";
+pub const THERE: &str = "slipbound-there";
 const LINK: &str = "finger0";
 
-fn set_link(to: &str) {
+/// Held by whoever cuts the link: there is one.
+pub static CUTS: Mutex<()> = Mutex::new(());
+
+pub fn set_link(to: &str) {
     let asked = std::process::Command::new("ip").args(["link", "set", LINK, to]).status().expect("iproute2");
     assert!(asked.success(), "ip link set {LINK} {to}");
 }
@@ -297,6 +300,7 @@ fn set_link(to: &str) {
 #[test]
 #[ignore = "needs another network namespace and a link to it: ros2/namespaces.sh"]
 fn a_link_that_is_cut_stops_the_wrist_and_keeps_the_force() {
+    let _cuts = CUTS.lock().unwrap_or_else(PoisonError::into_inner);
     let domain_id = domain_id(6);
     let nodes = Nodes::start_by(&[], |args| Process::start_in(THERE, args, domain_id));
     let mut ros = Ros::new("/", "test_link", domain_id).expect("joins");

@@ -1,5 +1,6 @@
 //! The node in a process of its own, over loopback, in a domain of each test's own.
 
 mod control;
+mod lifecycle;
 mod node;
 mod process;

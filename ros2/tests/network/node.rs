@@ -12,7 +12,7 @@ use slipbound_lab::world::World;
 use slipbound_rig::source::decode_image;
 use slipbound_ros2::msg::{
     CompressedImage, DiagnosticArray, Empty, GetStateResponse, HandReport, Header, LifecycleState, SlipReport, Time,
-    TriggerResponse, WrenchStamped,
+    TransitionEvent, TriggerResponse, WrenchStamped,
 };
 use slipbound_ros2::overlay::MOST_BYTES;
 use slipbound_ros2::ros::{Inbox, LATCHED, RELIABLE, Ros, SENSOR_DATA};
@@ -32,16 +32,16 @@ const SCENE: &str =
     "shear?distance_mm=3&speed_mm_per_s=10&grid=fast&rest_frames=24&press_s=0.2&settle_s=0.1&jpeg_quality=75";
 
 /// Pictures from which the rest frame is chosen: `rest.window_count`.
-const REST_COUNT: usize = 20;
+pub const REST_COUNT: usize = 20;
 
 /// A picture of the simulated camera: JPEG and time.
-struct Shot {
+pub struct Shot {
     jpeg: Vec<u8>,
     time_ns: u64,
 }
 
 /// The simulated finger and its pictures, made once.
-fn simulated() -> &'static (Sensor, Vec<Shot>) {
+pub fn simulated() -> &'static (Sensor, Vec<Shot>) {
     static SIMULATED: OnceLock<(Sensor, Vec<Shot>)> = OnceLock::new();
     SIMULATED.get_or_init(|| {
         let mut world = World::new(&Trial::parse(SCENE).expect("a scene")).expect("a world");
@@ -79,17 +79,17 @@ fn said(shots: &[(u64, &Shot)]) -> Vec<slipbound::monitor::SlipReport> {
 }
 
 /// The node and what is joined to it.
-struct Bench {
-    ros: Ros,
+pub struct Bench {
+    pub ros: Ros,
     images: Publisher<CompressedImage>,
-    reports: Inbox<SlipReport>,
+    pub reports: Inbox<SlipReport>,
     folder: TempDir,
-    config: PathBuf,
-    domain_id: u16,
+    pub config: PathBuf,
+    pub domain_id: u16,
 }
 
 impl Bench {
-    fn new(test: u16, more: &str) -> Self {
+    pub fn new(test: u16, more: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let hand =
             "name = \"one\"\n[[fingers]]\nname = \"left\"\nserial = \"A\"\nside = \"left\"\nsensor = \"left.toml\"\n";
@@ -110,7 +110,7 @@ impl Bench {
         Bench { ros, images, reports, folder, config, domain_id }
     }
 
-    fn node(&self) -> Process {
+    pub fn node(&self) -> Process {
         assert!(self.folder.path().exists());
         Process::node(&self.config, self.domain_id)
     }
@@ -122,7 +122,7 @@ impl Bench {
     }
 
     /// Waits for the node to be matched: shows it an empty picture until it counts one.
-    fn await_node(&mut self) {
+    pub fn await_node(&mut self) {
         let mut diagnostics: Inbox<DiagnosticArray> = self.ros.inbox("/diagnostics", &RELIABLE).expect("an inbox");
         let until = Instant::now() + LONGEST_WAIT;
         while Instant::now() < until {
@@ -152,6 +152,8 @@ fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
     let mut overlays: Inbox<CompressedImage> =
         bench.ros.inbox("/slipbound/left/overlay/compressed", &SENSOR_DATA).expect("an inbox");
     let mut states: Inbox<LifecycleState> = bench.ros.inbox("/slipbound/state", &LATCHED).expect("an inbox");
+    let mut events: Inbox<TransitionEvent> =
+        bench.ros.inbox("/slipbound/transition_event", &RELIABLE).expect("an inbox");
     let _node = bench.node();
     bench.await_node();
     assert_eq!(next(&mut states, LONGEST_WAIT).map(|state| state.label).as_deref(), Some("unconfigured"));
@@ -185,10 +187,12 @@ fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
     let overlay = next(&mut overlays, LONGEST_WAIT).expect("an overlay");
     assert!(overlay.data.len() <= MOST_BYTES && overlay.data.starts_with(&[0xFF, 0xD8]), "{}", overlay.data.len());
     assert_eq!(next(&mut states, LONGEST_WAIT).map(|state| (state.id, state.label)), Some((3, "active".into())));
+    let events = std::iter::from_fn(|| next(&mut events, Duration::ZERO)).map(|event| event.transition.id);
+    assert_eq!(events.collect::<Vec<_>>(), [1, 10, 3, 30], "it has configured and activated itself");
 }
 
 /// Sends a picture at the camera's pace, with a stamp later than that of any before, whatever is shown.
-fn show(bench: &Bench, shot: &Shot) {
+pub fn show(bench: &Bench, shot: &Shot) {
     static BEGAN: OnceLock<Instant> = OnceLock::new();
     let passed = BEGAN.get_or_init(Instant::now).elapsed();
     let time_ns = BEGIN_NS + u64::try_from(passed.as_nanos()).expect("seconds");

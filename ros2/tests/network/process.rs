@@ -32,6 +32,11 @@ impl Process {
     pub fn node(config: &Path, domain_id: u16) -> Self {
         Process::start(&["node", config.to_str().expect("UTF-8")], domain_id)
     }
+
+    /// Whether it has ended by itself, and well.
+    pub fn has_ended_well(&mut self) -> bool {
+        self.0.try_wait().expect("known").is_some_and(|status| status.success())
+    }
 }
 
 impl Drop for Process {
@@ -56,8 +61,8 @@ pub fn next<M: TopicType>(inbox: &mut Inbox<M>, longest: Duration) -> Option<M> 
     }
 }
 
-/// Every process of tests and every test its own domain, so that nobody hears another: 1 to 96, whose ports lie below those
+/// Every process of tests and every test its own domain, so that nobody hears another: 1 to 90, whose ports lie below those
 /// that the system gives away.
 pub fn domain_id(test: u16) -> u16 {
-    1 + (std::process::id() % 12) as u16 * 8 + test % 8
+    1 + (std::process::id() % 10) as u16 * 9 + test % 9
 }

@@ -1,0 +1,122 @@
+//! What the node does when its state changes, on request or by itself.
+
+use super::{LOOK, SlipNode, hand};
+use crate::finger_thread::Ask;
+use crate::lifecycle::{State, Transition};
+use crate::tare::LONGEST_NS;
+use slipbound_rig::link::now_ns;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// For how long a node that is shut down stays on the network, so that its last words arrive.
+const LEAVE: Duration = Duration::from_millis(500);
+
+impl SlipNode {
+    /// Answers what is asked about the state, and does what is asked of it.
+    pub(super) fn serve_states(&mut self) {
+        self.joined.managed.answer(&self.lifecycle);
+        while let Some((id, asked)) = self.joined.managed.request() {
+            match self.lifecycle.request(asked.id, &asked.label) {
+                Some(begun) => {
+                    (self.asked, self.starts_itself) = (Some((id, now_ns())), false);
+                    self.begin(begun);
+                }
+                None => self.joined.managed.done(id, false),
+            }
+        }
+        self.settle();
+    }
+
+    /// Whether reports are published. A node that starts itself does not keep a finger waiting for the others.
+    pub(super) fn publishes(&self) -> bool {
+        self.starts_itself || self.lifecycle.state() == State::Active
+    }
+
+    pub(super) fn say_state(&self) {
+        self.joined.managed.say(self.lifecycle.state());
+    }
+
+    /// Goes on, and says so, where the rest frames are known, or have been waited for long enough.
+    pub(super) fn settle(&mut self) {
+        let has_rest = self.fingers.iter().all(|finger| finger.has_rest);
+        let is_late = self.asked.is_some_and(|(_, since_ns)| now_ns().saturating_sub(since_ns) >= LONGEST_NS);
+        match self.lifecycle.state() {
+            State::Unconfigured if self.starts_itself && has_rest => {
+                for label in ["configure", "activate"] {
+                    if let Some(begun) = self.lifecycle.request(0, label) {
+                        self.joined.managed.tell(begun);
+                        self.end(true);
+                    }
+                }
+                self.starts_itself = false;
+                self.say_state();
+            }
+            State::Configuring if has_rest => self.finish(true),
+            State::Configuring if is_late => self.finish(false),
+            _ => {}
+        }
+    }
+
+    fn begin(&mut self, begun: Transition) {
+        self.joined.managed.tell(begun);
+        if begun.goal == State::Configuring {
+            self.shared.publishes.store(self.publishes(), Ordering::Relaxed);
+            self.ask_fingers(Ask::Look);
+            self.say_state();
+        } else {
+            self.finish(true);
+        }
+    }
+
+    /// Ends what was asked for, says where that led, and answers.
+    fn finish(&mut self, is_well: bool) {
+        self.end(is_well);
+        self.say_state();
+        if let Some((id, _)) = self.asked.take() {
+            self.joined.managed.done(id, is_well);
+        }
+    }
+
+    fn end(&mut self, is_well: bool) {
+        let Some(ended) = self.lifecycle.end(is_well) else { return };
+        self.shared.publishes.store(self.publishes(), Ordering::Relaxed);
+        if ended.goal == State::Unconfigured {
+            self.forget();
+        }
+        self.joined.managed.tell(ended);
+    }
+
+    /// Forgets the rest frames and whatever rests on them; a tare under way ends.
+    fn forget(&mut self) {
+        self.forgotten_count += 1;
+        self.ask_fingers(Ask::Forget);
+        for (place, finger) in self.fingers.iter_mut().enumerate() {
+            finger.has_rest = false;
+            if let Some(tare) = &mut self.tare {
+                tare.ended(place, Err("its rest frame was forgotten meanwhile".into()));
+            }
+        }
+        if let Ok(hand) = hand(&self.config) {
+            self.hand = hand; // it was made of the same at the start
+        }
+        self.is_fresh.fill(false);
+        self.fresh_since_ns = None;
+    }
+
+    fn ask_fingers(&self, ask: Ask) {
+        for finger in &self.fingers {
+            let _ = finger.asks.send(ask); // a thread that has broken down does not answer: `settle` stops waiting
+        }
+    }
+
+    /// Stays to answer for a moment; the fingers judge no more.
+    pub(super) fn take_leave(&mut self, stop: &AtomicBool) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        let until = Instant::now() + LEAVE;
+        while Instant::now() < until && !stop.load(Ordering::Relaxed) {
+            self.serve_states();
+            sleep(LOOK);
+        }
+    }
+}
