@@ -3,7 +3,8 @@
 //! ```text
 //!   a frame:  log mu = log (load / (grip x sunk)) - log used, by trees of its own (said.rs)
 //!   known:    mean of the frames' log mu, each by what it tells beyond what is known of any contact; and that, once
-//!   after a regrip the field counts anew:  used <- the frame's, and load / (grip x mu x sunk), each by its error
+//!   after a regrip the field counts anew, and after letting go it shows what that has left:
+//!                                          used <- the frame's, and load / (grip x mu x sunk), each by its error
 //! ```
 //!
 //! Where less than the noise of the load pulls, a frame tells nothing. While little is pulled a frame hardly tells a rough contact from a slippery one: what trees say of it then is what is known of any
@@ -32,6 +33,12 @@ const MOST_TOLD: f64 = 25.0;
 /// after it none.
 const REGRIPPED_SHARE: f64 = 0.1;
 const REGRIPPED_S: f64 = 0.2;
+/// A grip that has been let go by so much in its logarithm since the field began to count leaves in it what squeeze and slip of the larger
+/// contact have made; for every 1 beyond, a frame's logarithm of the used fraction may be off by so much more, up to a load of so much of the
+/// grip force; under more load it matters less.
+const LET_GO_LOG: f64 = 0.4;
+const LET_GO_LOG_SD: f64 = 0.5;
+const LET_GO_PER_GRIP: f64 = 0.15;
 /// Standard deviation by which log mu may differ at another grip force, for a difference of 1 in the logarithm of the force: what
 /// `sunk` leaves.
 const DRIFT_LOG_SD: f64 = 0.2;
@@ -97,6 +104,8 @@ pub(super) struct Friction {
     /// differed.
     own_log_load: Option<f64>,
     last_change: f64,
+    /// Logarithm of the largest grip force since the field began to count.
+    most_log_grip: Option<f64>,
     /// When the grip last grew under load, s, and when the last frame was: slip counts anew from there.
     regripped_s: Option<f64>,
     now_s: f64,
@@ -106,6 +115,7 @@ impl Friction {
     /// The grip has grown under load.
     pub fn regripped(&mut self) {
         self.regripped_s = Some(self.now_s).filter(|_| self.told > 0.0);
+        self.most_log_grip = None;
     }
 
     /// What frames told of log mu, as far as it holds at a grip force.
@@ -144,14 +154,20 @@ impl Friction {
     pub fn see(&mut self, shown: &Shown, used: Estimate) -> (Option<Estimate>, Estimate) {
         let load = (shown.per_grip / shown.sunk).max(1e-6);
         let (log_load, log_grip) = (libm::log(load), libm::log(shown.grip_n.max(0.1)));
-        let (log_used, used) = lean(log_load, shown.log_used_sd, used);
+        let most_log_grip = self.most_log_grip.map_or(log_grip, |most| most.max(log_grip));
+        self.most_log_grip = Some(most_log_grip);
+        let let_go = (most_log_grip - log_grip - LET_GO_LOG).max(0.0);
+        let left_log_sd = LET_GO_LOG_SD * let_go * (LET_GO_PER_GRIP / load).min(1.0);
+        let log_used_sd = shown.log_used_sd.hypot(left_log_sd);
+        let (log_used, used) = lean(log_load, log_used_sd, used);
         self.now_s = shown.at_s;
         let seen = self.regripped_s.map(|regripped_s| ((self.now_s - regripped_s) / REGRIPPED_S).clamp(0.0, 1.0));
+        let seen = seen.or(Some(1.0).filter(|_| let_go > 0.0 && self.told > 0.0));
         // One that only stands there tells what it told before.
         if used.age_frames == 0 {
             let own = if self.is_own(log_load) { 1.0 } else { FRAMES_ALIKE.recip() };
             let share = own * seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen);
-            let log_sd = shown.log_used_sd.hypot(LOAD_NOISE_PER_GRIP / shown.per_grip.max(1e-6));
+            let log_sd = log_used_sd.hypot(LOAD_NOISE_PER_GRIP / shown.per_grip.max(1e-6));
             self.take(log_load - log_used, log_sd, share, log_grip);
         }
         let told = self.told_at(log_grip);
@@ -161,7 +177,7 @@ impl Friction {
         let known = Estimate { value, sd: value * (told + ANY).recip().sqrt(), age_frames: 0 };
         let friction = Some(known).filter(|_| told >= LEAST_TOLD);
         let Some(seen) = seen else { return (friction, used) };
-        let of_frame = seen / (shown.log_used_sd * shown.log_used_sd);
+        let of_frame = seen / (log_used_sd * log_used_sd);
         let of_memory = told + (1.0 - seen) * ANY;
         let all = of_frame + of_memory;
         let log_used = (of_frame * log_used + of_memory * (log_load - libm::log(value))) / all;
@@ -324,6 +340,32 @@ mod tests {
         assert!((0.35..0.58).contains(&now.value) && now.sd < 0.1, "between both, and surer than each: {now:?}");
         let sure = friction.see(&Shown { at_s: 0.3, ..shown(0.3, 12.0, 0.01) }, used(0.9)).1;
         assert!((sure.value - 0.9).abs() < 0.02, "what a frame is sure of counts: {sure:?}");
+    }
+
+    #[test]
+    fn what_letting_go_leaves_in_the_field_is_not_taken_for_slip() {
+        // Pressed, pulled a little, and let go to a tenth: the field of the large contact is still there, and looks like half of the friction.
+        let mut friction = Friction::default();
+        for _ in 0..60 {
+            friction.see(&shown(0.06, 60.0, 0.2), used(0.1));
+        }
+        let let_go = |friction: &mut Friction, per_grip, grip_n, fraction| {
+            let shown = Shown { at_s: 1.0, ..shown(per_grip, grip_n, 0.2) };
+            let frames = (0..90).map(|_| friction.see(&shown, used(fraction)));
+            frames.last().map(|(told, used)| (told.expect("told").value, used.value)).expect("frames")
+        };
+        let (mu, now) = let_go(&mut friction, 0.1, 6.0, 0.5);
+        assert!((mu - 0.58).abs() < 0.06 && now < 0.3, "what was known counts: {mu} {now}");
+        let (_, loaded_now) = let_go(&mut friction, 0.55, 6.0, 0.95);
+        assert!(loaded_now > 0.85, "under a load it matters less: {loaded_now}");
+        let (_, before) = let_go(&mut friction, 0.1, 6.0, 0.5);
+        (friction.now_s, friction.regripped_s) = (0.0, None);
+        friction.regripped();
+        let (_, anew) = let_go(&mut friction, 0.1, 6.0, 0.5);
+        assert!(anew > before + 0.05, "the field has begun anew: {anew} {before}");
+        let mut friction = loaded(0.8);
+        let (mu, now) = let_go(&mut friction, 0.2, 8.0, 0.5);
+        assert!(mu < 0.65 && (now - 0.5).abs() < 1e-9, "a little less grip leaves nothing: {mu} {now}");
     }
 
     #[test]
