@@ -1,6 +1,7 @@
 //! What is asked for, and what cannot be.
 
 use super::trial::{Ended, SIZE, Trial, encode, jpeg};
+use slipbound::image::SizePx;
 
 #[test]
 fn every_help_explains_the_exit_codes() {

@@ -47,7 +47,7 @@ fn the_report_fits_the_published_schema_and_has_nothing_of_our_clock() {
         fs::read(trial.path(name)).expect("a report")
     });
     assert!(reports[0] == reports[1], "two runs differ");
-    let schema = serde_json::from_str(include_str!("../../../docs/report.schema.json")).expect("JSON");
+    let schema = serde_json::from_str(include_str!("../../../../docs/report.schema.json")).expect("JSON");
     let schema = jsonschema::validator_for(&schema).expect("a schema");
     for line in trial.report("one.json") {
         let faults: Vec<String> = schema.iter_errors(&line).map(|e| e.to_string()).collect();

@@ -36,8 +36,8 @@ const REGRIPPED_S: f64 = 0.2;
 /// A grip that has been let go by so much in its logarithm since the field began to count leaves in it what squeeze and slip of the larger
 /// contact have made; for every 1 beyond, a frame's logarithm of the used fraction may be off by so much more, up to a load of so much of the
 /// grip force; under more load it matters less.
-const LET_GO_LOG: f64 = 0.4;
-const LET_GO_LOG_SD: f64 = 0.5;
+const LET_GO_LOG: f64 = 1.0;
+const LET_GO_LOG_SD: f64 = 0.8;
 const LET_GO_PER_GRIP: f64 = 0.15;
 /// Standard deviation by which log mu may differ at another grip force, for a difference of 1 in the logarithm of the force: what
 /// `sunk` leaves.
