@@ -41,6 +41,7 @@ def tests(*names):
 # allocator instead of running the method (`tidy`, `import_circles`, `no_alloc`), and `twins`, about kernels that are not mutated here.
 LIB = ["--lib"]
 STATES = [*LIB, *tests("controllers", "events", "hand", "law_pictures", "task_pictures", "tasks")]
+REPORTS, CYCLES = tests("reports"), tests("cycles")
 PICTURES = tests("deviations", "faults", "gap", "rest_saved", "touch")
 LONG = tests("evidence", "exactness", "paper_cases", "wrong_sensor")
 
@@ -51,8 +52,8 @@ def groups_of(file, is_long):
         return [LIB, tests("grippers")]
     # What works on reports is tested with made-up ones.
     if re.search(r"/src/(events|hand|grip|task)\b", file):
-        return [STATES] + is_long * [tests("control_loop")]
-    return [LIB, PICTURES] + is_long * [LONG]
+        return [CYCLES, STATES] + is_long * [tests("control_loop")]
+    return [REPORTS, LIB, PICTURES] + is_long * [LONG]
 
 
 def main():
