@@ -1,5 +1,5 @@
-//! Tasks, controllers, guard, hand and force sense against a hand made of numbers, cycle by cycle, to the last bit, as tables beside this
-//! file. A change that is meant is written anew by
+//! Tasks, controllers, guard, hand and force sense against a hand made of numbers, cycle by cycle, to the last bit, as
+//! tables beside this file. A change that is meant is written anew by
 //!
 //! ```text
 //! REGENERATE=1 cargo test -p slipbound --test reports --test cycles
@@ -96,8 +96,8 @@ impl Case {
             let bench =
                 Bench { cycle, turned_rad: wrist.angle_rad, lowered_mm: wrist.lowered_mm, carries_n: self.mu * grip_n };
             let load = load(&bench);
-            for i in 0..fingers.len() {
-                match fingers[i].report(now_ns, self.frame(i, cycle), &load, grip_n, self.mu) {
+            for (i, finger) in fingers.iter_mut().enumerate() {
+                match finger.report(now_ns, self.frame(i, cycle), &load, grip_n, self.mu) {
                     Some(report) => {
                         hand.see(i, &report);
                         events.see(&report).for_each(|event| sum.add(&serde_json::to_vec(&event).expect("data")));

@@ -1,5 +1,5 @@
-//! A hand, a gripper and a wrist made of numbers: what they feel follows from load, grip and friction; what they say of it is spoiled as a
-//! test wants it.
+//! A hand, a gripper and a wrist made of numbers: what they feel follows from load, grip and friction; what they say of
+//! it is spoiled as a test wants it.
 
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::{

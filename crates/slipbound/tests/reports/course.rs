@@ -1,4 +1,4 @@
-//! What the finger of a snapshot goes through: poses of object and gel, frame by frame, and what a camera makes of them.
+//! What the finger of a table goes through: poses of object and gel, frame by frame, and what a camera makes of them.
 
 use crate::picture::{Painter, Touch};
 use slipbound::plane::Vec2;
@@ -135,7 +135,7 @@ fn touch(painter: &Painter, pose: &Pose) -> Touch {
     Touch { centre: middle + pose.rolled + pose.object, radii_px, strength_levels: 34.0 * pose.press }
 }
 
-/// The picture that the camera delivers: painted, the object textured, lit, noisy, mirrored as the sensor's camera does.
+/// The picture that the camera delivers: painted, the object textured, lit, noisy, mirrored as this camera does.
 pub fn picture(painter: &Painter, pose: &Pose, shown: bool, seed: u64) -> Vec<u8> {
     let now: Vec<Vec2> = painter.rest.iter().map(|&p| moved(painter, pose, p)).collect();
     let touch = touch(painter, pose);

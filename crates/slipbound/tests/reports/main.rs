@@ -1,12 +1,12 @@
-//! Reports of whole courses on made-up fingers, to the last bit, as tables beside this file: any arithmetic slip anywhere between picture
-//! and report shows there. A change that is meant is written anew by
+//! Reports of whole courses on made-up fingers, to the last bit, as tables beside this file: an arithmetic slip anywhere
+//! between picture and report shows there. A change that is meant is written anew by
 //!
 //! ```text
 //! REGENERATE=1 cargo test -p slipbound --test reports --test cycles
 //! ```
 //!
-//! Look at the difference before you commit it: the columns say what has changed. Where only the checksums did, it is something below the last
-//! digit or without a column (a marker, a feature).
+//! Look at the difference before you commit it: the columns say what has changed. Where only the checksums did, it is
+//! something below the last digit or without a column (a marker, a feature).
 
 mod course;
 #[path = "../picture/mod.rs"]
@@ -132,8 +132,8 @@ impl Finger {
     }
 }
 
-/// Pressed, sheared, turned, gripped harder, rolled, until the rim lags and the object slides; then all that goes wrong with frames, and
-/// contacts of other sizes.
+/// Pressed, sheared, turned, gripped harder, rolled, until the rim lags and the object slides; then all that goes wrong
+/// with frames, and contacts of other sizes.
 fn whole_course() -> Course {
     pressed(Course::from(Pose::OPEN).stay("open", 4))
         .go("shear", 10, |p| (p.object, p.lag) = (Vec2::new(4.0, 1.6), 0.15))
