@@ -42,8 +42,8 @@ def tests(*names):
 LIB = ["--lib"]
 STATES = [*LIB, *tests("controllers", "events", "hand", "law_pictures", "task_pictures", "tasks")]
 REPORTS, CYCLES = tests("reports"), tests("cycles")
-PICTURES = tests("deviations", "faults", "gap", "rest_saved", "touch")
-LONG = tests("evidence", "exactness", "paper_cases", "wrong_sensor")
+PICTURES = tests("deviations", "faults", "gap", "rest_saved", "touch", "wrong_sensor")
+LONG = tests("evidence", "exactness", "paper_cases")
 
 
 def groups_of(file, is_long):

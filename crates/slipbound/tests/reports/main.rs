@@ -233,3 +233,19 @@ fn a_contact_that_only_displacement_shows() {
     let course = Course::from(Pose { press: 1.0, size: 2.0, ..Pose::OPEN }).stay("flat", 3);
     snapshot::check("reports/displaced.txt", &finger.table(&short_course(course)));
 }
+
+/// Contacts of two markers and of some more: the fewest that say anything.
+#[test]
+fn contacts_of_few_markers() {
+    let finger = Finger { first: vec![Pose::OPEN; 3], ..Finger::with_pitch(38.0, Skin::Smooth, 8) };
+    let mut course = Course::from(Pose::OPEN).stay("open", 2);
+    for (size, x) in [(0.2, 0.0), (0.24, 12.0), (0.28, -9.0), (0.34, 6.0)] {
+        let at = Pose { size, rolled: Vec2::new(x, 0.5 * x), ..Pose::OPEN };
+        course = course
+            .go("press", 2, |p| *p = Pose { press: 1.0, grip_n: 6.0, ..at })
+            .stay("settle", 8)
+            .go("slide", 5, |p| (p.object, p.slid) = (Vec2::new(11.0, -4.0), Vec2::new(8.0, -3.0)))
+            .go("open", 2, |p| *p = at);
+    }
+    snapshot::check("reports/few.txt", &finger.table(&course));
+}
