@@ -39,6 +39,8 @@ struct Case {
     knows_stiffness: bool,
     plant: Plant,
     mu: f64,
+    /// Noise of the shear of a gel, mm.
+    noise_mm: f64,
     /// From this cycle on the gripper says that what it held is gone.
     lost_from: u64,
     /// What becomes of each finger's frames from a cycle on; after the last letter all are judged.
@@ -56,6 +58,7 @@ impl Case {
             knows_stiffness: true,
             plant: Plant::new(0.0, 1.0, 0.0),
             mu: 0.7,
+            noise_mm: 0.004,
             lost_from: u64::MAX,
             frames: Vec::new(),
             cycles: 420,
@@ -77,8 +80,12 @@ impl Case {
         let stiffness = self.knows_stiffness.then_some(STIFFNESS_MPA_PER_MM);
         let mut task = self.settings.task(self.kind, stiffness).expect("valid");
         let mut hand = Hand::new(&self.fingers).expect("a hand");
-        let mut fingers: Vec<Finger> =
-            self.fingers.iter().enumerate().map(|(i, &mounting)| Finger::new(mounting, i as u64 + 1)).collect();
+        let mut fingers: Vec<Finger> = self
+            .fingers
+            .iter()
+            .enumerate()
+            .map(|(i, &mounting)| Finger::new(mounting, i as u64 + 1, self.noise_mm))
+            .collect();
         let (mut sense, mut episodes, mut events) = (ForceSense::default(), SlipEpisodes::default(), SlipEvents::new());
         let (mut sum, mut text) = (Checksum::new(), format!("\n{}\n{TITLES}", self.name));
         let mut last: Option<(Phase, Shown)> = None;
@@ -199,6 +206,12 @@ fn tightens(bench: &Bench) -> Load {
     Load { along_n: 0.2, around_n: around_n.min(bench.carries_n), ..Load::default() }
 }
 
+/// A cap on a soft washer: its torque bends over, and never quite stands.
+fn tightens_slowly(bench: &Bench) -> Load {
+    let around_n = 24.0 * (1.0 - libm::exp(-6.0 * (bench.turned_rad - 0.1).max(0.0)));
+    Load { around_n: around_n.min(bench.carries_n), ..Load::default() }
+}
+
 /// A cap that holds until its torque is reached, or for ever.
 fn opens_at(most_n: f64) -> impl Fn(&Bench) -> Load {
     move |bench| {
@@ -247,6 +260,14 @@ fn screwing() {
             case.knows_stiffness = false;
         })
         .run(tightens);
+    text += &Case::new("step at each slip, a noisy gel, a cap on a soft washer", TaskKind::Screw, OnSlip)
+        .with(|case| {
+            (case.settings.grip.most_n, case.mu, case.noise_mm) = (30.0, 0.9, 0.03);
+        })
+        .run(tightens_slowly);
+    text += &Case::new("margin, a noisy gel, slid round a cap on a soft washer", TaskKind::Screw, Margin)
+        .with(|case| (case.settings.grip.most_n, case.mu, case.noise_mm) = (20.0, 0.6, 0.02))
+        .run(tightens_slowly);
     snapshot::check("cycles/screw.txt", &text);
 }
 
@@ -312,6 +333,9 @@ fn laying_down() {
     text += &Case::new("no ground", TaskKind::Place, OnSlip)
         .with(|case| case.settings.place.most_mm = 15.0)
         .run(|_| Load { along_n: 0.9, ..Load::default() });
+    text += &Case::new("jaws that do not loosen", TaskKind::Place, Constant)
+        .with(|case| case.plant.jaws = Plant::jaws(10.0))
+        .run(touches);
     snapshot::check("cycles/place.txt", &text);
 }
 

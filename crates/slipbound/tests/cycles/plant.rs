@@ -83,11 +83,12 @@ pub struct Finger {
     clock_ns: u64,
     last: Option<SlipReport>,
     noise: Noise,
+    noise_mm: f64,
 }
 
 impl Finger {
-    pub fn new(mounting: Mounting, number: u64) -> Self {
-        Finger { mounting, seq: 0, clock_ns: 7_000_000_000 * number, last: None, noise: Noise::new(number) }
+    pub fn new(mounting: Mounting, number: u64, noise_mm: f64) -> Self {
+        Finger { mounting, seq: 0, clock_ns: 7_000_000_000 * number, last: None, noise: Noise::new(number), noise_mm }
     }
 
     /// The report of a cycle; None where no frame came. It holds with `grip_n`, of which friction can carry `mu`.
@@ -137,7 +138,8 @@ impl Finger {
             _ if used >= 0.5 => SlipState::Incipient,
             _ => SlipState::Stick,
         };
-        let shear_mm = felt_n / (STIFFNESS_MPA_PER_MM * area_mm2.max(1.0)) + Vec2::new(self.noise.next(), 0.5) * 0.004;
+        let shear_mm = felt_n / (STIFFNESS_MPA_PER_MM * area_mm2.max(1.0))
+            + Vec2::new(self.noise.next(), self.noise.next()) * self.noise_mm;
         let slips = matches!(state, SlipState::Incipient | SlipState::Gross);
         let pivots = load.pivot_rad.abs() > 0.015;
         let estimate = |value| Some(Estimate { value, sd: 0.05, age_frames: 0 });
@@ -198,9 +200,8 @@ pub struct Plant {
 
 impl Plant {
     pub fn new(bias_n: f64, gain: f64, noise_n: f64) -> Self {
-        let settings = JawSettings { stroke_mm: 50.0, ..JawSettings::default() };
         Plant {
-            jaws: JawDrive::new(settings).expect("valid"),
+            jaws: Plant::jaws(JawSettings::default().least_n),
             wrist: WristDrive::new(),
             bias_n,
             gain,
@@ -210,6 +211,11 @@ impl Plant {
             told: None,
             noise: Noise::new(99),
         }
+    }
+
+    /// Jaws that press with this force at least.
+    pub fn jaws(least_n: f64) -> JawDrive {
+        JawDrive::new(JawSettings { stroke_mm: 50.0, least_n, ..JawSettings::default() }).expect("valid")
     }
 
     pub fn command(&mut self, grip: GripCommand, wrist: WristCommand) {
