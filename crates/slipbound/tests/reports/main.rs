@@ -244,7 +244,8 @@ fn contacts_of_few_markers() {
         course = course
             .go("press", 2, |p| *p = Pose { press: 1.0, grip_n: 6.0, ..at })
             .stay("settle", 8)
-            .go("slide", 5, |p| (p.object, p.slid) = (Vec2::new(11.0, -4.0), Vec2::new(8.0, -3.0)))
+            .go("shear", 4, |p| p.object = Vec2::new(7.0, -3.0))
+            .go("slide", 6, |p| (p.object, p.slid) = (Vec2::new(21.0, -9.0), Vec2::new(14.0, -6.0)))
             .go("open", 2, |p| *p = at);
     }
     snapshot::check("reports/few.txt", &finger.table(&course));
