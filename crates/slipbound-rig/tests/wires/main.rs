@@ -50,7 +50,7 @@ const SCRIPT: [(Do, u64); 16] = [
     (Do::Release, 1300),
     (Do::Home, 600),
     (Do::Width(None), 10),
-    (Do::Grip(15.0), 1800),
+    (Do::Grip(15.0), 2100),
     (Do::Release, 900),
     (Do::Width(Some(WIDTH_MM)), 10),
     (Do::Grip(25.0), 1500),
