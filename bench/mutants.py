@@ -41,18 +41,19 @@ def tests(*names):
 # allocator instead of running the method (`tidy`, `import_circles`, `no_alloc`), and `twins`, about kernels that are not mutated here.
 LIB = ["--lib"]
 STATES = [*LIB, *tests("controllers", "events", "hand", "law_pictures", "task_pictures", "tasks")]
-PICTURES = tests("deviations", "faults", "gap", "rest_saved", "touch")
-LONG = tests("evidence", "exactness", "paper_cases", "wrong_sensor")
+REPORTS, CYCLES, WIRES = tests("reports"), tests("cycles"), tests("wires")
+PICTURES = tests("deviations", "faults", "gap", "rest_saved", "touch", "wrong_sensor")
+LONG = tests("evidence", "exactness", "paper_cases")
 
 
 def groups_of(file, is_long):
     """The groups that can tell a change of this file."""
     if "slipbound-rig/" in file:
-        return [LIB, tests("grippers")]
+        return [WIRES, LIB, tests("grippers")]
     # What works on reports is tested with made-up ones.
     if re.search(r"/src/(events|hand|grip|task)\b", file):
-        return [STATES] + is_long * [tests("control_loop")]
-    return [LIB, PICTURES] + is_long * [LONG]
+        return [CYCLES, STATES] + is_long * [tests("control_loop")]
+    return [REPORTS, LIB, PICTURES] + is_long * [LONG]
 
 
 def main():
@@ -214,6 +215,8 @@ def changed(text, diff):
 def run(command, most_s):
     """The exit code of a command; None, and its children ended too, where it took longer than that."""
     environment = dict(os.environ, CARGO_TARGET_DIR=str(WORK / "build"), CARGO_INCREMENTAL="1")
+    # A million random cases take a minute; so many find what the first of them find.
+    environment["SLIPBOUND_NOISE_CASES"] = "26000"
     with (WORK / "last.log").open("w") as log:
         began = subprocess.Popen(command, cwd=WORK / "tree", env=environment, stdout=log, stderr=log, start_new_session=True)
         try:

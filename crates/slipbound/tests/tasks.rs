@@ -67,6 +67,20 @@ fn a_cap_is_tight_when_the_shear_stays_flat_at_the_largest_force_and_not_at_the_
     assert!((flat_from_deg + 6.0..flat_from_deg + 12.0).contains(&angle_deg), "{angle_deg}");
 }
 
+/// What was flat under the lighter grip says nothing of the harder one.
+#[test]
+fn a_shear_has_to_stay_flat_from_the_last_change_of_force_on() {
+    let mut settings = TaskSettings::default();
+    settings.grip.most_n = 20.0;
+    let mut bench =
+        Bench { task: settings.task(TaskKind::Screw, Some(0.05)).expect("valid"), ..Bench::new(TaskKind::Screw) };
+    // Flat from 0.15 rad on, and slip from 0.8 rad on: to 20 N there, which is the most.
+    let (ending, angle_deg) = bench.run(|rad| (2.0 * rad).min(0.3), |rad| rad > 0.8);
+    assert_eq!((ending, bench.force_n), (Some(Ending::Tight), 20.0));
+    let gripped_deg = 0.8f64.to_degrees();
+    assert!((gripped_deg + 8.0..gripped_deg + 11.0).contains(&angle_deg), "{angle_deg}");
+}
+
 #[test]
 fn a_cap_is_not_tight_while_the_gripper_does_not_press_with_what_it_was_told() {
     let mut bench = Bench { follows: false, ..Bench::new(TaskKind::Screw) };

@@ -156,7 +156,9 @@ impl Painter {
 fn touch_up(rgb: &mut [f64; 3], touch: &Touch, p: Vec2, skin: Skin, pitch_px: f64) {
     let depth = touch.depth(p);
     let k = touch.strength_levels;
-    let inside = 0.5 * libm::erfc((depth - 1.0) * 12.0);
+    // To the last bit, and most of the picture: erfc is exactly 2 below -6, and nothing is left of it above 6.
+    let inside =
+        if (0.5..1.5).contains(&depth) { 0.5 * libm::erfc((depth - 1.0) * 12.0) } else { f64::from(depth < 0.5) };
     if inside < 1e-4 {
         return;
     }

@@ -104,6 +104,16 @@ mod tests {
         assert!((last.see(said(0.2, 0.9), 5.0, 6.0, 0.1).said.used - 0.2).abs() < 1e-12, "nothing is left of before");
     }
 
+    /// A load that came from nothing has grown beyond measure: what is known then is what the trees say.
+    #[test]
+    fn nothing_follows_from_no_load() {
+        for load in [0.0, 1.0] {
+            let mut last = LastMotion::default();
+            last.see(said(0.2, 0.9), 0.0, 0.0, 0.1);
+            assert_eq!(last.see(said(0.3, 0.8), load, 0.0, 0.1).said.used, 0.3, "{load}");
+        }
+    }
+
     #[test]
     fn a_slow_load_is_followed_like_a_fast_one() {
         let ends = [10, 1000].map(|steps| {

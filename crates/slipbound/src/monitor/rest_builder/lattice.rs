@@ -133,6 +133,22 @@ mod tests {
         assert_eq!(on_lattice(&turned, 20.0), None, "turned against the image");
     }
 
+    /// Four neighbours agree, two markers two pitches off stand 0.2 pitch beside their nodes: each has a weight of 1 / (1 + d^2) at d pitches.
+    #[test]
+    fn near_markers_say_more_of_the_lattice_than_far_ones() {
+        let near = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)];
+        let far = [(0.2, 2.0), (0.2, -2.0)];
+        let place = |(x, y): &(f64, f64)| Vec2::new(200.0 + 20.0 * x, 160.0 + 20.0 * y);
+        let points: Vec<Vec2> = [(0.0, 0.0)].iter().chain(&near).chain(&far).map(place).collect();
+        let off = offsets_pitch(&points, &vec![true; points.len()], 20.0)[0].expect("they agree");
+        let (near_weight, far_weight) = (4.0 / 2.0, 2.0 / (1.0 + 4.04));
+        let shift_rad = 0.2 * std::f64::consts::TAU;
+        let lattice_rad =
+            libm::atan2(far_weight * libm::sin(shift_rad), near_weight + far_weight * libm::cos(shift_rad));
+        let expected = lattice_rad / std::f64::consts::TAU;
+        assert!((off - expected).abs() < 1e-9 && expected > 0.014, "{off} for {expected}");
+    }
+
     #[test]
     fn the_spacing_is_that_of_neighbours() {
         assert!((spacing_px(&grid(|p| p)).expect("points") - 20.0).abs() < 1e-9);
