@@ -186,8 +186,10 @@ def test_a_fork_goes_on_with_a_monitor_and_is_told_of_a_source(monitor, frames):
 
 
 def interrupted(program: str, after: str = "ready") -> subprocess.CompletedProcess[str]:
+    # What is run in the background of a shell ignores SIGINT, and so would its children.
+    heeds = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
     process = subprocess.Popen(
-        [sys.executable, "-u", "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-u", "-c", heeds + program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert process.stdout is not None
     assert process.stdout.readline().strip() == after

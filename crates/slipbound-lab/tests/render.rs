@@ -2,7 +2,7 @@
 
 use slipbound::image::{Frame, Mask, Pixels, Rgb, SizePx};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
-use slipbound::pixels::wide::without_wide_vectors;
+use slipbound::pixels::wide::{Vectors, with_vectors};
 use slipbound::plane::Vec2;
 use slipbound::port::FrameBuffer;
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
@@ -95,8 +95,10 @@ fn wide_and_plain_kernels_give_the_same_pictures() {
             })
         })
     };
-    let (wide, plain) = (seen(), without_wide_vectors(seen));
-    assert!(wide == plain, "pictures differ");
+    let wide = seen();
+    for narrower in [Vectors::Avx2, Vectors::Baseline] {
+        assert!(wide == with_vectors(narrower, seen), "{narrower:?}: pictures differ");
+    }
     // Widths of whole vectors and of others, even and odd, in one piece and in two.
     for width in [16, 33, 256, 257, 301, 640] {
         let size = SizePx::new(width, 16);
@@ -106,7 +108,9 @@ fn wide_and_plain_kernels_give_the_same_pictures() {
             Codec::new(size, 85).encode(rgb, &mut encoded).expect("encodes");
             encoded
         };
-        assert!(encode() == without_wide_vectors(encode), "{width} px");
+        for narrower in [Vectors::Avx2, Vectors::Baseline] {
+            assert!(encode() == with_vectors(narrower, encode), "{narrower:?}: {width} px");
+        }
     }
 }
 

@@ -19,6 +19,13 @@ pub struct Vec2 {
     pub y: f64,
 }
 
+/// The whole pixel nearest to a coordinate, of two the one farther from zero, as `round` has it; that is a call of a function on CPUs for
+/// which the baseline is compiled. NaN is 0.
+#[inline]
+pub fn nearest_px(at_px: f64) -> isize {
+    (at_px + 0.5f64.copysign(at_px)) as isize
+}
+
 impl Vec2 {
     /// The origin, or no displacement.
     pub const ZERO: Vec2 = Vec2 { x: 0.0, y: 0.0 };

@@ -5,7 +5,7 @@ mod picture;
 use picture::{Painter, Touch};
 use slipbound::image::{Frame, Gray, Pixels, Rgb, SizePx};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
-use slipbound::pixels::wide::without_wide_vectors;
+use slipbound::pixels::wide::{Vectors, with_vectors};
 use slipbound::plane::{Homography, Vec2};
 use slipbound::port::GripSample;
 use slipbound::sensor::{Rectification, Shear, Skin};
@@ -67,13 +67,18 @@ fn wide_and_plain_kernels_give_the_same_reports() {
         (Skin::Fabric, SizePx::new(320, 240), true, false, Settings::paper()),
     ] {
         let wide = judged(skin, size, rectified, grey, &settings);
-        let plain = without_wide_vectors(|| judged(skin, size, rectified, grey, &settings));
         assert!(
             wide.iter().filter(|report| report.contains("motion: Some(")).count() > 5,
             "{skin:?}: hardly a contact"
         );
-        for (seq, (wide, plain)) in wide.iter().zip(&plain).enumerate() {
-            assert_eq!(wide, plain, "{skin:?} {size}, rectified {rectified}, grey {grey}: frame {seq}");
+        for narrower in [Vectors::Avx2, Vectors::Baseline] {
+            let plain = with_vectors(narrower, || judged(skin, size, rectified, grey, &settings));
+            for (seq, (wide, plain)) in wide.iter().zip(&plain).enumerate() {
+                assert_eq!(
+                    wide, plain,
+                    "{narrower:?}: {skin:?} {size}, rectified {rectified}, grey {grey}: frame {seq}"
+                );
+            }
         }
     }
 }

@@ -4,7 +4,7 @@
 //!   light, skin --lit--> blurred along --five rows--> blurred across --noisy--> bytes --woven--> red green blue red ...
 //! ```
 //!
-//! All kernels are compiled twice, with the same bits, see [`slipbound::pixels::wide`].
+//! All kernels are compiled for each width of vectors, with the same bits, see [`slipbound::pixels::wide`].
 
 use slipbound::pixels::wide::wide;
 

@@ -4,6 +4,13 @@ use crate::pixels::cells::Cells;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
+/// Sides that a cell may have, px.
+const CELLS_PX: [usize; 3] = [4, 8, 16];
+/// Cells are at most so wide, in pitches; and where there would be more than [`MOST_COUNT`], at most so wide.
+const FINE_PITCH: f64 = 0.17;
+const COARSE_PITCH: f64 = 0.36;
+const MOST_COUNT: usize = 10_000;
+
 /// The geometry of cells on the rectified image: which camera cell each shows.
 #[derive(Debug, Clone)]
 pub(crate) struct CellMap {
@@ -16,9 +23,15 @@ pub(crate) struct CellMap {
 }
 
 impl CellMap {
-    /// Cells of a sixth of a pitch: fine enough to see between large markers, coarse enough to average noise.
+    /// Cells of a sixth of a pitch: fine enough to see between large markers, coarse enough to average noise. Where that makes more of
+    /// them than a frame has time for, up to twice as wide: contact and evidence are then nearly as good (bench/eval.md).
     pub(crate) fn cell_px(sensor: &Sensor) -> usize {
-        [4, 8, 16].into_iter().rev().find(|&c| c as f64 <= 0.17 * sensor.pitch_px).unwrap_or(4)
+        let size = sensor.rectified_px();
+        let count = |c: usize| (size.width / c) * (size.height / c);
+        let reach = |share: f64| move |c: &usize| *c as f64 <= share * sensor.pitch_px;
+        let fine = CELLS_PX.into_iter().rev().find(reach(FINE_PITCH)).unwrap_or(CELLS_PX[0]);
+        let wide = CELLS_PX.into_iter().filter(reach(COARSE_PITCH)).find(|&c| c >= fine && count(c) <= MOST_COUNT);
+        wide.or(CELLS_PX.into_iter().rev().find(reach(COARSE_PITCH))).unwrap_or(fine)
     }
 
     pub(crate) fn new(sensor: &Sensor, cells: &Cells) -> Self {
@@ -89,4 +102,30 @@ impl CellMap {
 /// Radius around a marker within which cells do not count: its own, its blurred rim, and half a cell of motion.
 pub(crate) fn cover_radius_px(sensor: &Sensor) -> f64 {
     0.55 * sensor.marker_diameter_px + 1.5
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::SizePx;
+    use crate::sensor::tests::smooth;
+
+    #[test]
+    fn cells_are_a_sixth_of_a_pitch_and_wider_only_where_there_are_too_many() {
+        for (width, height, pitch_px, cell_px) in [
+            (320, 240, 15.0, 4),
+            (320, 240, 30.8, 4),
+            (320, 240, 44.0, 4),
+            (640, 480, 22.0, 4),
+            (640, 480, 22.8, 8),
+            (640, 480, 33.0, 8),
+            (640, 480, 61.6, 8),
+            (640, 480, 100.0, 16),
+            (1920, 1440, 61.6, 16),
+            (1920, 1440, 26.5, 8),
+        ] {
+            let sensor = Sensor { image_px: SizePx::new(width, height), pitch_px, ..smooth() };
+            assert_eq!(CellMap::cell_px(&sensor), cell_px, "{width} x {height}, pitch {pitch_px} px");
+        }
+    }
 }

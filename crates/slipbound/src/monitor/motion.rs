@@ -10,7 +10,7 @@
 use crate::image::Mask;
 use crate::monitor::report::Marker;
 use crate::pixels::morphology::Element;
-use crate::plane::{RigidMotion, Vec2};
+use crate::plane::{RigidMotion, Vec2, nearest_px};
 use crate::sensor::Sensor;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
@@ -112,7 +112,7 @@ impl Motion {
             self.inner_count = 0;
             for m in markers.iter_mut() {
                 // Looked at where there are markers: drawing the whole region took longer than all else in this step.
-                let (x, y) = (m.now.x.round() as isize, m.now.y.round() as isize);
+                let (x, y) = (nearest_px(m.now.x), nearest_px(m.now.y));
                 m.inner = m.whole && m.in_reference && element.fits(contact, x, y);
                 self.inner_count += u32::from(m.inner);
             }

@@ -7,7 +7,7 @@
 
 use crate::image::Mask;
 use crate::monitor::report::{Marker, SlipKind, SlipSummary};
-use crate::plane::{RigidMotion, Vec2};
+use crate::plane::{RigidMotion, Vec2, nearest_px};
 use crate::sensor::Sensor;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
@@ -180,7 +180,7 @@ fn kind(rotation_px: f64, translation_px: f64) -> SlipKind {
 pub(super) fn mark_contact(contact: &Mask, markers: &mut [Marker]) -> u32 {
     let mut count = 0;
     for m in markers {
-        m.in_contact = contact.get(m.now.x.round() as isize, m.now.y.round() as isize);
+        m.in_contact = contact.get(nearest_px(m.now.x), nearest_px(m.now.y));
         (m.inner, m.over, m.slip) = (false, false, Vec2::ZERO);
         count += u32::from(m.in_contact && m.whole);
     }

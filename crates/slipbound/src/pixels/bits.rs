@@ -15,7 +15,7 @@ pub(crate) fn pack_64(flags: &[u8; 64]) -> u64 {
 /// The same for flags of 0 or 255, a row of them; flags beyond the last 64 are left out.
 pub(crate) fn pack_row(flags: &[u8], words: &mut [u64]) {
     #[cfg(target_arch = "x86_64")]
-    if super::wide::has_avx2() {
+    if super::wide::vectors() >= super::wide::Vectors::Avx2 {
         // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature the kernel needs.
         #[allow(unsafe_code)]
         return unsafe { pack_row_avx2(flags, words) };
@@ -51,6 +51,7 @@ fn transpose_8x8(mut table: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pixels::wide::{Vectors, with_vectors};
 
     #[test]
     fn flag_i_becomes_bit_i() {
@@ -63,7 +64,7 @@ mod tests {
         let flags: Vec<u8> = (0..200u32).map(|i| if i * i % 7 < 3 { 255 } else { 0 }).collect();
         let (mut words, mut plain) = ([0; 3], [0; 3]);
         pack_row(&flags, &mut words);
-        crate::pixels::wide::without_wide_vectors(|| pack_row(&flags, &mut plain));
+        with_vectors(Vectors::Baseline, || pack_row(&flags, &mut plain));
         assert_eq!(words, plain);
         for (i, flag) in flags[..192].iter().enumerate() {
             assert_eq!(words[i / 64] >> (i % 64) & 1, u64::from(flag & 1));

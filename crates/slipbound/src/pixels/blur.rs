@@ -57,7 +57,10 @@ wide! {
         let rest_at = whole.len() * PLACES;
         for (k, out) in whole.iter_mut().enumerate() {
             let near = &line[k * PLACES..][..PLACES + 2 * reach];
-            let mut sums: [f32; PLACES] = std::array::from_fn(|i| weights[0] * near[reach + i]);
+            let mut sums = [0.0; PLACES];
+            for i in 0..PLACES {
+                sums[i] = weights[0] * near[reach + i];
+            }
             for (away, weight) in weights.iter().enumerate().skip(1) {
                 let (left, right) = (&near[reach - away..][..PLACES], &near[reach + away..][..PLACES]);
                 for i in 0..PLACES {

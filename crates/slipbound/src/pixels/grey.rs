@@ -65,7 +65,7 @@ fn turned(flip: Flip) -> (bool, bool) {
 /// A row of pixels; `row` may be longer. The twin of [`avx2::grey_row`], which gives the same bits.
 fn grey_row(row: &[u8], weights_65536ths: [u32; 3], out: &mut [u8]) {
     #[cfg(target_arch = "x86_64")]
-    if super::wide::has_avx2() {
+    if super::wide::vectors() >= super::wide::Vectors::Avx2 {
         // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature the kernel needs.
         #[allow(unsafe_code)]
         return unsafe { avx2::grey_row(row, weights_65536ths, out) };

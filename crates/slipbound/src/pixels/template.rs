@@ -14,7 +14,7 @@
 
 use super::wide::wide;
 use crate::image::SizePx;
-use crate::plane::Vec2;
+use crate::plane::{Vec2, nearest_px};
 
 /// Places are sampled at so many steps a pixel; the fit makes up for the rest.
 const STEPS_PER_PX: f64 = 16.0;
@@ -290,7 +290,7 @@ impl Window {
 /// Samples a part of the window about a place; where the window's middle is then, at most a 32nd of a pixel away on each axis.
 fn sample(side: usize, part: Part, grey: &[u8], size: SizePx, place: Vec2, out: &mut [i16]) -> Vec2 {
     let reach = (side as f64 - 1.0) / 2.0;
-    let steps = |v: f64| ((v - reach) * STEPS_PER_PX).round() as usize;
+    let steps = |v: f64| nearest_px((v - reach) * STEPS_PER_PX) as usize;
     let (x, y) = (steps(place.x), steps(place.y));
     let (column, row) = (x / STEPS_PER_PX as usize + part.left, y / STEPS_PER_PX as usize + part.top);
     let (fx, fy) = ((x % STEPS_PER_PX as usize) as i16, (y % STEPS_PER_PX as usize) as i16);

@@ -1,38 +1,64 @@
-//! The same kernel twice: for any CPU of the architecture, and for those with wide vectors, chosen while the program runs.
+//! The same kernel three times: for any CPU of the architecture, and for those with wide vectors, chosen while the program runs.
 //!
 //! ```text
-//!   wide! { fn kernel(..) { body } }   --->   fn kernel(..)   AVX2 here?  yes: the body, compiled for AVX2
-//!                                                                        no:  the body, compiled for the baseline
+//!   wide! { fn kernel(..) { body } }   --->   fn kernel(..)   AVX-512 here?  the body, compiled for it
+//!                                                             AVX2 here?     the body, compiled for it
+//!                                                             else           the body, compiled for the baseline
 //! ```
-//! Both are one body in Rust, in integers or in floats whose order it fixes (nothing is contracted or reordered), so they give the same
-//! bits; [`without_wide_vectors`] lets tests see that. On other architectures than x86-64 there is the one body only. The simulator
+//! All are one body in Rust, in integers or in floats whose order it fixes (nothing is contracted or reordered), so they give the same
+//! bits; [`with_vectors`] lets tests see that. On other architectures than x86-64 there is the one body only. The simulator
 //! draws its pictures by such kernels, too.
 
 use std::cell::Cell;
 
-thread_local! {
-    static FORBIDDEN: Cell<bool> = const { Cell::new(false) };
+/// How wide the vectors of a kernel are, the widest last.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Vectors {
+    /// Those of every CPU of the architecture.
+    Baseline,
+    /// AVX2.
+    Avx2,
+    /// AVX-512 with its instructions for bytes, words and double words, on vectors of any length.
+    Avx512,
 }
 
-/// Whether kernels may use AVX2 on this machine.
-#[cfg(target_arch = "x86_64")]
+thread_local! {
+    static WIDEST: Cell<Vectors> = Cell::new(of_this_machine());
+}
+
+/// The widest vectors that kernels may use on this thread.
 #[doc(hidden)]
 #[inline]
-pub fn has_avx2() -> bool {
-    std::arch::is_x86_feature_detected!("avx2") && !FORBIDDEN.get()
+pub fn vectors() -> Vectors {
+    WIDEST.get()
 }
 
-/// Runs `work` with the kernels as compiled for the baseline of the architecture, on this thread: for tests and benches that compare
-/// the two.
+#[cfg(target_arch = "x86_64")]
+fn of_this_machine() -> Vectors {
+    use std::arch::is_x86_feature_detected as has;
+    match () {
+        _ if has!("avx512f") && has!("avx512bw") && has!("avx512dq") && has!("avx512vl") => Vectors::Avx512,
+        _ if has!("avx2") => Vectors::Avx2,
+        _ => Vectors::Baseline,
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn of_this_machine() -> Vectors {
+    Vectors::Baseline
+}
+
+/// Runs `work` with kernels whose vectors are at most so wide, on this thread: for tests and benches that compare them.
 #[doc(hidden)]
-pub fn without_wide_vectors<T>(work: impl FnOnce() -> T) -> T {
-    let before = FORBIDDEN.replace(true);
+pub fn with_vectors<T>(widest: Vectors, work: impl FnOnce() -> T) -> T {
+    let before = WIDEST.replace(widest.min(of_this_machine()));
     let result = work();
-    FORBIDDEN.set(before);
+    WIDEST.set(before);
     result
 }
 
-/// Declares kernels that are compiled twice, see [`crate::pixels::wide`]. What they call must be `#[inline(always)]` or small, or it
+/// Declares kernels that are compiled for each width of vectors, see [`crate::pixels::wide`]. What they call must be `#[inline(always)]` or small, or it
 /// is compiled for the baseline.
 #[doc(hidden)]
 #[macro_export]
@@ -52,12 +78,22 @@ macro_rules! wide {
                 plain $(::<$constant>)? ($($argument),*)
             }
             #[cfg(target_arch = "x86_64")]
-            if $crate::pixels::wide::has_avx2() {
-                // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature `avx2` needs.
-                #[allow(unsafe_code)]
-                return unsafe { avx2 $(::<$constant>)? ($($argument),*) };
+            #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+            #[allow(clippy::too_many_arguments)]
+            fn avx512 $(<const $constant: $kind>)? ($($argument: $type),*) $(-> $result)? {
+                plain $(::<$constant>)? ($($argument),*)
             }
-            plain $(::<$constant>)? ($($argument),*)
+            match $crate::pixels::wide::vectors() {
+                // SAFETY: `vectors` has found that this CPU has the four features that `avx512` needs.
+                #[cfg(target_arch = "x86_64")]
+                #[allow(unsafe_code)]
+                $crate::pixels::wide::Vectors::Avx512 => unsafe { avx512 $(::<$constant>)? ($($argument),*) },
+                // SAFETY: the same of AVX2, the one feature that `avx2` needs.
+                #[cfg(target_arch = "x86_64")]
+                #[allow(unsafe_code)]
+                $crate::pixels::wide::Vectors::Avx2 => unsafe { avx2 $(::<$constant>)? ($($argument),*) },
+                _ => plain $(::<$constant>)? ($($argument),*),
+            }
         }
     )+};
 }

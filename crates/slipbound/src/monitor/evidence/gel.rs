@@ -23,14 +23,18 @@ const CUT_REACHES: f64 = 3.2;
 /// Least weight of the slopes of the fit against its mean, so that a node beside the markers does not extrapolate wildly.
 const SLOPE_RIDGE: f64 = 0.02;
 
+/// Nodes whose sums are taken side by side, so that no sum waits for its own last step.
+const GROUP: usize = 4;
+
 /// Displacement of the gel at the nodes; the weights are made once from the markers at rest.
 #[derive(Debug, Clone)]
 pub(super) struct GelMotion {
     columns: usize,
     step_px: f64,
-    /// Of each node, where its weights start; one more than there are nodes.
+    /// Of each group of nodes, where its weights start; one more than there are groups.
     starts: Vec<u32>,
-    weights: Vec<(u32, f32)>,
+    /// Markers and their weights, a list for each node of a group; the shorter lists end in weights of nothing.
+    weights: Vec<[(u32, f32); GROUP]>,
     of_markers_px: Vec<[f32; 2]>,
     displacement_px: Vec<[f32; 2]>,
 }
@@ -41,10 +45,17 @@ impl GelMotion {
         let step_px = NODE_PITCH * pitch_px;
         let count = |length: usize| (length as f64 / step_px) as usize + 2;
         let (columns, rows) = (count(size.width), count(size.height));
+        let nodes_count = columns * rows;
         let (mut starts, mut weights) = (vec![0], Vec::new());
-        for i in 0..columns * rows {
-            let node = Vec2::new((i % columns) as f64, (i / columns) as f64) * step_px;
-            add_weights(node, rest_px, REACH_PITCH * pitch_px, &mut weights);
+        for first in (0..nodes_count).step_by(GROUP) {
+            let lists: [Vec<(u32, f32)>; GROUP] = std::array::from_fn(|k| {
+                let i = first + k;
+                let node = Vec2::new((i % columns) as f64, (i / columns) as f64) * step_px;
+                if i < nodes_count { weights_of(node, rest_px, REACH_PITCH * pitch_px) } else { Vec::new() }
+            });
+            let longest = lists.iter().map(Vec::len).max().unwrap_or(0);
+            let at = |list: &Vec<(u32, f32)>, n: usize| list.get(n).copied().unwrap_or((0, 0.0));
+            weights.extend((0..longest).map(|n| std::array::from_fn(|k| at(&lists[k], n))));
             starts.push(weights.len() as u32);
         }
         GelMotion {
@@ -53,7 +64,7 @@ impl GelMotion {
             starts,
             weights,
             of_markers_px: vec![[0.0; 2]; rest_px.len()],
-            displacement_px: vec![[0.0; 2]; columns * rows],
+            displacement_px: vec![[0.0; 2]; nodes_count],
         }
     }
 
@@ -63,12 +74,16 @@ impl GelMotion {
             let now_from_rest = marker.now_from_rest();
             *moved = [now_from_rest.x as f32, now_from_rest.y as f32];
         }
-        for (node, range) in self.displacement_px.iter_mut().zip(self.starts.windows(2)) {
-            let weights = &self.weights[range[0] as usize..range[1] as usize];
-            *node = weights.iter().fold([0.0; 2], |[x, y], &(marker, weight)| {
-                let [dx, dy] = self.of_markers_px[marker as usize];
-                [x + weight * dx, y + weight * dy]
-            });
+        for (nodes, range) in self.displacement_px.chunks_mut(GROUP).zip(self.starts.windows(2)) {
+            let mut sums = [[0.0; 2]; GROUP];
+            for group in &self.weights[range[0] as usize..range[1] as usize] {
+                for (sum, &(marker, weight)) in sums.iter_mut().zip(group) {
+                    let [dx, dy] = self.of_markers_px[marker as usize];
+                    sum[0] += weight * dx;
+                    sum[1] += weight * dy;
+                }
+            }
+            nodes.copy_from_slice(&sums[..nodes.len()]);
         }
     }
 
@@ -146,9 +161,9 @@ wide! {
     }
 }
 
-/// Weights with which the displacements of the markers make that of a node: the value at the node of a line fitted by
+/// Markers, and weights with which their displacements make that of a node: the value at the node of a line fitted by
 /// weighted least squares.
-fn add_weights(node: Vec2, rest_px: &[Vec2], reach_px: f64, weights: &mut Vec<(u32, f32)>) {
+fn weights_of(node: Vec2, rest_px: &[Vec2], reach_px: f64) -> Vec<(u32, f32)> {
     // Where markers are far, the fourth nearest sets the reach.
     let mut nearest = [f64::MAX; 4];
     for &p in rest_px {
@@ -179,11 +194,9 @@ fn add_weights(node: Vec2, rest_px: &[Vec2], reach_px: f64, weights: &mut Vec<(u
     let (c0, cx, cy) = (xx * yy - wxy * wxy, wxy * wy - wx * yy, wx * wxy - xx * wy);
     let determinant = w0 * c0 + wx * cx + wy * cy;
     if determinant <= 0.0 {
-        return;
+        return Vec::new();
     }
-    for (i, &p) in rest_px.iter().enumerate() {
-        if let Some((r, w)) = near(p) {
-            weights.push((i as u32, (w * (c0 + cx * r.x + cy * r.y) / determinant) as f32));
-        }
-    }
+    let weight = |r: Vec2, w: f64| (w * (c0 + cx * r.x + cy * r.y) / determinant) as f32;
+    let known = rest_px.iter().enumerate().filter_map(|(i, &p)| near(p).map(|(r, w)| (i as u32, weight(r, w))));
+    known.collect()
 }

@@ -12,7 +12,7 @@ use crate::image::Mask;
 use crate::monitor::imprint::Imprint;
 use crate::pixels::blur::Blur;
 use crate::pixels::wide::wide;
-use crate::plane::Vec2;
+use crate::plane::{Vec2, nearest_px};
 use crate::sensor::{Sensor, Skin};
 
 /// Spread of the blur that is taken off, in pitches. Shading of the whole contact and of the light is wider, the
@@ -170,5 +170,5 @@ wide! {
 }
 
 fn in_view(view: Option<&Mask>, [x, y]: [f32; 2]) -> bool {
-    view.is_none_or(|view| view.get(x.round() as isize, y.round() as isize))
+    view.is_none_or(|view| view.get(nearest_px(f64::from(x)), nearest_px(f64::from(y))))
 }

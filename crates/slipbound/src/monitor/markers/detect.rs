@@ -7,7 +7,7 @@ use crate::monitor::imprint::Imprint;
 use crate::pixels::centroid::EdgeKernel;
 use crate::pixels::dots::{DotFinder, Spot};
 use crate::pixels::template::Fit;
-use crate::plane::Vec2;
+use crate::plane::{Vec2, nearest_px};
 use crate::sensor::Sensor;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
@@ -201,7 +201,7 @@ impl Detector {
             (0..8).all(|k| {
                 let angle = f64::from(k) * std::f64::consts::FRAC_PI_4;
                 let p = centre + Vec2::new(libm::cos(angle), libm::sin(angle)) * (self.radius_px + 1.0);
-                seen.get(p.x.round() as isize, p.y.round() as isize)
+                seen.get(nearest_px(p.x), nearest_px(p.y))
             })
         };
         self.sharp.holds(imprint.size(), centre) && imprint.seen().is_none_or(seen)
