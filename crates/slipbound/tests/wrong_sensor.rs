@@ -1,7 +1,7 @@
 //! A sensor file that does not fit the picture is not judged by, and what is no marker is not tracked.
 
 use slipbound::image::{Frame, Gray, Pixels, SizePx};
-use slipbound::monitor::{Reason, RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
+use slipbound::monitor::{Reason, RestBuilder, RestError, RestKind, Settings, SlipMonitor, SlipState};
 use slipbound::plane::{Homography, Vec2};
 use slipbound::sensor::{Flip, Polarity, Rectification, Sensor, Skin};
 
@@ -150,4 +150,19 @@ fn dots_without_order_are_all_tracked() {
     let judged = monitor(&sensor, &Settings::default(), &picture(Flip::None, &dots));
     assert!((95..=100).contains(&judged.markers().len()), "{}", judged.markers().len());
     assert_eq!(judged.refusal(), None);
+}
+
+#[test]
+fn as_many_markers_as_are_needed_are_enough() {
+    let (sensor, grey) = (sensor(Flip::None), picture(Flip::None, &nodes()));
+    let built = |least_count: u32| {
+        let settings = Settings::default().with(|s| s.rest.markers_min_count = least_count);
+        let mut builder = RestBuilder::new(&sensor, &settings, SIZE).expect("a sensor");
+        builder.add(&frame(&grey, 0)).expect("a frame");
+        builder.build(RestKind::Unloaded).map(|rest| rest.markers_count())
+    };
+    let got_count = built(9).expect("markers");
+    let needed = got_count as u32;
+    assert_eq!(built(needed), Ok(got_count));
+    assert_eq!(built(needed + 1), Err(RestError::FewMarkers { expected_count: needed + 1, got_count }));
 }
