@@ -21,9 +21,8 @@ FEW, MANY = 20, 80
 
 # Why the lines have steps.
 STEPS = [
-    "The steps of smooth are real: instructions a frame have them, too (19, 27, 28, 61, 69 M at 100, 200, 400, 800, 1600 markers; `speed judge",
-    "smooth FRAMES MARKERS` under callgrind). Cells, in which smooth gels are judged, are the largest of 4, 8 and 16 px below 0.17 pitch: from one",
-    "size to the next there are four times as many. That 1600 markers once took less time than 800 is noise.",
+    "The steps of smooth are real: contact and evidence are judged in cells of 4, 8 or 16 px, the largest of at most 0.17 pitch, and up to 0.36 where there",
+    "would be more than 10,000: from one size to the next there are four times as many.",
 ]
 
 
