@@ -143,8 +143,13 @@ fn a_file_that_is_cut_anywhere_gives_what_came_before_and_says_so() {
     assert_eq!(most_count, judged.len(), "the longest parts hold all");
 }
 
+/// `PROPTEST_CASES`, or 48: each writes a file.
+fn cases_count() -> u32 {
+    std::env::var("PROPTEST_CASES").ok().and_then(|count| count.parse().ok()).unwrap_or(48)
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(cases_count()))]
 
     #[test]
     fn damage_never_makes_it_panic_or_run_on(

@@ -217,8 +217,13 @@ fn a_bag_that_is_cut_gives_what_came_before_and_says_so() {
     assert!(torn[0].contains("got 9999: the file is cut off or damaged; what came before was read"), "{torn:?}");
 }
 
+/// `PROPTEST_CASES`, or 300: each writes a file.
+fn cases_count() -> u32 {
+    std::env::var("PROPTEST_CASES").ok().and_then(|count| count.parse().ok()).unwrap_or(300)
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ProptestConfig::with_cases(cases_count()))]
 
     #[test]
     fn damage_never_makes_it_panic_or_run_on(

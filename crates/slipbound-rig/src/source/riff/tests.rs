@@ -126,8 +126,13 @@ fn time_is_the_number_over_the_rate() {
     assert_eq!(Rate { frames: 0, seconds: 1 }.time_ns(30), None);
 }
 
+/// `PROPTEST_CASES`, or 400.
+fn cases_count() -> u32 {
+    std::env::var("PROPTEST_CASES").ok().and_then(|count| count.parse().ok()).unwrap_or(400)
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig::with_cases(cases_count()))]
 
     #[test]
     fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
