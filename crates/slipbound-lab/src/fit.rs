@@ -31,7 +31,7 @@ pub const ERRORS: Fitting =
 
 /// What the verdict on gross slip is fitted with.
 pub const GROSS: Fitting =
-    Fitting { loss: Loss::Logistic, trees_count: 300, shrinkage: 0.1, least_rows: 3.0, ridge: 3.0 };
+    Fitting { loss: Loss::Logistic, trees_count: 600, shrinkage: 0.1, least_rows: 20.0, ridge: 3.0 };
 
 /// Where the load is among the features: the first one that needs the grip force.
 const LOAD: usize = GEOMETRIC_COUNT;

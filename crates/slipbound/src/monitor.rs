@@ -196,9 +196,15 @@ impl SlipMonitor {
         // A region that only displacement shows moves with it.
         let middle_px = if by_displacement { None } else { self.contact.region.middle_px() };
         self.estimator.see(frame.time_ns, grip, area_px2, middle_px, &self.markers.all);
-        let (evidence, recent) = (self.evidence.report.as_ref(), self.evidence.recent.as_ref());
+        let (at_s, load, grip_n) = self.estimator.load_now();
+        let loaded = gross::Loaded { at_s, load, grip_n: grip_n.unwrap_or(0.0) };
+        let seen = gross::Seen {
+            evidence: self.evidence.report.as_ref(),
+            recent: self.evidence.recent.as_ref(),
+            loaded: self.estimator.features.as_ref().map(|features| (features, loaded)),
+        };
         self.slides = self.settings.evidence.used
-            && self.gross.see(&self.estimator.estimates, self.estimator.knows_grip(), evidence, recent);
+            && self.gross.see(&self.estimator.estimates, self.estimator.knows_grip(), &seen);
         let settings = &self.settings.slip;
         if settings.rule == SlipRule::Markers {
             return;

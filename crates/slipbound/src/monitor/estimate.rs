@@ -24,6 +24,7 @@ mod said;
 mod window;
 
 pub use features::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
+pub(super) use features::{LOAD, NARROW, TURNING, WIDE};
 
 use crate::monitor::report::{Estimate, Estimates, Marker};
 use crate::plane::{RigidMotion, Vec2};
@@ -146,6 +147,12 @@ impl Estimator {
     /// Whether the margin rests on grip force and stiffness, not on the picture alone.
     pub fn knows_grip(&self) -> bool {
         self.stiffness_n_per_px3.is_some() && self.grip_n.is_some_and(|n| n > 0.0)
+    }
+
+    /// Of the last frame: when it was, s since the contact began; load and torque as one number; the mean grip force where it is known, N.
+    pub fn load_now(&self) -> (f64, f64, Option<f64>) {
+        let (force, torque) = self.load_px3;
+        (self.time_s, libm::hypot(force.length(), torque), self.grip_n)
     }
 
     /// Nothing touches.

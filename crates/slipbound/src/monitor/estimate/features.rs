@@ -58,8 +58,24 @@ pub const FEATURE_NAMES: [&str; FEATURES_COUNT] = [
     "far_shear",
 ];
 
+/// Where some of them are.
+pub(in crate::monitor) const TURNING: usize = 15;
+pub(in crate::monitor) const NARROW: usize = 16;
+pub(in crate::monitor) const WIDE: usize = 17;
+pub(in crate::monitor) const LOAD: usize = 20;
+
 /// Friction coefficient by which load is made dimensionless; a scale, no guess.
 pub(super) const SCALE_MU: f64 = 0.6;
 
 /// Values of the features of a frame.
 pub type Features = [f64; FEATURES_COUNT];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn features_are_where_they_are_meant() {
+        assert_eq!([TURNING, NARROW, WIDE, LOAD].map(|at| FEATURE_NAMES[at]), ["turning", "narrow", "wide", "load"]);
+    }
+}

@@ -158,7 +158,7 @@ impl Friction {
         self.most_log_grip = Some(most_log_grip);
         let let_go = (most_log_grip - log_grip - LET_GO_LOG).max(0.0);
         let left_log_sd = LET_GO_LOG_SD * let_go * (LET_GO_PER_GRIP / load).min(1.0);
-        let log_used_sd = shown.log_used_sd.hypot(left_log_sd);
+        let log_used_sd = libm::hypot(shown.log_used_sd, left_log_sd);
         let (log_used, used) = lean(log_load, log_used_sd, used);
         self.now_s = shown.at_s;
         let seen = self.regripped_s.map(|regripped_s| ((self.now_s - regripped_s) / REGRIPPED_S).clamp(0.0, 1.0));
@@ -167,7 +167,7 @@ impl Friction {
         if used.age_frames == 0 {
             let own = if self.is_own(log_load) { 1.0 } else { FRAMES_ALIKE.recip() };
             let share = own * seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen);
-            let log_sd = log_used_sd.hypot(LOAD_NOISE_PER_GRIP / shown.per_grip.max(1e-6));
+            let log_sd = libm::hypot(log_used_sd, LOAD_NOISE_PER_GRIP / shown.per_grip.max(1e-6));
             self.take(log_load - log_used, log_sd, share, log_grip);
         }
         let told = self.told_at(log_grip);

@@ -1,0 +1,95 @@
+//! By how much load and grip force have grown of late: a load that grows is still carried, one that has stopped growing while the imprint
+//! moves is friction's.
+
+use crate::monitor::evidence::WINDOWS_S;
+
+/// Most frames remembered: the longest window at 240 frames/s, and some.
+const MOST_COUNT: usize = 64;
+
+/// Least load by which a growth is divided: none.
+const LEAST: f64 = 1e-9;
+
+/// Load on a contact and the grip force in a frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Loaded {
+    /// When, s, on any clock.
+    pub at_s: f64,
+    /// Load in the plane and torque as one number, in any unit.
+    pub load: f64,
+    /// Grip force, N per finger; 0 where it is not known.
+    pub grip_n: f64,
+}
+
+/// Growth over a window, as a share of what there is now.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Grown {
+    pub load_fraction: f64,
+    pub grip_fraction: f64,
+}
+
+/// The last frames.
+#[derive(Debug, Clone)]
+pub struct Growth {
+    frames: [Loaded; MOST_COUNT],
+    count: usize,
+}
+
+impl Growth {
+    pub fn new() -> Self {
+        Growth { frames: [Loaded::default(); MOST_COUNT], count: 0 }
+    }
+
+    /// Takes a frame; the growth over each of the windows, from the frame that lies nearest to its beginning.
+    pub fn see(&mut self, now: Loaded) -> [Grown; WINDOWS_S.len()] {
+        self.frames[self.count % MOST_COUNT] = now;
+        self.count += 1;
+        WINDOWS_S.map(|window_s| {
+            let off_s = |then: &Loaded| (now.at_s - then.at_s - window_s).abs();
+            let known = &self.frames[..self.count.min(MOST_COUNT)];
+            let then = known.iter().min_by(|a, b| off_s(a).total_cmp(&off_s(b))).unwrap_or(&now);
+            Grown {
+                load_fraction: (now.load - then.load) / now.load.max(LEAST),
+                grip_fraction: (now.grip_n - then.grip_n) / now.grip_n.max(LEAST),
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is known after half a second in which the load grows by 4 a second and the grip by 2.
+    fn after_half_a_second(frames_per_s: u64) -> [Grown; WINDOWS_S.len()] {
+        let mut growth = Growth::new();
+        let mut grown = [Grown::default(); WINDOWS_S.len()];
+        for frame in 0..=frames_per_s / 2 {
+            let at_s = frame as f64 / frames_per_s as f64;
+            grown = growth.see(Loaded { at_s, load: 4.0 * at_s, grip_n: 10.0 + 2.0 * at_s });
+        }
+        grown
+    }
+
+    #[test]
+    fn growth_is_alike_at_every_frame_rate() {
+        for frames_per_s in [30, 60, 90, 240] {
+            for (grown, window_s) in after_half_a_second(frames_per_s).iter().zip(WINDOWS_S) {
+                let expected = Grown { load_fraction: 4.0 * window_s / 2.0, grip_fraction: 2.0 * window_s / 11.0 };
+                assert!((grown.load_fraction - expected.load_fraction).abs() < 1e-9, "{frames_per_s}: {grown:?}");
+                assert!((grown.grip_fraction - expected.grip_fraction).abs() < 1e-9, "{frames_per_s}: {grown:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_young_contact_has_grown_since_its_first_frame_and_no_load_is_divided_by() {
+        let mut growth = Growth::new();
+        let first = growth.see(Loaded { at_s: 3.0, load: 2.0, grip_n: 0.0 });
+        assert_eq!(first, [Grown::default(); WINDOWS_S.len()], "nothing is known before it");
+        let second = growth.see(Loaded { at_s: 3.04, load: 4.0, grip_n: 0.0 });
+        assert_eq!(second.map(|grown| grown.load_fraction), [0.5; WINDOWS_S.len()]);
+        assert!(second.iter().all(|grown| grown.grip_fraction == 0.0), "{second:?}");
+        let gone = growth.see(Loaded { at_s: 3.08, load: 0.0, grip_n: 0.0 });
+        assert!(gone.iter().all(|grown| grown.load_fraction.is_finite()), "{gone:?}");
+    }
+}
