@@ -233,7 +233,7 @@ fn an_object_in_free_fall_falls() {
         finger.step(&command).expect("a sound command");
     }
     // Implicit Euler: g dt^2 n (n + 1) / 2.
-    let fallen = 9810.0 * settings.substep_s.powi(2) * 78.0;
+    let fallen = 9810.0 * settings.substep_s * settings.substep_s * 78.0;
     assert!((finger.truth().pose.position_mm.x / fallen - 1.0).abs() < 1e-9);
 }
 

@@ -1,6 +1,6 @@
 //! One finger and one object, stepped in time.
 
-use super::body::{Drive, Motion, complex};
+use super::body::{Drive, Motion, complex, length};
 use super::grid::Region;
 use super::normal::Normal;
 use super::response::Response;
@@ -206,7 +206,7 @@ impl Finger {
         let pose = self.truth.pose;
         let commanded_mm =
             way_mm((command.pose.position_mm - pose.position_mm).length(), command.pose.turn_rad - pose.turn_rad);
-        let carried_mm = way_mm(self.velocity.shift.norm(), self.velocity.turn) * self.settings.substep_s;
+        let carried_mm = way_mm(length(self.velocity.shift), self.velocity.turn) * self.settings.substep_s;
         let way_mm = match self.settings.body.drive {
             Drive::Guided => commanded_mm,
             _ => carried_mm,

@@ -13,7 +13,7 @@
 //! The right pad is computed in axes in which it would be the left one if it were alike; its readings are in these. In
 //! the plane of the left finger they may be turned, as a pad is that is not mounted straight.
 
-use super::body::{Body, Motion, Wrench, complex, plane};
+use super::body::{Body, Motion, Wrench, complex, plane, rotation};
 use super::finger::{Finger, Increment};
 use super::settings::{Command, FingerSettings};
 use super::shape::Shape;
@@ -98,7 +98,7 @@ impl FingerPair {
         let gives = fingers.iter().any(|finger| !finger.give.is_empty());
         Ok(FingerPair {
             turn_rad,
-            turned: Complex64::from_polar(1.0, turn_rad),
+            turned: rotation(turn_rad),
             tangential: Tangential::new(2 * cells),
             joint: Joint {
                 cells: Vec::with_capacity(2 * cells),

@@ -90,7 +90,7 @@ impl FingerSettings {
 
     /// Refuses a shape that does not fit on the gel.
     pub(super) fn check_size(&self, half: Vec2) -> Result<(), SettingError> {
-        let (s, c) = self.shape_in_object.turn_rad.sin_cos();
+        let (s, c) = libm::sincos(self.shape_in_object.turn_rad);
         let at = self.shape_in_object.position_mm;
         let reach = Vec2::new(
             at.x.abs() + (c * half.x).abs() + (s * half.y).abs(),

@@ -24,7 +24,7 @@ pub fn sphere_on_layer() -> Vec<Row> {
     [0.2, 0.275, 0.35]
         .into_iter()
         .map(|chi: f64| {
-            let depth_mm = (chi * THICKNESS_MM).powi(2) / RADIUS_MM;
+            let depth_mm = chi * chi * THICKNESS_MM * THICKNESS_MM / RADIUS_MM;
             let mut pressure = vec![0.0; grid.cells_count()];
             let pressed = Normal::new(grid.cells_count()).solve(
                 &mut response,
