@@ -1,7 +1,7 @@
 //! The object as a rigid body in the plane of the gel: where it is, what drives it, how it gives way.
 
 use crate::layer::{above_zero, zero_or_above};
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;

@@ -3,7 +3,6 @@
 
 use super::grid::Grid;
 use super::response::{Kernel, Response};
-use super::transform::Planner;
 use std::f64::consts::PI;
 
 /// ln(a + r), r = |(a, b)|, without cancellation when a is negative.
@@ -39,11 +38,10 @@ fn cell_kernel(shear_modulus_mpa: f64, nu: f64, cell: f64, x: f64, y: f64) -> Ke
 }
 
 /// The response of a half-space on the cells of a grid; its padded size must be twice its size or more.
-pub(crate) fn half_space_response(grid: &Grid, shear_modulus_mpa: f64, poisson: f64, planner: Planner) -> Response {
+pub(crate) fn half_space_response(grid: &Grid, shear_modulus_mpa: f64, poisson: f64) -> Response {
     Response::of_kernel(
         [grid.padded_width_cells, grid.padded_height_cells],
         [grid.width_cells, grid.height_cells],
-        planner,
         |dx, dy| {
             let (x, y) = (dx as f64 * grid.cell_mm, dy as f64 * grid.cell_mm);
             cell_kernel(shear_modulus_mpa, poisson, grid.cell_mm, x, y)

@@ -9,7 +9,7 @@ use super::strain::largest_gradient;
 use super::tangential::{Held, OneSurface, Question};
 use super::transform::Area;
 use super::truth::LINEAR_STRAIN;
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
 use slipbound::plane::Vec2;
 
 const ZERO: Complex64 = Complex64::new(0.0, 0.0);

@@ -19,7 +19,7 @@ use super::settings::{Command, FingerSettings};
 use super::shape::Shape;
 use super::tangential::{Held, OneSurface, Question, Surface, Tangential};
 use super::truth::{Events, Truth};
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 

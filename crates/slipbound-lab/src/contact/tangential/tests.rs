@@ -1,7 +1,6 @@
 use super::*;
 use crate::contact::body::length;
 use crate::contact::grid::Grid;
-use crate::contact::transform::Planner;
 use crate::contact::{Body, Drive, FingerSettings, Inertia, Pose, Wrench};
 use crate::layer::Gel;
 use slipbound::plane::Vec2;
@@ -21,7 +20,7 @@ struct Pulled {
 fn pull(mass_kg: f64, stop: Stop) -> Pulled {
     let (grid, gel) = (Grid::fast(), Gel::default());
     let (stride, count) = (grid.width_cells, grid.cells_count());
-    let mut response = Response::of_layer(&grid, Planner::Scalar, |k| gel.compliance(k));
+    let mut response = Response::of_layer(&grid, |k| gel.compliance(k));
     let cells: Vec<u32> = PATCH.cells(stride).map(|i| i as u32).collect();
     let lever: Vec<_> = (0..count).map(|i| grid.centre_mm(i)).map(|c| Complex64::new(c.x, c.y)).collect();
     let mut bound = vec![0.0; count];
