@@ -42,7 +42,8 @@ impl Plane {
     /// Blurred along x and along y.
     fn blurred(&self, sigma_px: f64) -> Self {
         let reach = (4.0 * sigma_px).ceil() as i64;
-        let taps: Vec<f64> = (-reach..=reach).map(|d| (-0.5 * (d as f64 / sigma_px).powi(2)).exp()).collect();
+        let bell = |d: f64| libm::exp(-0.5 * d * d);
+        let taps: Vec<f64> = (-reach..=reach).map(|d| bell(d as f64 / sigma_px)).collect();
         let sum: f64 = taps.iter().sum();
         let along = |from: &Plane, dx: i64, dy: i64| {
             let place = |i: usize| ((i % self.size.width) as i64, (i / self.size.width) as i64);
@@ -63,7 +64,7 @@ fn median(values: &mut [f64]) -> f64 {
 
 fn spread(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
-    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64).sqrt()
+    (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (values.len() - 1) as f64).sqrt()
 }
 
 /// Where the camera image shows a place of the rectified one.

@@ -124,7 +124,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         };
         println!("{} rows; of objects left out:", rows.len());
         let (text, [used, stick, alone_used, alone_stick]) = table(&rows);
-        errors("used", &used, f64::exp);
+        errors("used", &used, libm::exp);
         errors("stick", &stick, |stick| stick);
         errors("used, without grip force", &alone_used, |used| used);
         errors("stick, without grip force", &alone_stick, |stick| stick);

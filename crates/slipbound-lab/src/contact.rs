@@ -15,6 +15,7 @@
 
 mod body;
 mod finger;
+mod fourier;
 mod friction;
 mod grid;
 mod half_space;
@@ -40,7 +41,6 @@ pub use normal::{Grip, Stop};
 pub use pair::FingerPair;
 pub use path::{Change, Leg, Path};
 pub use settings::{Command, FingerSettings};
-pub use transform::Planner;
 pub use truth::{Displacement, Event, Events, GROSS_FRICTION_FRACTION, LINEAR_STRAIN, LoadRecord, Truth};
 
 pub(crate) use half_space::half_space_response;

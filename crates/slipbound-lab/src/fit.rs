@@ -51,7 +51,7 @@ const MIDDLE_MU: f64 = 0.5;
 fn used(row: &Row) -> Option<Row> {
     let [used, _] = row.targets;
     let pulls = row.features[LOAD] > LEAST_LOAD && used > LEAST_USED;
-    let mut row = Row { weight: row.weight * row.mu / MIDDLE_MU, targets: [used.ln(), 0.0], ..row.clone() };
+    let mut row = Row { weight: row.weight * row.mu / MIDDLE_MU, targets: [libm::log(used), 0.0], ..row.clone() };
     row.features[MOVING] = 0.0;
     pulls.then_some(row)
 }
@@ -139,7 +139,7 @@ pub fn gross_table(rows: &[Vec<Row>; 2]) -> (String, [Vec<f64>; 2]) {
     let text = names.iter().zip(rows).map(|(name, rows)| Ensemble::fit(rows, slides, &GROSS).written(name)).collect();
     let likely = |rows: &Vec<Row>| {
         let odds = left_out(rows, slides, &GROSS);
-        odds.iter().map(|[odds]| 1.0 / (1.0 + (-odds).exp())).collect()
+        odds.iter().map(|[odds]| 1.0 / (1.0 + libm::exp(-odds))).collect()
     };
     (text, [likely(&rows[0]), likely(&rows[1])])
 }
@@ -163,12 +163,12 @@ mod tests {
     /// Ramps to gross slip of contacts whose friction is from 0.2 to 1.3, even by the logarithm.
     #[test]
     fn at_a_given_load_the_friction_is_even_by_its_logarithm() {
-        let mus = (0..400).map(|i| 0.2 * (1.3f64 / 0.2).powf((f64::from(i) + 0.5) / 400.0));
+        let mus = (0..400).map(|i| 0.2 * libm::pow(1.3 / 0.2, (f64::from(i) + 0.5) / 400.0));
         let ramps = mus.flat_map(|mu| (1..=200).map(move |step| row(mu, f64::from(step) / 200.0, 0.1)));
         let lessons: Vec<Row> = ramps.filter_map(|row| used(&row)).collect();
         let (mut weights, mut logs, mut plain, mut count) = (0.0, 0.0, 0.0, 0.0);
         for row in lessons.iter().filter(|row| (0.14..0.16).contains(&row.features[LOAD])) {
-            let log_mu = (0.6 * row.features[LOAD] / row.targets[0].exp()).ln();
+            let log_mu = libm::log(0.6 * row.features[LOAD] / libm::exp(row.targets[0]));
             (weights, logs) = (weights + row.weight, logs + row.weight * log_mu);
             (plain, count) = (plain + log_mu, count + 1.0);
         }
@@ -181,7 +181,7 @@ mod tests {
         assert!(used(&row(0.5, 0.01, 0.1)).is_none() && used(&row(0.5, 0.6, 0.1)).is_some(), "nothing pulls");
         let fast = used(&row(0.5, 0.6, 0.4)).expect("a lesson");
         assert_eq!(fast, used(&row(0.5, 0.6, 0.01)).expect("a lesson"), "the pace of a load");
-        assert!((fast.targets[0] - 0.6f64.ln()).abs() < 1e-12);
+        assert!((fast.targets[0] - libm::log(0.6)).abs() < 1e-12);
         let without = alone_used(&row(0.5, 0.6, 0.4)).expect("a lesson");
         assert_eq!(without.features[GEOMETRIC_COUNT..], [0.0; FEATURES_COUNT - GEOMETRIC_COUNT]);
         assert_eq!((without.targets[0], without.features[MOVING]), (0.6, 0.4));

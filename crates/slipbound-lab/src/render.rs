@@ -104,7 +104,7 @@ impl Renderer {
             _ => 0..0,
         };
         let spans: Vec<_> = gel.chunks_exact(size.width).map(span).collect();
-        let tap = |d: f64| (-0.5 * (d / settings.blur_px).powi(2)).exp();
+        let tap = |d: f64| bell(d / settings.blur_px);
         let sum = tap(0.0) + 2.0 * tap(1.0) + 2.0 * tap(2.0);
         let blur = [0.0, 1.0, 2.0].map(|d| (tap(d) / sum) as f32);
         let stuck = (0..settings.stuck_pixels_count)
@@ -311,7 +311,7 @@ fn pixel(settings: &CameraSettings, view: &View, backdrop: &Backdrop, i: usize) 
     if gel <= 0.0 {
         return (backdrop.beyond(plane).map(|level| level as f32), 0.0);
     }
-    let glare = (-0.5 * ((settings.gel_half_mm.y - 0.9 - plane.y) / 0.7).powi(2)).exp();
+    let glare = bell((settings.gel_half_mm.y - 0.9 - plane.y) / 0.7);
     let glint = if settings.glints { glint(plane) } else { 0.0 };
     let lit = std::array::from_fn(|c| {
         let level: f64 = powers.iter().zip(&light.background_levels[c]).map(|(p, b)| p * b).sum();
@@ -324,6 +324,11 @@ fn pixel(settings: &CameraSettings, view: &View, backdrop: &Backdrop, i: usize) 
     (std::array::from_fn(|c| (beyond[c] + (lit[c] - beyond[c]) * gel) as f32), gel as f32)
 }
 
+/// A bell of height 1 over distance in standard deviations.
+fn bell(distance: f64) -> f64 {
+    libm::exp(-0.5 * distance * distance)
+}
+
 /// Two scratches of the coating near a corner.
 fn glint(plane_mm: Vec2) -> f64 {
     [Vec2::new(-13.2, -11.6), Vec2::new(-12.4, -11.3)]
@@ -331,9 +336,9 @@ fn glint(plane_mm: Vec2) -> f64 {
         .map(|&middle| {
             let d = plane_mm - middle;
             let (along, across) = (d.x * 0.5 + d.y * 0.87, d.x * 0.87 - d.y * 0.5);
-            let squared = (along / 0.7).powi(2) + (across / 0.07).powi(2);
+            let scaled = Vec2::new(along / 0.7, across / 0.07);
             // Where it is below the least number there is.
-            if squared > 1500.0 { 0.0 } else { (-0.5 * squared).exp() }
+            if scaled.length_squared() > 1500.0 { 0.0 } else { bell(scaled.length()) }
         })
         .sum()
 }

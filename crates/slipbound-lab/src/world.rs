@@ -267,7 +267,7 @@ impl World {
             Pull::Ramp { direction_rad, twist_fraction, .. } => {
                 let finger = &self.finger;
                 let full = *self.full_slip.get_or_insert_with(|| load::full_slip(finger, direction_rad));
-                let (turning, pulling) = (twist_fraction * std::f64::consts::FRAC_PI_2).sin_cos();
+                let (turning, pulling) = libm::sincos(twist_fraction * std::f64::consts::FRAC_PI_2);
                 Ok(Wrench {
                     force_n: full.force_n * (self.load * pulling),
                     torque_n_mm: full.torque_n_mm * (self.load * turning),
@@ -278,7 +278,7 @@ impl World {
                     inertia.mass_kg = mass_kg;
                     self.set_drive(Drive::Free(inertia))?;
                 }
-                let (s, c) = direction_rad.sin_cos();
+                let (s, c) = libm::sincos(direction_rad);
                 Ok(Wrench { force_n: Vec2::new(c, s) * self.load, torque_n_mm: 0.0 })
             }
         }
@@ -320,7 +320,7 @@ impl World {
 /// Refuses a place on the pad where the object would reach over its border.
 fn check_place(grid: &Grid, start: &Pose, shape: &dyn crate::contact::shape::Shape) -> Result<(), SettingError> {
     let half = shape.half_size_mm();
-    let (s, c) = start.turn_rad.sin_cos();
+    let (s, c) = libm::sincos(start.turn_rad);
     let room = grid.half_size_mm() - Vec2::new(grid.cell_mm, grid.cell_mm);
     let reach = Vec2::new((c * half.x).abs() + (s * half.y).abs(), (s * half.x).abs() + (c * half.y).abs());
     for (key, at, reach, room) in

@@ -90,14 +90,14 @@ fn finger(seed: u64) -> Finger {
     let turn = random.within(0.0, std::f64::consts::TAU);
     // A grid that fills about the picture, whichever way it is turned.
     let (w, h) = (size.width as f64, size.height as f64);
-    let (cos, sin) = (turn.cos().abs(), turn.sin().abs());
+    let (cos, sin) = (libm::cos(turn).abs(), libm::sin(turn).abs());
     let (wide, high) = if cos > sin { (w, h) } else { (h, w) };
     let columns = (markers_count * wide / high).sqrt().round().max(5.0);
     let rows = (markers_count / columns).round().max(5.0);
     let half_span = columns.max(rows) / 2.0;
     let pitch_px = (0.86 * (wide / columns).min(high / rows)) * random.within(0.8, 1.0);
     let scale = pitch_px * half_span;
-    let (s, c) = turn.sin_cos();
+    let (s, c) = libm::sincos(turn);
     let shift = [random.within(-0.04, 0.04) * w, random.within(-0.04, 0.04) * h];
     let place = Homography([
         [scale * c, -scale * s, w / 2.0 - 0.5 + shift[0]],
@@ -131,7 +131,7 @@ fn finger(seed: u64) -> Finger {
             continue;
         }
         let direction = random.within(0.0, std::f64::consts::TAU);
-        let by = Vec2::new(direction.cos(), direction.sin()) * diameter_pitch;
+        let by = Vec2::new(libm::cos(direction), libm::sin(direction)) * diameter_pitch;
         match (doubled, random.share() < 0.5) {
             (false, _) => draw(&mut cover, size, &truth, *node, diameter_pitch),
             // Seen double, as by a lens: two halves of a bow tie.
@@ -165,7 +165,8 @@ fn with_glare(finger: &mut Finger, seed: u64) -> Vec<Vec2> {
     let mut random = Random::new(seed ^ 0x61A2E);
     let (w, h) = (finger.size.width as f64, finger.size.height as f64);
     let along_rad = random.within(0.0, std::f64::consts::TAU);
-    let (along, across) = (Vec2::new(along_rad.cos(), along_rad.sin()), Vec2::new(-along_rad.sin(), along_rad.cos()));
+    let (along, across) =
+        (Vec2::new(libm::cos(along_rad), libm::sin(along_rad)), Vec2::new(-libm::sin(along_rad), libm::cos(along_rad)));
     let middle = Vec2::new(w / 2.0, h / 2.0) + across * (random.within(0.1, 0.38) * h);
     let half_px = 0.5 * random.within(2.5, 4.0) * finger.pitch_px;
     let mut phantoms = Vec::new();
@@ -186,7 +187,7 @@ fn with_glare(finger: &mut Finger, seed: u64) -> Vec<Vec2> {
     let sign = if finger.polarity == Polarity::Dark { -1.0 } else { 1.0 };
     for (i, level) in finger.grey.iter_mut().enumerate() {
         let p = Vec2::new((i % finger.size.width) as f64, (i / finger.size.width) as f64);
-        let light = 1.0 / (1.0 + (((p - middle).dot(across).abs() - half_px) / 1.5).exp());
+        let light = 1.0 / (1.0 + libm::exp(((p - middle).dot(across).abs() - half_px) / 1.5));
         let lit = f64::from(*level) * (1.0 - 0.5 * light) + light * (90.0 + sign * 70.0 * cover[i]);
         *level = lit.round().clamp(0.0, 255.0) as u8;
     }
@@ -207,7 +208,7 @@ fn draw(cover: &mut [f64], size: SizePx, truth: &Truth, centre: Vec2, diameter_p
             let by = Vec2::new(x as f64, y as f64) - at;
             let plane = Vec2::new(by.cross(b), a.cross(by)) / det;
             let beyond_px = (plane.length() - radius) * px_per_pitch;
-            let here = 1.0 / (1.0 + (beyond_px / 0.45).exp());
+            let here = 1.0 / (1.0 + libm::exp(beyond_px / 0.45));
             let pixel = &mut cover[y * size.width + x];
             *pixel = pixel.max(here);
         }

@@ -178,7 +178,7 @@ fn a_tool_in_the_air_is_held_against_its_weight_and_its_lever() {
         let carried_n = left.force_n.x + right.force_n.x;
         assert!((carried_n / ground.weight_n - 1.0).abs() < 0.005, "to the solver's tolerance: {carried_n}");
         // About Z of the hand, which is z of the right finger: the centre of mass is off along Y, its weight along X.
-        let expected_n_mm = -off_mm * (tilt_deg * DEG).cos() * ground.weight_n;
+        let expected_n_mm = -off_mm * libm::cos(tilt_deg * DEG) * ground.weight_n;
         let torque_n_mm = right.torque_n_mm - left.torque_n_mm;
         assert!((torque_n_mm / expected_n_mm - 1.0).abs() < 0.02, "{torque_n_mm} of {expected_n_mm}");
         assert_eq!((left.force_n.x, left.force_n.y), (right.force_n.x, -right.force_n.y));
@@ -269,7 +269,7 @@ fn a_hand_that_rises_faster_makes_a_bottle_heavier_and_pulls_add_to_its_weight()
         pulled_s += if bottle.pull_n > 0.0 { 1.0 / 120.0 } else { 0.0 };
         let [left, right] = truth.wrench;
         from_pads_n =
-            from_pads_n.max((left.force_n.x + right.force_n.x - weight_n).hypot(left.force_n.y - right.force_n.y));
+            from_pads_n.max(libm::hypot(left.force_n.x + right.force_n.x - weight_n, left.force_n.y - right.force_n.y));
     }
     assert!((0.15..0.65).contains(&pulled_s), "3 pulls of 50 to 200 ms: {pulled_s} s");
     assert!((2.5..6.0).contains(&from_pads_n), "the pads feel a pull of 4 N: {from_pads_n} N");

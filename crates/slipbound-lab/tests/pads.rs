@@ -88,7 +88,7 @@ fn a_stiffer_pad_carries_more_and_a_turned_one_feels_the_load_turned() {
     assert!((1.3..2.0).contains(&ratio), "twice as stiff under a smaller contact: {ratio}");
     let [left_n, right_n] = carried("&turn_right_deg=10");
     assert!((right_n.length() / left_n.length() - 1.0).abs() < 0.02, "{left_n:?} {right_n:?}");
-    let turned_deg = (right_n.y / right_n.x).atan() / DEG;
+    let turned_deg = libm::atan(right_n.y / right_n.x) / DEG;
     assert!((turned_deg + 10.0).abs() < 1.0, "{turned_deg} deg: the pad is turned, the load stays");
 }
 

@@ -1,7 +1,7 @@
 //! The object as a rigid body in the plane of the gel: where it is, what drives it, how it gives way.
 
 use crate::layer::{above_zero, zero_or_above};
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
@@ -22,7 +22,7 @@ pub struct Pose {
 impl Pose {
     /// The same pose in axes that are turned by `turn_rad`.
     pub(crate) fn seen_turned(self, turn_rad: f64) -> Pose {
-        let (s, c) = turn_rad.sin_cos();
+        let (s, c) = libm::sincos(turn_rad);
         let Vec2 { x, y } = self.position_mm;
         Pose { position_mm: Vec2::new(c * x + s * y, c * y - s * x), turn_rad: self.turn_rad - turn_rad }
     }
@@ -271,7 +271,7 @@ impl Inertia {
     ) {
         let m = self.mass_kg * TONNES_PER_KG;
         let spin = m * self.gyration_radius_mm * self.gyration_radius_mm;
-        let lever = |turn: f64| Complex64::from_polar(1.0, turn) * complex(self.centre_of_mass_mm);
+        let lever = |turn_rad: f64| rotation(turn_rad) * complex(self.centre_of_mass_mm);
         let (last, e) = (lever(turn_rad - 0.5 * velocity.turn * dt), lever(turn_rad + 0.5 * next_rad));
         let momentum = velocity.at(last) * m;
         let mass = [[m, 0.0, -m * e.im], [0.0, m, m * e.re], [-m * e.im, m * e.re, spin + m * e.norm_sqr()]];
@@ -303,6 +303,17 @@ impl Rail {
 /// A plane vector as a complex number.
 pub(crate) fn complex(v: Vec2) -> Complex64 {
     Complex64::new(v.x, v.y)
+}
+
+/// What turns a plane vector by `turn_rad` as its factor.
+pub(super) fn rotation(turn_rad: f64) -> Complex64 {
+    let (s, c) = libm::sincos(turn_rad);
+    Complex64::new(c, s)
+}
+
+/// Length of a plane vector.
+pub(super) fn length(z: Complex64) -> f64 {
+    z.norm_sqr().sqrt()
 }
 
 /// A complex number as a plane vector.

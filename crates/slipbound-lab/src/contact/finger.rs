@@ -1,6 +1,6 @@
 //! One finger and one object, stepped in time.
 
-use super::body::{Drive, Motion, complex};
+use super::body::{Drive, Motion, complex, length};
 use super::grid::Region;
 use super::normal::Normal;
 use super::response::Response;
@@ -9,7 +9,7 @@ use super::settings::{Command, FingerSettings};
 use super::shape::Shape;
 use super::tangential::Tangential;
 use super::truth::{Events, Truth};
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
 use slipbound::setting::SettingError;
 use std::sync::Arc;
 
@@ -113,13 +113,13 @@ impl Finger {
         settings.check()?;
         shape.check()?;
         settings.check_size(shape.half_size_mm())?;
-        let FingerSettings { grid, gel, soft_object, planner, .. } = settings;
+        let FingerSettings { grid, gel, soft_object, .. } = settings;
         let creep = gel.creep.map(|creep| {
             let rate = settings.substep_s / creep.time_s;
             CreepStep { keep: 1.0 / (1.0 + rate), gain: creep.share_fraction * rate / (1.0 + rate) }
         });
         let yields = 1.0 + creep.map_or(0.0, |creep| creep.gain);
-        let interface = Material { grid, gel, yields, soft_object, planner };
+        let interface = Material { grid, gel, yields, soft_object };
         let cells = grid.cells_count();
         let apart = (creep.is_some() || soft_object.is_some()).then(|| GelApart {
             response: Responses::of(&Material { yields: 1.0, soft_object: None, ..interface }).whole().clone(),
@@ -206,7 +206,7 @@ impl Finger {
         let pose = self.truth.pose;
         let commanded_mm =
             way_mm((command.pose.position_mm - pose.position_mm).length(), command.pose.turn_rad - pose.turn_rad);
-        let carried_mm = way_mm(self.velocity.shift.norm(), self.velocity.turn) * self.settings.substep_s;
+        let carried_mm = way_mm(length(self.velocity.shift), self.velocity.turn) * self.settings.substep_s;
         let way_mm = match self.settings.body.drive {
             Drive::Guided => commanded_mm,
             _ => carried_mm,

@@ -21,7 +21,7 @@ pub struct Grid {
     pub height_cells: usize,
     /// Side of the square cells in mm.
     pub cell_mm: f64,
-    /// Cells along x of the periodic domain of the transforms, at least `width_cells`: the rest is padding. The
+    /// Cells along x of the periodic domain of the transforms, at least `width_cells` and even, 2^a 3^b 5^c: the rest is padding. The
     /// response of a bonded layer dies out within 3 to 4 thicknesses, so 12 mm are enough for 3 mm of gel.
     pub padded_width_cells: usize,
     /// Cells along y of the periodic domain, at least `height_cells`.
@@ -63,7 +63,7 @@ impl Grid {
         }
     }
 
-    /// Refuses grids that are empty, too small, or whose padded size is below the size or odd.
+    /// Refuses grids that are empty, too small, or whose padded size is below the size, odd, or no 2^a 3^b 5^c.
     pub fn check(&self) -> Result<(), SettingError> {
         let bad = |key: &str, got: usize, expected: String| {
             Err(SettingError { key: key.into(), got: got.to_string(), expected })
@@ -76,8 +76,8 @@ impl Grid {
             if !(8..=4096).contains(&cells) {
                 return bad(key, cells, "8 to 4096".into());
             }
-            if padded < cells || padded > 8192 || padded % 2 == 1 {
-                return bad(padded_key, padded, format!("an even number from {cells} to 8192"));
+            if padded < cells || padded > 8192 || smooth_even_at_least(padded) != padded {
+                return bad(padded_key, padded, format!("an even number 2^a 3^b 5^c from {cells} to 8192"));
             }
         }
         Ok(())

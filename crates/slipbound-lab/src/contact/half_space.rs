@@ -3,13 +3,12 @@
 
 use super::grid::Grid;
 use super::response::{Kernel, Response};
-use super::transform::Planner;
 use std::f64::consts::PI;
 
 /// ln(a + r), r = |(a, b)|, without cancellation when a is negative.
 fn ln_sum(a: f64, b: f64) -> f64 {
-    let r = a.hypot(b);
-    if a >= 0.0 { (a + r).ln() } else { (b * b / (r - a)).ln() }
+    let r = libm::hypot(a, b);
+    if a >= 0.0 { libm::log(a + r) } else { libm::log(b * b / (r - a)) }
 }
 
 /// Integral over a cell of side `cell` at offset (x, y), from the corner function of the integrand.
@@ -23,9 +22,9 @@ fn cell_kernel(shear_modulus_mpa: f64, nu: f64, cell: f64, x: f64, y: f64) -> Ke
     let inverse = over_cell(x, y, cell, |x, y| x * ln_sum(y, x) + y * ln_sum(x, y)); // 1/r
     let xx = over_cell(x, y, cell, |x, y| y * ln_sum(x, y)); // x^2/r^3
     let yy = over_cell(x, y, cell, |x, y| x * ln_sum(y, x)); // y^2/r^3
-    let xy = over_cell(x, y, cell, |x, y| -x.hypot(y)); // xy/r^3
-    let xz = over_cell(x, y, cell, |x, y| y * x.hypot(y).ln() - y + x * (y / x).atan()); // x/r^2
-    let yz = over_cell(x, y, cell, |x, y| x * x.hypot(y).ln() - x + y * (x / y).atan()); // y/r^2
+    let xy = over_cell(x, y, cell, |x, y| -libm::hypot(x, y)); // xy/r^3
+    let xz = over_cell(x, y, cell, |x, y| y * libm::log(libm::hypot(x, y)) - y + x * libm::atan(y / x)); // x/r^2
+    let yz = over_cell(x, y, cell, |x, y| x * libm::log(libm::hypot(x, y)) - x + y * libm::atan(x / y)); // y/r^2
     let c = 1.0 / (2.0 * PI * shear_modulus_mpa);
     let odd = -0.5 * c * (1.0 - 2.0 * nu);
     Kernel {
@@ -39,11 +38,10 @@ fn cell_kernel(shear_modulus_mpa: f64, nu: f64, cell: f64, x: f64, y: f64) -> Ke
 }
 
 /// The response of a half-space on the cells of a grid; its padded size must be twice its size or more.
-pub(crate) fn half_space_response(grid: &Grid, shear_modulus_mpa: f64, poisson: f64, planner: Planner) -> Response {
+pub(crate) fn half_space_response(grid: &Grid, shear_modulus_mpa: f64, poisson: f64) -> Response {
     Response::of_kernel(
         [grid.padded_width_cells, grid.padded_height_cells],
         [grid.width_cells, grid.height_cells],
-        planner,
         |dx, dy| {
             let (x, y) = (dx as f64 * grid.cell_mm, dy as f64 * grid.cell_mm);
             cell_kernel(shear_modulus_mpa, poisson, grid.cell_mm, x, y)

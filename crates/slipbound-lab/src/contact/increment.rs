@@ -1,6 +1,6 @@
 //! One increment of a step of a finger: gap, pressure, friction bounds, tractions, displacement, slip.
 
-use super::body::{Drive, Motion, Resistance, complex, plane};
+use super::body::{Drive, Motion, Resistance, complex, length, plane};
 use super::finger::{Finger, GelApart, Increment};
 use super::grid::Region;
 use super::normal::Grip;
@@ -9,7 +9,7 @@ use super::strain::largest_gradient;
 use super::tangential::{Held, OneSurface, Question};
 use super::transform::Area;
 use super::truth::LINEAR_STRAIN;
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
 use slipbound::plane::Vec2;
 
 const ZERO: Complex64 = Complex64::new(0.0, 0.0);
@@ -88,9 +88,9 @@ impl Finger {
     fn place(&self, command: &Command) -> Place {
         let pose = self.truth.pose;
         let mounting = self.settings.shape_in_object;
-        let (s, c) = (pose.turn_rad + mounting.turn_rad).sin_cos();
+        let (s, c) = libm::sincos(pose.turn_rad + mounting.turn_rad);
         let back = Complex64::new(c, -s);
-        let (ps, pc) = pose.turn_rad.sin_cos();
+        let (ps, pc) = libm::sincos(pose.turn_rad);
         let origin = complex(pose.position_mm) + Complex64::new(pc, ps) * complex(mounting.position_mm);
         Place { back, origin, roll: back * complex(command.roll_mm) }
     }
@@ -329,7 +329,7 @@ impl Finger {
             reach = reach.max(self.lever[i].norm_sqr());
             let way = motion.at(self.lever[i]);
             done += q.re * way.re + q.im * way.im;
-            most += self.bound[i] * way.norm();
+            most += self.bound[i] * length(way);
             let held = self.anchor[i] + way;
             let reached = self.relative[i] + q * give;
             let slip = held - reached; // of the object over the gel
@@ -340,7 +340,7 @@ impl Finger {
                 self.stick[i] = false;
                 self.slip_step[i] += slip;
                 self.slip[i] += slip;
-                self.slipped[i] += slip.norm();
+                self.slipped[i] += length(slip);
                 heat += work;
             }
         }

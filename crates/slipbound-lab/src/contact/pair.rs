@@ -13,13 +13,13 @@
 //! The right pad is computed in axes in which it would be the left one if it were alike; its readings are in these. In
 //! the plane of the left finger they may be turned, as a pad is that is not mounted straight.
 
-use super::body::{Body, Motion, Wrench, complex, plane};
+use super::body::{Body, Motion, Wrench, complex, plane, rotation};
 use super::finger::{Finger, Increment};
 use super::settings::{Command, FingerSettings};
 use super::shape::Shape;
 use super::tangential::{Held, OneSurface, Question, Surface, Tangential};
 use super::truth::{Events, Truth};
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 
@@ -98,7 +98,7 @@ impl FingerPair {
         let gives = fingers.iter().any(|finger| !finger.give.is_empty());
         Ok(FingerPair {
             turn_rad,
-            turned: Complex64::from_polar(1.0, turn_rad),
+            turned: rotation(turn_rad),
             tangential: Tangential::new(2 * cells),
             joint: Joint {
                 cells: Vec::with_capacity(2 * cells),

@@ -4,7 +4,7 @@ use super::body::{Body, plane};
 use super::finger::Finger;
 use super::settings::FingerSettings;
 use super::truth::{Displacement, Truth};
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 

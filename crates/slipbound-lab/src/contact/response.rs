@@ -1,9 +1,11 @@
 //! How the whole surface yields to tractions: convolutions with the compliance, done in Fourier space.
 
+use super::fourier::{LANES, Rows};
 use super::grid::{Grid, Region, smooth_even_at_least};
-use super::transform::{Area, Planner, Transform};
+use super::transform::{Area, Lines, Transform};
 use crate::layer::Compliance;
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
+use slipbound::pixels::wide::wide;
 use std::sync::Arc;
 
 /// Waves on either side, in either direction, that are added to the one a grid can resolve.
@@ -24,16 +26,95 @@ pub(crate) struct Kernel {
     pub yz: f64,
 }
 
-/// Compliance at the wave numbers of one half of a transform, divided by the number of its points.
+impl Kernel {
+    /// Two by two, the odd ones last.
+    fn pairs(self) -> [Complex64; 3] {
+        let Kernel { xx, xy, yy, zz, xz, yz } = self;
+        [Complex64::new(xx, yy), Complex64::new(xy, zz), Complex64::new(xz, yz)]
+    }
+
+    fn of_pairs([even, rest, odd]: [Complex64; 3]) -> Self {
+        Kernel { xx: even.re, xy: rest.re, yy: even.im, zz: rest.im, xz: odd.re, yz: odd.im }
+    }
+}
+
+/// Compliance at one wave number: the spectra of even kernels are real, those of odd ones i times these.
 #[derive(Debug, Clone, Copy, Default)]
 struct Wave {
-    /// (xx + yy) / 2
-    mean: f64,
-    /// (xx - yy) / 2 + i xy
-    spread: Complex64,
+    xx: f64,
+    xy: f64,
+    yy: f64,
     zz: f64,
-    /// xz, yz: the spectra of the odd kernels are i times these.
-    odd: Complex64,
+    xz: f64,
+    yz: f64,
+}
+
+/// Compliance at the waves of every block of [`Lines`], in their order, divided by what a transform there and back multiplies by.
+#[derive(Debug)]
+struct Waves {
+    /// xx and yy, xy and zz, xz and yz.
+    pairs: [Vec<Rows>; 3],
+}
+
+impl Waves {
+    /// From the wave numbers `kx` and `ky`.
+    fn of(transform: &Transform, wave: impl Fn(usize, usize) -> Wave) -> Self {
+        let mut pairs = [(); 3].map(|()| vec![Rows::zeros(transform.nx); transform.blocks_count()]);
+        for ky in 0..=transform.ny / 2 {
+            for kx in 0..transform.nx {
+                let (row, Wave { xx, xy, yy, zz, xz, yz }) = (transform.place(kx), wave(kx, ky));
+                for (rows, pair) in pairs.iter_mut().zip([[xx, yy], [xy, zz], [xz, yz]]) {
+                    for (part, value) in rows[ky / LANES].parts_mut().into_iter().zip(pair) {
+                        part[row][ky % LANES] = value;
+                    }
+                }
+            }
+        }
+        Waves { pairs }
+    }
+
+    /// Numbers of a block: xx and yy, xy and zz, or xz and yz.
+    fn of_block(&self, pair: usize, block: usize) -> [&[f64]; 2] {
+        flat(&self.pairs[pair][block])
+    }
+
+    /// u_z of the pressure, in place.
+    fn press(&self, block: usize, z: &mut Rows) {
+        let [_, zz] = self.of_block(1, block);
+        flat_mut(z).into_iter().for_each(|part| scale(zz, part));
+    }
+
+    /// u_x and u_y of the traction, in place.
+    fn shear(&self, block: usize, x: &mut Rows, y: &mut Rows) {
+        let ([xx, yy], [xy, _]) = (self.of_block(0, block), self.of_block(1, block));
+        flat_mut(x).into_iter().zip(flat_mut(y)).for_each(|(x, y)| mix(xx, xy, yy, x, y));
+    }
+
+    /// u_x = i xz p and u_y = i yz p of the pressure.
+    fn spread(&self, block: usize, p: &Rows, x: &mut Rows, y: &mut Rows) {
+        let [p_re, p_im] = flat(p);
+        for (odd, out) in self.of_block(2, block).into_iter().zip([x, y]) {
+            let [re, im] = flat_mut(out);
+            product(odd, p_im, -1.0, re);
+            product(odd, p_re, 1.0, im);
+        }
+    }
+
+    /// u_z = -i (xz qx + yz qy) of the traction.
+    fn lift(&self, block: usize, x: &Rows, y: &Rows, z: &mut Rows) {
+        let ([xz, yz], [x_re, x_im], [y_re, y_im]) = (self.of_block(2, block), flat(x), flat(y));
+        let [re, im] = flat_mut(z);
+        sum(xz, yz, x_im, y_im, 1.0, re);
+        sum(xz, yz, x_re, y_re, -1.0, im);
+    }
+}
+
+fn flat(rows: &Rows) -> [&[f64]; 2] {
+    rows.parts().map(<[_]>::as_flattened)
+}
+
+fn flat_mut(rows: &mut Rows) -> [&mut [f64]; 2] {
+    rows.parts_mut().map(<[_]>::as_flattened_mut)
 }
 
 /// The response of a body's surface on windows up to `most_width` x `most_height` cells, with its buffers.
@@ -41,123 +122,97 @@ struct Wave {
 pub(crate) struct Response {
     pub(super) transform: Transform,
     /// Fingers of one gel share them.
-    waves: Arc<[Wave]>,
-    full: Vec<Complex64>,
-    half: Vec<Complex64>,
+    waves: Arc<Waves>,
+    /// Along x, along y, into the gel: tractions and then displacements.
+    lines: [Lines; 3],
+    /// A block of each.
+    blocks: [Rows; 3],
     pub most_width: usize,
     pub most_height: usize,
 }
 
 impl Response {
     /// From a compliance that is a function of the wave number (a layer): periodic on the padded domain.
-    pub fn of_layer(grid: &Grid, planner: Planner, compliance: impl Fn(f64) -> Compliance) -> Self {
-        let mut out = Self::empty(grid.padded_width_cells, grid.padded_height_cells, planner);
-        (out.most_width, out.most_height) = (grid.width_cells, grid.height_cells);
-        let (half, ny) = (out.transform.half(), out.transform.ny);
-        let scale = 1.0 / (out.transform.nx * ny) as f64;
-        out.waves = (0..half * ny)
-            .map(|i| {
-                let wave = sampled(grid, i / ny, i % ny, &compliance);
-                Wave {
-                    mean: wave.mean * scale,
-                    spread: wave.spread * scale,
-                    zz: wave.zz * scale,
-                    odd: wave.odd * scale,
-                }
-            })
-            .collect();
-        out
+    pub fn of_layer(grid: &Grid, compliance: impl Fn(f64) -> Compliance) -> Self {
+        let transform = Transform::new(grid.padded_width_cells, grid.padded_height_cells);
+        // Lines hold fields times 2.
+        let scale = 0.5 / (transform.nx * transform.ny) as f64;
+        let waves = Waves::of(&transform, |kx, ky| sampled(grid, kx, ky, &compliance, scale));
+        Self::new(transform, waves, [grid.width_cells, grid.height_cells])
     }
 
     /// From a kernel in space, given for offsets of less than half the padded size.
-    pub fn of_kernel(
-        [nx, ny]: [usize; 2],
-        [most_width, most_height]: [usize; 2],
-        planner: Planner,
-        kernel: impl Fn(isize, isize) -> Kernel,
-    ) -> Self {
-        let mut out = Self::empty(nx, ny, planner);
-        (out.most_width, out.most_height) = (most_width, most_height);
-        // Two real kernels are one complex field; even ones have real spectra, odd ones imaginary spectra.
-        let mut even = vec![ZERO; nx * ny];
-        let mut rest = vec![ZERO; nx * ny];
-        let mut odd = vec![ZERO; nx * ny];
-        let (w, h) = (most_width as isize, most_height as isize);
+    pub fn of_kernel([nx, ny]: [usize; 2], most_cells: [usize; 2], kernel: impl Fn(isize, isize) -> Kernel) -> Self {
+        let mut transform = Transform::new(nx, ny);
+        let mut fields = [(); 3].map(|()| vec![ZERO; nx * ny]);
+        let [w, h] = most_cells.map(|most| most as isize);
         for dy in 1 - h..h {
             for dx in 1 - w..w {
                 let at = dy.rem_euclid(ny as isize) as usize * nx + dx.rem_euclid(nx as isize) as usize;
-                let k = kernel(dx, dy);
-                even[at] = Complex64::new(k.xx, k.yy);
-                rest[at] = Complex64::new(k.xy, k.zz);
-                odd[at] = Complex64::new(k.xz, k.yz);
+                kernel(dx, dy).pairs().into_iter().zip(&mut fields).for_each(|(pair, field)| field[at] = pair);
             }
         }
         let everything = Area::all_of(Region { column: 0, row: 0, width_cells: nx, height_cells: ny });
-        let mut spectra = [(); 3].map(|()| vec![ZERO; nx * ny]);
-        for (field, spectrum) in [&even, &rest, &odd].into_iter().zip(&mut spectra) {
-            out.transform.forward(field, nx, everything, spectrum);
-        }
-        let scale = 1.0 / (nx * ny) as f64;
-        let wave = |i: usize| {
-            let [even, rest, odd] = [0, 1, 2].map(|s| spectra[s][i] * scale);
-            Wave {
-                mean: 0.5 * (even.re + even.im),
-                spread: Complex64::new(0.5 * (even.re - even.im), rest.re),
-                zz: rest.im,
-                odd: Complex64::new(odd.im, -odd.re), // i xz + i (i yz) = -yz + i xz
-            }
-        };
-        out.waves = (0..out.transform.half() * ny).map(wave).collect();
-        out
+        let blocks = transform.blocks_count();
+        let spectra = fields.map(|field| {
+            let mut lines = [(); 2].map(|()| transform.lines(nx));
+            let [first, second] = &mut lines;
+            transform.lines_of_vectors(&field, nx, everything, [first, second]);
+            lines.map(|mut lines| -> Vec<Rows> {
+                let mut waves = vec![Rows::zeros(nx); blocks];
+                for (block, waves) in waves.iter_mut().enumerate() {
+                    transform.waves(&mut lines, block, everything, waves);
+                }
+                waves
+            })
+        });
+        // Lines hold fields times 2, those of the kernels here and those of tractions later.
+        let scale = 0.25 / (nx * ny) as f64;
+        let waves = Waves::of(&transform, |kx, ky| {
+            let (block, row, lane) = (ky / LANES, transform.place(kx), ky % LANES);
+            let even = |waves: &[Rows]| waves[block].parts()[0][row][lane] * scale;
+            let odd = |waves: &[Rows]| waves[block].parts()[1][row][lane] * scale;
+            let [[xx, yy], [xy, zz], [xz, yz]] = &spectra;
+            Wave { xx: even(xx), xy: even(xy), yy: even(yy), zz: even(zz), xz: odd(xz), yz: odd(yz) }
+        });
+        Self::new(transform, waves, most_cells)
+    }
+
+    fn new(transform: Transform, waves: Waves, [most_width, most_height]: [usize; 2]) -> Self {
+        let lines = [(); 3].map(|()| transform.lines(most_width));
+        let blocks = [(); 3].map(|()| Rows::zeros(transform.nx));
+        Response { transform, waves: Arc::new(waves), lines, blocks, most_width, most_height }
     }
 
     /// The same response for windows of at most `most_width` x `most_height` cells on smaller transforms: the
     /// kernel is cut out in space, so the results differ by rounding alone.
-    pub fn cut_to(&self, most_cells: [usize; 2], planner: Planner) -> Self {
-        self.in_space().cut_to(most_cells, planner)
+    pub fn cut_to(&self, most_cells: [usize; 2]) -> Self {
+        self.in_space().cut_to(most_cells)
     }
 
     /// Its kernel, back in space.
     pub(super) fn in_space(&self) -> InSpace {
-        let (nx, ny) = (self.transform.nx, self.transform.ny);
         let mut transform = self.transform.clone();
+        let (nx, ny) = (transform.nx, transform.ny);
         let whole = Region { column: 0, row: 0, width_cells: nx, height_cells: ny };
-        let mut fields = [(); 3].map(|()| vec![ZERO; nx * ny]);
-        for (which, field) in fields.iter_mut().enumerate() {
-            let mut spectrum = vec![ZERO; nx * ny];
-            for kx in 0..nx {
-                for ky in 0..ny {
-                    // Even tables are equal at k and -k, odd ones opposite.
-                    let (mirrored, at) = if kx < transform.half() {
-                        (false, kx * ny + ky)
-                    } else {
-                        (true, (nx - kx) * ny + (ny - ky) % ny)
-                    };
-                    let w = self.waves[at];
-                    let odd = if mirrored { -w.odd } else { w.odd };
-                    spectrum[kx * ny + ky] = match which {
-                        0 => Complex64::new(w.mean + w.spread.re, w.mean - w.spread.re),
-                        1 => Complex64::new(w.spread.im, w.zz),
-                        _ => Complex64::new(-odd.im, odd.re),
-                    };
+        let fields = [0, 1, 2].map(|pair| {
+            let mut lines = [0, 1].map(|part| {
+                let mut lines = transform.lines(nx);
+                for block in 0..transform.blocks_count() {
+                    let mut waves = Rows::zeros(nx);
+                    // The spectra of even kernels are real, those of odd ones imaginary.
+                    let into = &mut flat_mut(&mut waves)[usize::from(pair == 2)];
+                    into.iter_mut().zip(self.waves.of_block(pair, block)[part]).for_each(|(out, w)| *out = 2.0 * w);
+                    transform.lines_of_waves(&mut waves, block, whole, &mut lines);
                 }
-            }
-            transform.inverse(&mut spectrum, whole, nx, field);
-        }
+                lines
+            });
+            let mut field = vec![ZERO; nx * ny];
+            let [first, second] = &mut lines;
+            transform.vectors([first, second], whole, nx, &mut field);
+            field
+        });
         InSpace { nx, ny, fields }
-    }
-
-    fn empty(nx: usize, ny: usize, planner: Planner) -> Self {
-        let transform = Transform::new(nx, ny, planner);
-        let half = transform.half() * ny;
-        Response {
-            waves: Arc::new([]),
-            full: vec![ZERO; nx * ny],
-            half: vec![ZERO; half],
-            transform,
-            most_width: nx,
-            most_height: ny,
-        }
     }
 
     /// Points of the transforms: what a convolution costs.
@@ -172,11 +227,15 @@ impl Response {
 
     /// u_z on the window from the pressure on it.
     pub fn depth_of_pressure(&mut self, window: Region, stride: usize, pressure: &[f64], depth: &mut [f64]) {
-        self.transform.forward_real(pressure, stride, Area::all_of(window), &mut self.half);
-        for (z, w) in self.half.iter_mut().zip(self.waves.iter()) {
-            *z *= w.zz;
+        let (transform, [_, _, lines], [_, _, z]) = (&mut self.transform, &mut self.lines, &mut self.blocks);
+        let area = Area::all_of(window);
+        transform.lines_of_scalars(pressure, stride, area, lines);
+        for block in 0..transform.blocks_count() {
+            transform.waves(lines, block, area, z);
+            self.waves.press(block, z);
+            transform.lines_of_waves(z, block, window, lines);
         }
-        self.transform.inverse_real(&mut self.half, window, stride, depth);
+        transform.scalars(lines, window, stride, depth);
     }
 
     /// u_x + i u_y on the window from the in-plane traction on it.
@@ -187,9 +246,17 @@ impl Response {
         traction: &[Complex64],
         shift: &mut [Complex64],
     ) {
-        self.transform.forward(traction, stride, Area::all_of(window), &mut self.full);
-        self.yield_in_plane();
-        self.transform.inverse(&mut self.full, window, stride, shift);
+        let (transform, [along, across, _], [x, y, _]) = (&mut self.transform, &mut self.lines, &mut self.blocks);
+        let area = Area::all_of(window);
+        transform.lines_of_vectors(traction, stride, area, [along, across]);
+        for block in 0..transform.blocks_count() {
+            transform.waves(along, block, area, x);
+            transform.waves(across, block, area, y);
+            self.waves.shear(block, x, y);
+            transform.lines_of_waves(x, block, window, along);
+            transform.lines_of_waves(y, block, window, across);
+        }
+        transform.vectors([along, across], window, stride, shift);
     }
 
     /// Everything the pressure does: u_x + i u_y and u_z on the window. `data` holds all cells under pressure.
@@ -201,26 +268,15 @@ impl Response {
         shift: &mut [Complex64],
         depth: &mut [f64],
     ) {
-        let (nx, ny, half) = (self.transform.nx, self.transform.ny, self.transform.half());
-        self.transform.forward_real(pressure, stride, area, &mut self.half);
-        let waves = &self.waves[..];
-        for kx in 0..half {
-            let own = kx == 0 || 2 * kx == nx;
-            for ky in 0..ny {
-                let i = kx * ny + ky;
-                let odd = waves[i].odd;
-                let turn = Complex64::new(-odd.im, odd.re); // i (xz + i yz)
-                self.full[i] = turn * self.half[i];
-                if !own {
-                    self.full[(nx - kx) * ny + (ny - ky) % ny] = -turn * self.half[i].conj();
-                }
-            }
+        self.transform.lines_of_scalars(pressure, stride, area, &mut self.lines[2]);
+        for block in 0..self.transform.blocks_count() {
+            let [x, y, z] = &mut self.blocks;
+            self.transform.waves(&mut self.lines[2], block, area, z);
+            self.waves.spread(block, z, x, y);
+            self.waves.press(block, z);
+            self.keep(block, area.window);
         }
-        for (z, w) in self.half.iter_mut().zip(self.waves.iter()) {
-            *z *= w.zz;
-        }
-        self.transform.inverse(&mut self.full, area.window, stride, shift);
-        self.transform.inverse_real(&mut self.half, area.window, stride, depth);
+        self.displacement(area.window, stride, shift, depth);
     }
 
     /// Everything the in-plane traction does: u_x + i u_y and u_z on the window.
@@ -232,51 +288,62 @@ impl Response {
         shift: &mut [Complex64],
         depth: &mut [f64],
     ) {
-        let (nx, ny, half) = (self.transform.nx, self.transform.ny, self.transform.half());
-        self.transform.forward(traction, stride, area, &mut self.full);
-        let waves = &self.waves[..];
-        for kx in 0..half {
-            for ky in 0..ny {
-                let i = kx * ny + ky;
-                let z = self.full[i];
-                let m = self.full[(nx - kx) % nx * ny + (ny - ky) % ny].conj();
-                let (qx, d) = ((z + m) * 0.5, (z - m) * 0.5);
-                let qy = Complex64::new(d.im, -d.re);
-                let sum = qx * waves[i].odd.re + qy * waves[i].odd.im;
-                self.half[i] = Complex64::new(sum.im, -sum.re); // -i (xz qx + yz qy)
-            }
+        let [along, across, _] = &mut self.lines;
+        self.transform.lines_of_vectors(traction, stride, area, [along, across]);
+        for block in 0..self.transform.blocks_count() {
+            let [x, y, z] = &mut self.blocks;
+            self.transform.waves(&mut self.lines[0], block, area, x);
+            self.transform.waves(&mut self.lines[1], block, area, y);
+            self.waves.lift(block, x, y, z);
+            self.waves.shear(block, x, y);
+            self.keep(block, area.window);
         }
-        self.yield_in_plane();
-        self.transform.inverse(&mut self.full, area.window, stride, shift);
-        self.transform.inverse_real(&mut self.half, area.window, stride, depth);
+        self.displacement(area.window, stride, shift, depth);
     }
 
-    /// U(k) = mean Z(k) + spread conj Z(-k), in place, for k and -k at a time.
-    fn yield_in_plane(&mut self) {
-        let (nx, ny) = (self.transform.nx, self.transform.ny);
-        for kx in 0..self.transform.half() {
-            let waves = &self.waves[kx * ny..(kx + 1) * ny];
-            if kx == 0 || 2 * kx == nx {
-                let column = &mut self.full[kx * ny..(kx + 1) * ny];
-                for ky in 0..=ny / 2 {
-                    let mirror = (ny - ky) % ny;
-                    let (z, m, w) = (column[ky], column[mirror], waves[ky]);
-                    column[ky] = z * w.mean + w.spread * m.conj();
-                    column[mirror] = m * w.mean + w.spread * z.conj();
-                }
-                continue;
-            }
-            let (left, right) = self.full.split_at_mut((nx - kx) * ny);
-            let (own, other) = (&mut left[kx * ny..(kx + 1) * ny], &mut right[..ny]);
-            pair(&mut own[0], &mut other[0], &waves[0]);
-            for ((z, m), w) in own[1..].iter_mut().zip(other[1..].iter_mut().rev()).zip(&waves[1..]) {
-                pair(z, m, w);
-            }
+    /// The displacement of a block.
+    fn keep(&mut self, block: usize, window: Region) {
+        for (waves, lines) in self.blocks.iter_mut().zip(&mut self.lines) {
+            self.transform.lines_of_waves(waves, block, window, lines);
+        }
+    }
+
+    fn displacement(&mut self, window: Region, stride: usize, shift: &mut [Complex64], depth: &mut [f64]) {
+        let [along, across, into] = &mut self.lines;
+        self.transform.vectors([along, across], window, stride, shift);
+        self.transform.scalars(into, window, stride, depth);
+    }
+}
+
+wide! {
+    /// a *= factor
+    fn scale(factor: &[f64], a: &mut [f64]) {
+        a.iter_mut().zip(factor).for_each(|(a, factor)| *a *= factor);
+    }
+
+    /// x = xx x + xy y, y = xy x + yy y
+    fn mix(xx: &[f64], xy: &[f64], yy: &[f64], x: &mut [f64], y: &mut [f64]) {
+        for (((xx, xy), yy), (x, y)) in xx.iter().zip(xy).zip(yy).zip(x.iter_mut().zip(y)) {
+            (*x, *y) = (xx * *x + xy * *y, xy * *x + yy * *y);
+        }
+    }
+
+    /// out = sign factor a
+    fn product(factor: &[f64], a: &[f64], sign: f64, out: &mut [f64]) {
+        for ((factor, a), out) in factor.iter().zip(a).zip(out) {
+            *out = sign * factor * a;
+        }
+    }
+
+    /// out = sign (xz x + yz y)
+    fn sum(xz: &[f64], yz: &[f64], x: &[f64], y: &[f64], sign: f64, out: &mut [f64]) {
+        for (((xz, yz), (x, y)), out) in xz.iter().zip(yz).zip(x.iter().zip(y)).zip(out) {
+            *out = sign * (xz * x + yz * y);
         }
     }
 }
 
-/// The kernel of a response at every offset of its padded domain: xx + i yy, xy + i zz, xz + i yz.
+/// The kernel of a response at every offset of its padded domain, in [`Kernel::pairs`].
 pub(super) struct InSpace {
     nx: usize,
     ny: usize,
@@ -285,29 +352,22 @@ pub(super) struct InSpace {
 
 impl InSpace {
     /// See [`Response::cut_to`].
-    pub fn cut_to(&self, [most_width, most_height]: [usize; 2], planner: Planner) -> Response {
+    pub fn cut_to(&self, [most_width, most_height]: [usize; 2]) -> Response {
         let InSpace { nx, ny, fields } = self;
         let size = [smooth_even_at_least(2 * most_width - 1), smooth_even_at_least(2 * most_height - 1)];
-        Response::of_kernel(size, [most_width, most_height], planner, |dx, dy| {
+        Response::of_kernel(size, [most_width, most_height], |dx, dy| {
             let at = dy.rem_euclid(*ny as isize) as usize * nx + dx.rem_euclid(*nx as isize) as usize;
-            Kernel {
-                xx: fields[0][at].re,
-                yy: fields[0][at].im,
-                xy: fields[1][at].re,
-                zz: fields[1][at].im,
-                xz: fields[2][at].re,
-                yz: fields[2][at].im,
-            }
+            Kernel::of_pairs([0, 1, 2].map(|which: usize| fields[which][at]))
         })
     }
 }
 
 /// Displacement at the middles of cells by traction that is uniform over each cell, for one wave number of the
-/// grid: the sum over all waves that look the same on the grid, each weighted by the transform of a cell.
-fn sampled(grid: &Grid, kx: usize, ky: usize, compliance: &impl Fn(f64) -> Compliance) -> Wave {
+/// grid, times a factor: the sum over all waves that look the same on the grid, each weighted by the transform of a cell.
+fn sampled(grid: &Grid, kx: usize, ky: usize, compliance: &impl Fn(f64) -> Compliance, factor: f64) -> Wave {
     let (wx, wy, nyquist) = grid.wave(kx, ky);
     let period = std::f64::consts::TAU / grid.cell_mm;
-    let sinc = |k: f64| if k == 0.0 { 1.0 } else { (0.5 * k * grid.cell_mm).sin() / (0.5 * k * grid.cell_mm) };
+    let sinc = |k: f64| if k == 0.0 { 1.0 } else { libm::sin(0.5 * k * grid.cell_mm) / (0.5 * k * grid.cell_mm) };
     let mut out = Wave::default();
     for (m, n) in (-ALIASES..=ALIASES).flat_map(|m| (-ALIASES..=ALIASES).map(move |n| (m, n))) {
         let (x, y) = (wx + f64::from(m) * period, wy + f64::from(n) * period);
@@ -315,33 +375,28 @@ fn sampled(grid: &Grid, kx: usize, ky: usize, compliance: &impl Fn(f64) -> Compl
         if share == 0.0 {
             continue;
         }
-        let k = x.hypot(y);
+        let (k, share) = (libm::hypot(x, y), share * factor);
         let (cx, cy) = if k > 0.0 { (x / k, y / k) } else { (1.0, 0.0) };
         let c = compliance(k);
-        let spread = 0.5 * (c.along_mm_per_mpa - c.across_mm_per_mpa);
-        out.mean += share * 0.5 * (c.along_mm_per_mpa + c.across_mm_per_mpa);
-        out.spread += Complex64::new(cx * cx - cy * cy, 2.0 * cx * cy) * (share * spread);
+        let (along, across) = (share * c.along_mm_per_mpa, share * c.across_mm_per_mpa);
+        out.xx += cx * cx * along + cy * cy * across;
+        out.yy += cy * cy * along + cx * cx * across;
+        out.xy += cx * cy * (along - across);
         out.zz += share * c.normal_mm_per_mpa;
-        out.odd -= Complex64::new(cx, cy) * (share * c.coupling_mm_per_mpa);
+        out.xz -= cx * (share * c.coupling_mm_per_mpa);
+        out.yz -= cy * (share * c.coupling_mm_per_mpa);
     }
     if nyquist {
         // Odd products of cx and cy have no consistent sign here.
-        out.spread.im = 0.0;
-        out.odd = ZERO;
+        (out.xy, out.xz, out.yz) = (0.0, 0.0, 0.0);
     }
     out
-}
-
-#[inline(always)]
-fn pair(z: &mut Complex64, m: &mut Complex64, w: &Wave) {
-    let (a, b) = (*z, *m);
-    *z = a * w.mean + w.spread * b.conj();
-    *m = b * w.mean + w.spread * a.conj();
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contact::body::length;
     use crate::contact::half_space_response;
     use crate::layer::Gel;
 
@@ -396,7 +451,7 @@ mod tests {
             let odd = if dx == 0 && dy == 0 { 0.0 } else { flip };
             Kernel { xx, xy, yy, zz, xz: odd * xz, yz: odd * yz }
         };
-        let mut response = Response::of_kernel([40, 36], [20, 17], Planner::Scalar, kernel);
+        let mut response = Response::of_kernel([40, 36], [20, 17], kernel);
         let data = Region { column: 3, row: 2, width_cells: 11, height_cells: 13 };
         let fields = on(data, 11);
         let (shift, depth) = answer(&mut response, Area { window: GRID.whole(), data }, &fields);
@@ -409,16 +464,16 @@ mod tests {
                 u += Complex64::new(k.xx * q.re + k.xy * q.im + k.xz * p, k.xy * q.re + k.yy * q.im + k.yz * p);
                 w += k.zz * p - k.xz * q.re - k.yz * q.im;
             }
-            assert!((u - shift[cell]).norm() < 1e-11 && (w - depth[cell]).abs() < 1e-11, "{cell}");
+            assert!(length(u - shift[cell]) < 1e-11 && (w - depth[cell]).abs() < 1e-11, "{cell}");
         }
     }
 
     #[test]
     fn small_transforms_give_what_the_whole_gives() {
         let gel = Gel::default();
-        let mut whole = Response::of_layer(&GRID, Planner::Scalar, |k| gel.compliance(k));
+        let mut whole = Response::of_layer(&GRID, |k| gel.compliance(k));
         let window = Region { column: 4, row: 6, width_cells: 9, height_cells: 7 };
-        let mut cut = whole.cut_to([9, 7], Planner::Scalar);
+        let mut cut = whole.cut_to([9, 7]);
         assert!(cut.points_count() < whole.points_count() && cut.fits(window) && !cut.fits(GRID.whole()));
         let fields = on(window, 3);
         let (shift, depth) = answer(&mut whole, Area { window: GRID.whole(), data: window }, &fields);
@@ -428,17 +483,17 @@ mod tests {
         cut.depth_of_pressure(window, 20, &fields.pressure, &mut press);
         cut.shift_of_traction(window, 20, &fields.traction, &mut push);
         for i in window.cells(20) {
-            assert!((shift[i] - near[i]).norm() < 1e-12 && (depth[i] - deep[i]).abs() < 1e-12);
+            assert!(length(shift[i] - near[i]) < 1e-12 && (depth[i] - deep[i]).abs() < 1e-12);
             assert!((press[i] - pressed.1[i]).abs() < 1e-13);
-            assert!((push[i] + pressed.0[i] - near[i]).norm() < 1e-12);
+            assert!(length(push[i] + pressed.0[i] - near[i]) < 1e-12);
         }
     }
 
     #[test]
     fn work_is_reciprocal_and_positive() {
         let gel = Gel::default();
-        let layer = Response::of_layer(&GRID, Planner::Scalar, |k| gel.compliance(k));
-        let half_space = half_space_response(&GRID, 0.2, 0.3, Planner::Scalar);
+        let layer = Response::of_layer(&GRID, |k| gel.compliance(k));
+        let half_space = half_space_response(&GRID, 0.2, 0.3);
         for mut response in [layer, half_space] {
             let area = Area::all_of(GRID.whole());
             let (a, b) = (on(GRID.whole(), 1), on(GRID.whole(), 2));

@@ -3,7 +3,6 @@
 
 use super::grid::{Grid, Region, smooth_even_at_least};
 use super::response::Response;
-use super::transform::Planner;
 use crate::layer::{Compliance, Gel, SoftObject};
 use std::sync::{Mutex, PoisonError};
 
@@ -18,7 +17,6 @@ pub(super) struct Material {
     /// By how much a gel that creeps yields more within a step; 1 for one that does not.
     pub yields: f64,
     pub soft_object: Option<SoftObject>,
-    pub planner: Planner,
 }
 
 impl Material {
@@ -52,8 +50,8 @@ impl Responses {
         if let Some((_, found)) = kept().iter().find(|(known, _)| known == material) {
             return found.clone();
         }
-        let whole = Response::of_layer(&material.grid, material.planner, |k| material.compliance(k));
-        let made = Self::new(whole, material.planner);
+        let whole = Response::of_layer(&material.grid, |k| material.compliance(k));
+        let made = Self::new(whole);
         let mut kept = kept();
         if kept.len() == KEPT_COUNT {
             kept.remove(0);
@@ -63,7 +61,7 @@ impl Responses {
     }
 
     /// The response and its cuts to 1/8, 1/4, ... of the padded size.
-    fn new(whole: Response, planner: Planner) -> Self {
+    fn new(whole: Response) -> Self {
         let steps = |n: usize| [n / 8, n * 3 / 16, n / 4, n * 3 / 8, n / 2];
         let in_space = whole.in_space();
         let mut sizes = Vec::new();
@@ -72,7 +70,7 @@ impl Responses {
                 let (w, h) = (w.min(whole.most_width), h.min(whole.most_height));
                 let points = smooth_even_at_least(2 * w) * smooth_even_at_least(2 * h);
                 if w >= 4 && h >= 4 && points * 10 <= whole.points_count() * 9 {
-                    sizes.push(in_space.cut_to([w, h], planner));
+                    sizes.push(in_space.cut_to([w, h]));
                 }
             }
         }

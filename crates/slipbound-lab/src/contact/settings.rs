@@ -4,7 +4,6 @@ use super::body::{Body, Pose, Wrench};
 use super::friction::Friction;
 use super::grid::Grid;
 use super::normal::{Grip, Stop};
-use super::transform::Planner;
 use crate::layer::{Gel, SoftObject, above_zero};
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
@@ -32,8 +31,6 @@ pub struct FingerSettings {
     pub normal_stop: Stop,
     /// When the tangential solver stops.
     pub tangential_stop: Stop,
-    /// Which transforms are used.
-    pub planner: Planner,
 }
 
 impl FingerSettings {
@@ -49,7 +46,6 @@ impl FingerSettings {
             substep_s: 1.0 / 120.0,
             normal_stop: Stop { tolerance_fraction: 1e-4, most_iterations_count: 200 },
             tangential_stop: Stop { tolerance_fraction: 3e-4, most_iterations_count: 400 },
-            planner: Planner::Fastest,
         }
     }
 
@@ -90,7 +86,7 @@ impl FingerSettings {
 
     /// Refuses a shape that does not fit on the gel.
     pub(super) fn check_size(&self, half: Vec2) -> Result<(), SettingError> {
-        let (s, c) = self.shape_in_object.turn_rad.sin_cos();
+        let (s, c) = libm::sincos(self.shape_in_object.turn_rad);
         let at = self.shape_in_object.position_mm;
         let reach = Vec2::new(
             at.x.abs() + (c * half.x).abs() + (s * half.y).abs(),

@@ -1,7 +1,7 @@
 //! The largest strain of the gel surface, to say when a linear model no longer holds.
 
 use super::grid::Grid;
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
 
 /// Largest Frobenius norm of the displacement gradient over the surface cells, as a fraction. In-plane derivatives
 /// are differences over two cells; those along z follow from the tractions: sigma_xz = -q_x = G (du_x/dz +

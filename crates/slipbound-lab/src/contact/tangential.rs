@@ -21,8 +21,8 @@ use super::body::{Motion, Resistance};
 use super::grid::Region;
 use super::normal::Stop;
 use super::response::Response;
+use num_complex::Complex64;
 use product::dot;
-use rustfft::num_complex::Complex64;
 
 const ZERO: Complex64 = Complex64::new(0.0, 0.0);
 

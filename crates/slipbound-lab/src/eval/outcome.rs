@@ -256,7 +256,7 @@ fn with_slip(record: TrialRecord, watched: &Watched, seen: &[Seen], alarm: Optio
     let direction = said.direction_rad.filter(|_| kind != SlipKind::Rotation && slipped_mm.length() > 0.0);
     let apart_deg = direction.map(|rad| {
         let apart_rad = rad - slipped_mm.direction_rad();
-        apart_rad.sin().atan2(apart_rad.cos()).abs().to_degrees()
+        libm::atan2(libm::sin(apart_rad), libm::cos(apart_rad)).abs().to_degrees()
     });
     let turned_rad = now.pose.turn_rad - before.pose.turn_rad;
     let sense = said.rotation_rad.filter(|_| kind != SlipKind::Translation).map(|rad| rad * turned_rad > 0.0);

@@ -63,11 +63,11 @@ pub(super) fn draw(seed: u64, number: u64) -> Draw {
     Draw {
         object: object as usize,
         force_n: FORCE_N.0 + (FORCE_N.1 - FORCE_N.0) * force,
-        mu: MU.0 * (MU.1 / MU.0).powf(mu),
+        mu: MU.0 * libm::pow(MU.1 / MU.0, mu),
         direction_deg: 360.0 * direction,
         twist_fraction,
         // Every second ramp takes 1 s, on which the lead is scored; the others 0.4 to 2 s.
-        ramp_s: if k % 2 == 0 { 1.0 } else { 0.4 * 5f64.powf(speed) },
+        ramp_s: if k % 2 == 0 { 1.0 } else { 0.4 * libm::pow(5.0, speed) },
     }
 }
 
@@ -212,7 +212,7 @@ mod tests {
         let count = |of: &dyn Fn(&Draw) -> bool| draws.iter().filter(|draw| of(draw)).count();
         for quarter in 0..4 {
             let within = |share: f64| (share * 4.0) as usize == quarter;
-            let mu = count(&|draw| within((draw.mu / 0.3).ln() / 4f64.ln()));
+            let mu = count(&|draw| within(libm::log(draw.mu / 0.3) / libm::log(4.0)));
             let force = count(&|draw| within((draw.force_n - 10.0) / 50.0));
             assert!((285..=315).contains(&mu) && (285..=315).contains(&force), "{quarter}: {mu}, {force}");
         }

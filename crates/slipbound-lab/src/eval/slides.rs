@@ -62,7 +62,7 @@ fn path(trial: &Trial, speed_mm_per_s: f64, direction_rad: f64) -> Result<LoadPr
     let mut legs =
         vec![Leg::press(trial.number("force_n"), trial.number("press_s")), Leg::hold(trial.number("settle_s"))];
     let way_mm = MOST_MM + speed_mm_per_s * (FRAMES_AFTER_GROSS + 4) as f64 / FRAME_RATE_HZ as f64;
-    let ahead = Vec2::new(direction_rad.cos(), direction_rad.sin());
+    let ahead = Vec2::new(libm::cos(direction_rad), libm::sin(direction_rad));
     if speed_mm_per_s < ROUND_FROM_MM_PER_S {
         let by = ahead * way_mm;
         legs.push(Leg::shear(by.x, by.y, way_mm / speed_mm_per_s));
@@ -101,14 +101,14 @@ impl Slides {
         let is_round = speed_mm_per_s >= ROUND_FROM_MM_PER_S;
         let force_n = random.between(FORCE_N.0, if is_round { ROUND_MOST_N } else { FORCE_N.1 });
         let most_mu = if is_round { ROUND_MOST_MU } else { MU.1 };
-        let mu = MU.0 * (most_mu / MU.0).powf(random.fraction());
+        let mu = MU.0 * libm::pow(most_mu / MU.0, random.fraction());
         let direction_rad = match is_round {
             // Along an edge of the pad: the circle fits on it that way.
             true => std::f64::consts::FRAC_PI_2 * (random.next_u64() % 4) as f64,
             false => random.between(0.0, std::f64::consts::TAU),
         };
         let turn_deg = random.between(-2.0, 2.0);
-        let ahead = Vec2::new(direction_rad.cos(), direction_rad.sin());
+        let ahead = Vec2::new(libm::cos(direction_rad), libm::sin(direction_rad));
         let aside_mm = if is_round { ROUND_RADIUS_MM } else { 0.0 };
         let at_mm = -ahead * BEFORE_MM - ahead.turned() * aside_mm;
         let trial = Trial::parse(&format!(

@@ -168,7 +168,7 @@ pub fn rate_per_h(events: u64, hours_h: f64) -> Estimated {
     }
     // Chance of at most so many events when so many are expected.
     let at_most = |expected: f64| {
-        let mut term = (-expected).exp();
+        let mut term = libm::exp(-expected);
         let mut sum = term;
         for k in 1..=events {
             term *= expected / k as f64;

@@ -131,7 +131,7 @@ impl<S: FrameSource> Faulty<S> {
         }
         hide_spots(&mut frame.pixels, frame.size, frame.format, &self.dead_spots(frame.size));
         let time_s = frame.time_ns.map_or(frame.seq as f64 / ASSUMED_HZ, |ns| ns as f64 * 1e-9);
-        let wave = (std::f64::consts::TAU * FLICKER_HZ * time_s).sin();
+        let wave = libm::sin(std::f64::consts::TAU * FLICKER_HZ * time_s);
         let gain = (1.0 + faults.drift_per_min * time_s / 60.0) * (1.0 + faults.flicker_fraction * wave);
         multiply(&mut frame.pixels, gain.max(0.0));
         encode_again(frame)

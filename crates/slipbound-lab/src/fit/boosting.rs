@@ -82,7 +82,7 @@ impl<const N: usize> Ensemble<N> {
             let mean = rows.iter().map(|row| row.weight * targets(row)[n]).sum::<f64>() / weight.max(1e-9);
             match how.loss {
                 Loss::Squares => mean as f32,
-                Loss::Logistic => (mean.clamp(1e-6, 1.0 - 1e-6) / (1.0 - mean.clamp(1e-6, 1.0 - 1e-6))).ln() as f32,
+                Loss::Logistic => libm::log(mean.clamp(1e-6, 1.0 - 1e-6) / (1.0 - mean.clamp(1e-6, 1.0 - 1e-6))) as f32,
             }
         });
         let features_count = rows.first().map_or(0, |row| row.features.len());
@@ -156,7 +156,7 @@ fn residual<const N: usize>(weight: f64, targets: [f64; N], said: &[f64; N], los
     match loss {
         Loss::Squares => Sums { weight, residuals: std::array::from_fn(|n| weight * (targets[n] - said[n])) },
         Loss::Logistic => {
-            let likely = said.map(|odds| 1.0 / (1.0 + (-odds).exp()));
+            let likely = said.map(|odds| 1.0 / (1.0 + libm::exp(-odds)));
             let curved = likely.iter().map(|p| p * (1.0 - p)).sum::<f64>() / N as f64;
             Sums { weight: weight * curved, residuals: std::array::from_fn(|n| weight * (targets[n] - likely[n])) }
         }
@@ -277,7 +277,7 @@ mod tests {
             })
             .collect();
         let ensemble = Ensemble::fit(&rows, |row| [row.targets[0]], &how);
-        let likely = |value: f64| 1.0 / (1.0 + (-ensemble.at(&[value, 0.0])[0]).exp());
+        let likely = |value: f64| 1.0 / (1.0 + libm::exp(-ensemble.at(&[value, 0.0])[0]));
         assert!((likely(0.9) - 0.25).abs() < 0.02, "{}", likely(0.9));
         assert!(likely(0.1) < 0.03, "{}", likely(0.1));
     }

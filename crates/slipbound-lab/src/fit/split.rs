@@ -33,7 +33,7 @@ const QUIET_EVERY: u64 = 40;
 pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     let mut random = Random::of(TRAINING_SEED, number);
     let object = OBJECTS[(random.next_u64() % OBJECTS.len() as u64) as usize].name;
-    let between_log = |random: &mut Random, low: f64, high: f64| low * (high / low).powf(random.fraction());
+    let between_log = |random: &mut Random, low: f64, high: f64| low * libm::pow(high / low, random.fraction());
     let force_n = between_log(&mut random, 5.0, 60.0);
     let mu = between_log(&mut random, 0.2, 1.3);
     let direction_deg = random.between(0.0, 360.0);

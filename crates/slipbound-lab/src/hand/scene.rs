@@ -401,7 +401,7 @@ impl HandScene {
 
 /// A form that lies along Y of the pad, shortened to fit between its borders from flat to a tilt.
 fn cut_to(form: Form, room_mm: f64, tilt_rad: f64) -> Form {
-    let (s, c) = (tilt_rad.sin().abs(), tilt_rad.cos());
+    let (s, c) = (libm::sin(tilt_rad).abs(), libm::cos(tilt_rad));
     match form {
         Form::Ball { .. } => form,
         Form::Cylinder { radius_mm, length_mm, edge_radius_mm } => {

@@ -187,7 +187,7 @@ impl HandWorld {
         truth.required_n = sliding.map_or(0.0, |s| {
             let by_force_n = contact.friction.force_n;
             let by_torque_n_mm = contact.friction.torque_n_mm + to_object_mm.cross(by_force_n);
-            let used_n = by_force_n.length().hypot(by_torque_n_mm / s.arm_mm.max(f64::MIN_POSITIVE));
+            let used_n = libm::hypot(by_force_n.length(), by_torque_n_mm / s.arm_mm.max(f64::MIN_POSITIVE));
             contact.grip_force_n * used_n / s.most_n
         });
         let goes_on = truth.gross && contact.friction_used_fraction.is_some_and(|used| used >= STILL_SLIDES_FRACTION);

@@ -58,7 +58,7 @@ impl Form {
     pub(super) fn unrolled_mm(&self, from_centre: Vec2, on_skin: Vec2) -> Vec2 {
         match *self {
             Form::Cylinder { radius_mm, .. } => {
-                let along_arc_mm = radius_mm * (from_centre.y / radius_mm).clamp(-1.0, 1.0).asin();
+                let along_arc_mm = radius_mm * libm::asin((from_centre.y / radius_mm).clamp(-1.0, 1.0));
                 Vec2::new(on_skin.x, along_arc_mm + on_skin.y - from_centre.y)
             }
             Form::Ball { .. } | Form::Flat { .. } => on_skin,

@@ -50,13 +50,13 @@ const WANDER: (f64, f64) = (0.35, 2.3);
 impl Relief {
     /// Depth below the ridges in mm at a point of the unrolled surface.
     pub(super) fn depth_at_mm(&self, at: Vec2) -> f64 {
-        let wave = |along_mm: f64, spacing_mm: f64| 0.5 - 0.5 * (TAU * along_mm / spacing_mm).cos();
+        let wave = |along_mm: f64, spacing_mm: f64| 0.5 - 0.5 * libm::cos(TAU * along_mm / spacing_mm);
         match *self {
             Relief::Smooth => 0.0,
             Relief::Grooves { depth_mm, spacing_mm } => depth_mm * wave(at.y, spacing_mm),
             Relief::Rings { depth_mm, spacing_mm } => depth_mm * wave(at.x, spacing_mm),
             Relief::Windings { depth_mm, spacing_mm } => {
-                let aside_mm = WANDER.0 * spacing_mm * (TAU * at.y / (WANDER.1 * spacing_mm)).sin();
+                let aside_mm = WANDER.0 * spacing_mm * libm::sin(TAU * at.y / (WANDER.1 * spacing_mm));
                 depth_mm * wave(at.x + aside_mm, spacing_mm)
             }
             Relief::Bumps { depth_mm, spacing_mm } => depth_mm * (1.0 - bump(at.x / spacing_mm, at.y / spacing_mm)),

@@ -54,8 +54,8 @@ impl PullPulse {
         if !(0.0..1.0).contains(&share) {
             return Vec2::ZERO;
         }
-        let size_n = self.peak_n * if self.swells { (0.5 * TAU * share).sin() } else { 1.0 };
-        let (s, c) = self.direction_rad.sin_cos();
+        let size_n = self.peak_n * if self.swells { libm::sin(0.5 * TAU * share) } else { 1.0 };
+        let (s, c) = libm::sincos(self.direction_rad);
         Vec2::new(c, s) * size_n
     }
 }

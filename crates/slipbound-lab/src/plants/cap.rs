@@ -61,7 +61,7 @@ impl Thread {
                     + STOP_N_MM_PER_RAD * (turned_rad - stop_rad).max(0.0)
             }
             Thread::Unscrew { run_n_mm, break_n_mm } => {
-                run_n_mm + (break_n_mm - run_n_mm) * (-turned_rad / BREAK_RAD).exp()
+                run_n_mm + (break_n_mm - run_n_mm) * libm::exp(-turned_rad / BREAK_RAD)
             }
         }
     }

@@ -26,7 +26,7 @@ pub(super) struct Feet {
 impl Feet {
     /// From the object's reference point, with the object turned as it is.
     fn levers_mm(&self, turn_rad: f64) -> [Vec2; 2] {
-        let (s, c) = turn_rad.sin_cos();
+        let (s, c) = libm::sincos(turn_rad);
         self.feet_mm.map(|foot| Vec2::new(c * foot.x - s * foot.y, s * foot.x + c * foot.y))
     }
 
@@ -71,7 +71,7 @@ impl Feet {
 
 /// The weight of an object about its reference point.
 pub(super) fn weight(inertia: &Inertia, turn_rad: f64) -> Wrench {
-    let (s, c) = turn_rad.sin_cos();
+    let (s, c) = libm::sincos(turn_rad);
     let e = inertia.centre_of_mass_mm;
     let force_n = weight_n(inertia.mass_kg);
     Wrench { force_n: Vec2::new(force_n, 0.0), torque_n_mm: -(s * e.x + c * e.y) * force_n }

@@ -87,7 +87,7 @@ impl Atlas {
         let along = |half_mm: f32, count: usize| -> Vec<(usize, f64)> {
             let from_mm = |texel: usize| texel as f64 * f64::from(TEXEL_MM) - f64::from(half_mm);
             let in_threads = |texel: usize| (from_mm(texel) + f64::from(half_mm)) / thread_mm;
-            let bow = |t: f64| (std::f64::consts::PI * t.fract()).sin();
+            let bow = |t: f64| libm::sin(std::f64::consts::PI * t.fract());
             (0..count).map(in_threads).map(|t| (t as usize, bow(t))).collect()
         };
         let (columns, rows) = (along(self.half_mm[0], self.columns), along(self.half_mm[1], self.rows));

@@ -223,7 +223,7 @@ wide! {
                 let now = [piece[0] - site.plane_mm[0], piece[1] - site.plane_mm[1]];
                 // The first guess goes on as the last two nodes did.
                 *track = Track { off: now, change: [now[0] - off[0], now[1] - off[1]] };
-                let pressed = if cell[5] > 0.0 { 1.0 - (cell[5] * contrast.per_mpa).exp() } else { 0.0 };
+                let pressed = if cell[5] > 0.0 { 1.0 - libm::expf(cell[5] * contrast.per_mpa) } else { 0.0 };
                 let values = [piece[0], piece[1], cell[3], cell[4], contrast.rest + contrast.gain * pressed];
                 lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[first + i] = value);
             }

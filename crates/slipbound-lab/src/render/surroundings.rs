@@ -12,6 +12,7 @@
 //!
 //! All is procedural: no picture of a real camera went into it.
 
+use super::bell;
 use super::settings::CameraSettings;
 use super::surroundings_kind::Surroundings;
 use crate::random::Random;
@@ -73,15 +74,15 @@ impl<'a> Backdrop<'a> {
         // Beside markers, off the middle, where most objects touch; the scratch opposite the dirt.
         let angle = random.between(0.0, std::f64::consts::TAU);
         let mut beside = |angle: f64| {
-            let far = Vec2::new(angle.cos(), angle.sin()) * (0.62 * half.y / pitch_mm);
+            let far = Vec2::new(libm::cos(angle), libm::sin(angle)) * (0.62 * half.y / pitch_mm);
             let marker = Vec2::new(far.x.round(), far.y.round() + 0.5) * pitch_mm;
             let off = random.between(0.0, std::f64::consts::TAU);
-            marker + Vec2::new(off.cos(), off.sin()) * (0.45 * pitch_mm)
+            marker + Vec2::new(libm::cos(off), libm::sin(off)) * (0.45 * pitch_mm)
         };
         let patch = Highlight { at_mm: beside(angle), radius_mm: 0.4 * pitch_mm };
         let middle = beside(angle + std::f64::consts::PI);
         let along = random.between(0.0, std::f64::consts::PI);
-        let scratch = (middle, Vec2::new(along.cos(), along.sin()));
+        let scratch = (middle, Vec2::new(libm::cos(along), libm::sin(along)));
         Backdrop { settings, kind: settings.surroundings, grain, highlights, lamps_mm, patch, scratch }
     }
 
@@ -98,7 +99,7 @@ impl<'a> Backdrop<'a> {
         let mut levels = levels;
         if self.kind.walls() {
             let inside = (self.settings.gel_half_mm.x - plane_mm.x.abs()).max(0.0);
-            let shadow = 1.0 - 0.45 * (-inside / SHADOW_MM).exp();
+            let shadow = 1.0 - 0.45 * libm::exp(-inside / SHADOW_MM);
             levels = levels.map(|level| level * shadow);
         }
         if self.kind.highlights() {
@@ -140,13 +141,13 @@ impl<'a> Backdrop<'a> {
             .iter()
             .map(|(at, half)| {
                 let d = wall - *at;
-                70.0 * (-0.5 * ((d.x / half.x).powi(2) + (d.y / half.y).powi(2))).exp()
+                70.0 * bell(Vec2::new(d.x / half.x, d.y / half.y).length())
             })
             .sum();
         // The wall mirrors the gel: its dots once more, beyond the border, wavy as the wall is and soon faint.
         let bent = Vec2::new(self.grain(wall, 2.2), self.grain(wall * 1.3 + Vec2::new(7.0, 3.0), 2.2)) * 0.4;
         let mirrored = Vec2::new(plane_mm.x, 2.0 * self.settings.gel_half_mm.y - plane_mm.y) + bent;
-        let dot = 0.55 * (-up_mm / 2.5).exp() * self.dot(mirrored);
+        let dot = 0.55 * libm::exp(-up_mm / 2.5) * self.dot(mirrored);
         FAR_LEVELS.map(|level| (level * tone * shadow + lamps) * (1.0 - dot))
     }
 
@@ -184,7 +185,7 @@ impl<'a> Backdrop<'a> {
             if off_mm > reach_mm {
                 return levels;
             }
-            let ring = (-0.5 * ((off_mm - 2.0 * spot.radius_mm) / (0.55 * spot.radius_mm)).powi(2)).exp();
+            let ring = bell((off_mm - 2.0 * spot.radius_mm) / (0.55 * spot.radius_mm));
             let core = 0.55 * smooth((spot.radius_mm - off_mm) / 0.12 + 0.5);
             levels.map(|level| (level + 55.0 * ring) * (1.0 - core))
         })
@@ -207,7 +208,7 @@ impl<'a> Backdrop<'a> {
             return levels.map(|level| level * (1.0 - dirt));
         }
         let near = near + 0.06 * self.grain(Vec2::new(far, 0.0), 0.8);
-        let line = |at: f64| (-0.5 * ((near - at) / 0.06).powi(2)).exp() * smooth((3.2 - far.abs()) / 0.8 + 0.5);
+        let line = |at: f64| bell((near - at) / 0.06) * smooth((3.2 - far.abs()) / 0.8 + 0.5);
         levels.map(|level| level * (1.0 - dirt) * (1.0 - 0.45 * line(0.0)) + 35.0 * line(0.15))
     }
 

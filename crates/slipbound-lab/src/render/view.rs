@@ -85,7 +85,7 @@ impl View {
     pub fn parallax(&self, at_mm: Vec2) -> Vec2 {
         let away = at_mm - Vec2::new(self.eye_mm[0], self.eye_mm[1]);
         let across = away.length();
-        let sine = across / across.hypot(self.eye_mm[2]) / self.refractive_index;
+        let sine = across / libm::hypot(across, self.eye_mm[2]) / self.refractive_index;
         away * (sine / ((1.0 - sine * sine).sqrt() * across.max(1e-9)))
     }
 

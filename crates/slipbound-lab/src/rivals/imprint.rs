@@ -169,7 +169,7 @@ fn cells(markers: &[Marker], pitch_px: f64) -> Vec<(Vec2, [usize; 4])> {
         let mut by_distance: Vec<(f64, usize)> =
             usable.iter().map(|&i| ((markers[i].now - near).length_squared(), i)).collect();
         by_distance.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let Some(four) = by_distance.get(..4).filter(|four| four[3].0 < (1.1 * pitch_px).powi(2)) else { continue };
+        let Some(four) = by_distance.get(..4).filter(|four| four[3].0.sqrt() < 1.1 * pitch_px) else { continue };
         let around = [four[0].1, four[1].1, four[2].1, four[3].1];
         let middle = around.iter().fold(Vec2::ZERO, |sum, &i| sum + markers[i].now) / 4.0;
         cells.push((middle, around));
@@ -230,7 +230,8 @@ mod tests {
 
     /// A picture of bumps without order, moved by a vector.
     fn picture(by: Vec2, brighter: f64) -> Vec<u8> {
-        let level = |x: f64, y: f64| 60.0 + 25.0 * ((0.31 * x).sin() * (0.23 * y).cos() + (0.17 * x + 0.29 * y).sin());
+        let level =
+            |x: f64, y: f64| 60.0 + 25.0 * (libm::sin(0.31 * x) * libm::cos(0.23 * y) + libm::sin(0.17 * x + 0.29 * y));
         (0..100 * 80).map(|i| (brighter * level(f64::from(i % 100) - by.x, f64::from(i / 100) - by.y)) as u8).collect()
     }
 

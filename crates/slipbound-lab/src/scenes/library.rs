@@ -160,7 +160,7 @@ fn direction_rad(set: &Parameters) -> f64 {
 
 /// `distance_mm` towards `direction_deg`, and the time it takes at the speed asked for.
 fn way(set: &Parameters) -> (Vec2, f64) {
-    let (s, c) = direction_rad(set).sin_cos();
+    let (s, c) = libm::sincos(direction_rad(set));
     let distance_mm = set.number("distance_mm");
     let seconds_s = (distance_mm / set.number("speed_mm_per_s")).max(1.0 / 30.0);
     (Vec2::new(c, s) * distance_mm, seconds_s)
@@ -221,7 +221,7 @@ fn quiet_grip_steps(set: &Parameters) -> Result<LoadProfile, SettingError> {
 
 fn vibration(set: &Parameters) -> Result<LoadProfile, SettingError> {
     let (mut legs, _) = begin(set);
-    let (s, c) = direction_rad(set).sin_cos();
+    let (s, c) = libm::sincos(direction_rad(set));
     let far_mm = Vec2::new(c, s) * set.number("distance_mm");
     // Back and forth in straight legs: a triangle of the frequency asked for, from the middle to the middle.
     let quarter_s = 0.25 / set.number("frequency_hz");
@@ -251,7 +251,7 @@ fn regrip(set: &Parameters) -> Result<LoadProfile, SettingError> {
     let span_s = set.number("regrip_at_fraction") * set.number("ramp_s") * last_fraction.max(1.0);
     let wait_s = (span_s / steps - REGRIP_S).max(0.02);
     for step in 1..=steps as u32 {
-        let force_n = set.number("force_n") * last_fraction.powf(f64::from(step) / steps);
+        let force_n = set.number("force_n") * libm::pow(last_fraction, f64::from(step) / steps);
         legs.extend([Leg::hold(wait_s), Leg::press(force_n, REGRIP_S)]);
     }
     legs.push(Leg::hold((whole_s - steps * (wait_s + REGRIP_S)).max(0.1)));

@@ -2,7 +2,7 @@
 
 use super::exact::sphere_on_layer_n;
 use super::row::Row;
-use crate::contact::{Grid, Grip, Normal, Planner, Region, Response, Stop};
+use crate::contact::{Grid, Grip, Normal, Region, Response, Stop};
 use crate::layer::layer_compliance;
 
 /// Force at two depths against the series of Garcia and Garcia (2018).
@@ -15,16 +15,15 @@ pub fn sphere_on_layer() -> Vec<Row> {
     let grid =
         Grid { width_cells: 600, height_cells: 600, cell_mm: 0.04, padded_width_cells: 600, padded_height_cells: 600 };
     let shear_modulus_mpa = MODULUS_MPA / (2.0 * (1.0 + POISSON));
-    let whole =
-        Response::of_layer(&grid, Planner::Scalar, |k| layer_compliance(shear_modulus_mpa, POISSON, THICKNESS_MM, k));
+    let whole = Response::of_layer(&grid, |k| layer_compliance(shear_modulus_mpa, POISSON, THICKNESS_MM, k));
     let window = Region { column: 268, row: 268, width_cells: 64, height_cells: 64 };
-    let mut response = whole.cut_to([64, 64], Planner::Scalar);
+    let mut response = whole.cut_to([64, 64]);
     let gap: Vec<f64> =
         (0..grid.cells_count()).map(|i| grid.centre_mm(i).length_squared() / (2.0 * RADIUS_MM)).collect();
     [0.2, 0.275, 0.35]
         .into_iter()
         .map(|chi: f64| {
-            let depth_mm = (chi * THICKNESS_MM).powi(2) / RADIUS_MM;
+            let depth_mm = chi * chi * THICKNESS_MM * THICKNESS_MM / RADIUS_MM;
             let mut pressure = vec![0.0; grid.cells_count()];
             let pressed = Normal::new(grid.cells_count()).solve(
                 &mut response,

@@ -89,7 +89,7 @@ pub fn energy_cycle() -> Vec<Row> {
             // Bars at 16 and finer; the coarser ones are stated, and must not run away.
             rows.push(Row::deviation(case, lost, if substeps < 16 { 0.02 } else { 0.005 }));
         }
-        let order = 0.5 * (lost[1].1 / lost[3].1).abs().log2();
+        let order = 0.5 * libm::log2((lost[1].1 / lost[3].1).abs());
         rows.push(Row::at_least(format!("energy lost, {name}: order in the step, 8 to 32"), 0.8, order));
     }
     rows
@@ -167,7 +167,7 @@ pub fn inclined_face() -> Vec<Row> {
         .into_iter()
         .map(|(name, way)| {
             let slope_rad = 5f64.to_radians();
-            let face = Incline { half_mm: 6.0, slope: slope_rad.tan() };
+            let face = Incline { half_mm: 6.0, slope: libm::tan(slope_rad) };
             let path = Path::new(vec![Leg::press(4.0, 0.25), Leg::shear(way * 6.0, 0.0, 1.5)]).expect("a sound path");
             let mut finger = Finger::new(settings, face).expect("sound settings");
             for command in path.commands(settings.substep_s) {
@@ -180,7 +180,7 @@ pub fn inclined_face() -> Vec<Row> {
             });
             let measured = way * along / upright;
             // The object slides over the gel; its face rises towards +x, so that way the gel stands before it.
-            let theory = (MU.atan() + way * slope_rad).tan();
+            let theory = libm::tan(libm::atan(MU) + way * slope_rad);
             let case = format!("face inclined by 5 degrees, slid {name}: horizontal over vertical force");
             Row::relative(case, theory, measured, "", 5e-3)
         })

@@ -22,29 +22,31 @@ impl SphereOnHalfSpace {
     /// a^3 = 3 P R / (4 E*)
     pub fn contact_radius_mm(&self) -> f64 {
         let plane_strain_mpa = self.modulus_mpa / (1.0 - self.poisson * self.poisson);
-        (3.0 * self.force_n * self.radius_mm / (4.0 * plane_strain_mpa)).cbrt()
+        libm::cbrt(3.0 * self.force_n * self.radius_mm / (4.0 * plane_strain_mpa))
     }
 
     /// a^2 / R
     pub fn depth_mm(&self) -> f64 {
-        self.contact_radius_mm().powi(2) / self.radius_mm
+        let a = self.contact_radius_mm();
+        a * a / self.radius_mm
     }
 
     /// p0 = 3 P / (2 pi a^2)
     pub fn peak_pressure_mpa(&self) -> f64 {
-        1.5 * self.force_n / (PI * self.contact_radius_mm().powi(2))
+        let a = self.contact_radius_mm();
+        1.5 * self.force_n / (PI * a * a)
     }
 
     /// Tangential displacement at the load fraction f = Q / (mu P): 3 mu P (2 - nu) / (16 G a) [1 - (1 - f)^(2/3)]
     pub fn shift_mm(&self, load_fraction: f64) -> f64 {
         3.0 * self.mu * self.force_n * (2.0 - self.poisson)
             / (16.0 * self.shear_modulus_mpa() * self.contact_radius_mm())
-            * (1.0 - (1.0 - load_fraction).powf(2.0 / 3.0))
+            * (1.0 - libm::pow(1.0 - load_fraction, 2.0 / 3.0))
     }
 
     /// c / a = (1 - f)^(1/3)
     pub fn stick_radius_mm(&self, load_fraction: f64) -> f64 {
-        self.contact_radius_mm() * (1.0 - load_fraction).cbrt()
+        self.contact_radius_mm() * libm::cbrt(1.0 - load_fraction)
     }
 
     /// Twist at which the stick radius is c: mu p0 / (2 G) [K(k') - E(k')], k'^2 = 1 - c^2/a^2
@@ -73,7 +75,8 @@ impl SphereOnHalfSpace {
             .sum::<f64>()
             * width
             / 3.0;
-        8.0 / 3.0 * self.mu * self.peak_pressure_mpa() * self.contact_radius_mm().powi(3) * simpson
+        let a = self.contact_radius_mm();
+        8.0 / 3.0 * self.mu * self.peak_pressure_mpa() * a * a * a * simpson
     }
 }
 
@@ -96,7 +99,7 @@ pub fn elliptic(modulus: f64) -> (f64, f64) {
 pub fn sphere_on_layer_n(modulus_mpa: f64, radius_mm: f64, thickness_mm: f64, depth_mm: f64) -> f64 {
     let chi = (radius_mm * depth_mm).sqrt() / thickness_mm;
     let series = 1.0 + chi * (1.133 + chi * (1.497 + chi * (1.469 + chi * 0.755)));
-    16.0 / 9.0 * modulus_mpa * radius_mm.sqrt() * depth_mm.powf(1.5) * series
+    16.0 / 9.0 * modulus_mpa * radius_mm.sqrt() * libm::pow(depth_mm, 1.5) * series
 }
 
 #[cfg(test)]

@@ -49,7 +49,7 @@ pub fn free_rotation() -> Vec<Row> {
             let command = Command { grip: Grip::ForceN(0.0), pose: Pose::default(), roll_mm: Vec2::ZERO, wrench };
             let pose = finger.step(&command).expect("a sound command").pose;
             if n == (substeps * 15.0) as u32 || n == (substeps * 30.0) as u32 {
-                let (s, c) = pose.turn_rad.sin_cos();
+                let (s, c) = libm::sincos(pose.turn_rad);
                 let due_mm = Vec2::new(OFF_MM * (1.0 - c), -OFF_MM * s);
                 let lost = (pose.position_mm - due_mm).length() / OFF_MM;
                 let name = if spun { "spun up" } else { "and left alone" };

@@ -129,7 +129,7 @@ impl Sliding {
     /// middle of both, in the axes of the first. None without contact.
     pub fn of_both(each: [Option<Self>; 2], turn_rad: f64) -> Option<Self> {
         let [Some(a), Some(b)] = each else { return each[0].or(each[1]) };
-        let (s, c) = turn_rad.sin_cos();
+        let (s, c) = libm::sincos(turn_rad);
         let middle_mm = Vec2::new(c * b.middle_mm.x - s * b.middle_mm.y, s * b.middle_mm.x + c * b.middle_mm.y);
         let share = a.most_n / (a.most_n + b.most_n);
         Some(Sliding {

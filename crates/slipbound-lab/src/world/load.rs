@@ -14,7 +14,7 @@ pub(super) fn full_slip(finger: &Finger, direction_rad: f64) -> Wrench {
         force_n += bound_mpa * grid.cell_area_mm2();
         torque_n_mm += bound_mpa * grid.cell_area_mm2() * (skin_mm - about).length();
     }
-    let (s, c) = direction_rad.sin_cos();
+    let (s, c) = libm::sincos(direction_rad);
     Wrench { force_n: Vec2::new(c, s) * force_n, torque_n_mm }
 }
 

@@ -1,6 +1,6 @@
 //! The scalar product of two traction or displacement vectors, each held as x + iy.
 
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
 
 #[inline(always)]
 pub(super) fn dot(a: Complex64, b: Complex64) -> f64 {

@@ -2,7 +2,7 @@
 
 use super::product::dot;
 use crate::contact::body::{Motion, Resistance, inverse};
-use rustfft::num_complex::Complex64;
+use num_complex::Complex64;
 
 /// B^T P B over the cells: how much load a rigid motion finds in its way, with P = 1 for a cell that is free to follow
 /// and less for one that slides.

@@ -1,6 +1,6 @@
 use super::*;
+use crate::contact::body::length;
 use crate::contact::grid::Grid;
-use crate::contact::transform::Planner;
 use crate::contact::{Body, Drive, FingerSettings, Inertia, Pose, Wrench};
 use crate::layer::Gel;
 use slipbound::plane::Vec2;
@@ -20,7 +20,7 @@ struct Pulled {
 fn pull(mass_kg: f64, stop: Stop) -> Pulled {
     let (grid, gel) = (Grid::fast(), Gel::default());
     let (stride, count) = (grid.width_cells, grid.cells_count());
-    let mut response = Response::of_layer(&grid, Planner::Scalar, |k| gel.compliance(k));
+    let mut response = Response::of_layer(&grid, |k| gel.compliance(k));
     let cells: Vec<u32> = PATCH.cells(stride).map(|i| i as u32).collect();
     let lever: Vec<_> = (0..count).map(|i| grid.centre_mm(i)).map(|c| Complex64::new(c.x, c.y)).collect();
     let mut bound = vec![0.0; count];
@@ -28,9 +28,10 @@ fn pull(mass_kg: f64, stop: Stop) -> Pulled {
     for &i in &cells {
         let i = i as usize;
         let r = lever[i];
-        bound[i] = 0.08 * (1.0 - (r.re / 14.0).powi(2)) * (1.0 - (r.im / 10.0).powi(2));
+        let (x, y) = (r.re / 14.0, r.im / 10.0);
+        bound[i] = 0.08 * (1.0 - x * x) * (1.0 - y * y);
         full_slip.0 += bound[i];
-        full_slip.1 += bound[i] * r.norm();
+        full_slip.1 += bound[i] * length(r);
     }
     let area = grid.cell_area_mm2();
     let wrench = Wrench { force_n: Vec2::new(7.0, 2.0), torque_n_mm: 40.0 };
@@ -63,8 +64,8 @@ fn pull(mass_kg: f64, stop: Stop) -> Pulled {
         let i = i as usize;
         let gradient = shift[i] + back.at(lever[i]) - question.target[i];
         let moved = within(push[i], bound[i], traction[i] - gradient * question.stiffness_mpa_per_mm);
-        worst = worst.max((moved - traction[i]).norm());
-        sliding += usize::from(traction[i].norm() > 0.999 * bound[i]);
+        worst = worst.max(length(moved - traction[i]));
+        sliding += usize::from(length(traction[i]) > 0.999 * bound[i]);
     }
     assert!((100..cells.len() - 100).contains(&sliding), "{sliding} of {} cells slide", cells.len());
     Pulled { held, worst_fraction: worst / bound.iter().copied().fold(0.0, f64::max), full_slip }
@@ -98,7 +99,7 @@ fn small_errors_of_the_cells_do_not_add_up_to_a_load() {
         let exact = pull(mass_kg, Stop { tolerance_fraction: 1e-9, most_iterations_count: 1000 }).held;
         assert!(held.converged && exact.converged);
         let missed = added(held.load, exact.load, -1.0);
-        let (force, torque) = (missed.shift.norm() / force, missed.turn.abs() / torque);
+        let (force, torque) = (length(missed.shift) / force, missed.turn.abs() / torque);
         assert!(
             force.max(torque) < 0.1 * stop.tolerance_fraction,
             "{mass_kg} kg: {force:e} of force, {torque:e} of torque"
