@@ -31,7 +31,7 @@ use slipbound::image::SizePx;
 use slipbound::plane::Vec2;
 use slipbound::sensor::Sensor;
 use std::ops::Range;
-use surroundings::Backdrop;
+use surroundings::{Backdrop, bell};
 use view::View;
 
 /// Numbers kept before they repeat at another offset; a power of two.
@@ -322,11 +322,6 @@ fn pixel(settings: &CameraSettings, view: &View, backdrop: &Backdrop, i: usize) 
     }
     let (lit, beyond) = (backdrop.on_gel(plane, lit), backdrop.beyond(plane));
     (std::array::from_fn(|c| (beyond[c] + (lit[c] - beyond[c]) * gel) as f32), gel as f32)
-}
-
-/// A bell of height 1 over distance in standard deviations.
-fn bell(distance: f64) -> f64 {
-    libm::exp(-0.5 * distance * distance)
 }
 
 /// Two scratches of the coating near a corner.

@@ -12,7 +12,6 @@
 //!
 //! All is procedural: no picture of a real camera went into it.
 
-use super::bell;
 use super::settings::CameraSettings;
 use super::surroundings_kind::Surroundings;
 use crate::random::Random;
@@ -224,6 +223,11 @@ impl<'a> Backdrop<'a> {
         let (upper, lower) = (node(0, 0) + (node(1, 0) - node(0, 0)) * fx, node(0, 1) + (node(1, 1) - node(0, 1)) * fx);
         upper + (lower - upper) * fy
     }
+}
+
+/// A bell of height 1 over distance in standard deviations.
+pub(super) fn bell(distance: f64) -> f64 {
+    libm::exp(-0.5 * distance * distance)
 }
 
 /// From 0 below 0 to 1 above 1, level at both ends.
