@@ -98,7 +98,7 @@ impl Axes {
         let sense = if side == Side::Left { -1 } else { 1 };
         let [x, y] = [self.x, self.y].map(|axis| [axis.unit()[0], sense * axis.unit()[1]]);
         match x[0] * y[1] - x[1] * y[0] {
-            1 => Ok(Mounting { side, turn_rad: -libm::atan2(f64::from(x[1]), f64::from(x[0])) }),
+            1 => Ok(Mounting { side, turn_rad: -f64::from(x[1]).atan2(f64::from(x[0])) }),
             -1 => Err(Wrong::Mirrored),
             _ => Err(Wrong::NotSquare),
         }
