@@ -133,7 +133,7 @@ mod tests {
     fn imprint(cells: &mut [[f32; 3]], radius_cells: f32) {
         for (i, cell) in cells.iter_mut().enumerate() {
             let (x, y) = ((i % COLUMNS) as f32 - 19.5, (i / COLUMNS) as f32 - 14.5);
-            if libm::hypot(x, y) < radius_cells {
+            if x.hypot(y) < radius_cells {
                 let sign = if x > 0.0 { 30.0 } else { -30.0 };
                 *cell = cell.map(|levels| levels + sign);
             }
