@@ -13,6 +13,7 @@ mod detector;
 mod displacement;
 mod entropy;
 mod imprint;
+mod load;
 mod ours;
 mod paper;
 mod reference;
@@ -22,6 +23,7 @@ pub use detector::Detector;
 pub use displacement::Displacement;
 pub use entropy::Entropy;
 pub use imprint::Imprint;
+pub use load::Load;
 pub use ours::{Ours, Said, said};
 pub use paper::{Paper, PaperAsWritten};
 
@@ -72,6 +74,11 @@ impl Entry {
         (self.make)()
     }
 
+    /// Whether it says nothing where no grip force is known, as of a recording.
+    pub fn needs_force(&self) -> bool {
+        self.inputs.has_force() && !self.is_ours()
+    }
+
     /// Whether it is ours.
     pub fn is_ours(&self) -> bool {
         self.name.starts_with("ours")
@@ -79,7 +86,7 @@ impl Entry {
 }
 
 /// All detectors, ours first.
-pub const DETECTORS: [Entry; 8] = [
+pub const DETECTORS: [Entry; 9] = [
     Entry {
         name: "ours",
         what: "the shipped verdict, told the grip force",
@@ -127,6 +134,12 @@ pub const DETECTORS: [Entry; 8] = [
         what: "mean displacement of the markers in contact",
         inputs: Inputs::Frames,
         make: || Box::<Displacement>::default(),
+    },
+    Entry {
+        name: "load",
+        what: "tangential load over 0.6 times the grip force",
+        inputs: Inputs::FramesAndForce,
+        make: || Box::new(Load),
     },
 ];
 

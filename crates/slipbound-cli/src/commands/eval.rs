@@ -120,10 +120,22 @@ impl Eval {
     }
 
     fn detectors(&self) -> Result<Vec<&'static Entry>, Failure> {
+        let recorded = matches!(self.protocol.as_str(), "lifts" | "wriggles");
         if self.detector.is_empty() {
-            return Ok(DETECTORS.iter().collect());
+            return Ok(DETECTORS.iter().filter(|entry| !(recorded && entry.needs_force())).collect());
         }
-        self.detector.iter().map(|name| named(name).map_err(Failure::arguments)).collect()
+        let of_name = |name: &String| {
+            let entry = named(name).map_err(Failure::arguments)?;
+            if recorded && entry.needs_force() {
+                let what = format!(
+                    "--detector {name}: it reads the grip force, which the clips of {} do not have",
+                    self.protocol
+                );
+                return Err(Failure::Arguments(anyhow::Error::msg(what)));
+            }
+            Ok(entry)
+        };
+        self.detector.iter().map(of_name).collect()
     }
 
     /// Judges the trials that are missing in the folder.

@@ -1,0 +1,29 @@
+//! The rule that reads load alone: tangential load over a friction that is taken for known.
+
+use super::detector::Detector;
+use slipbound::monitor::{FEATURE_NAMES, SlipMonitor, SlipReport};
+
+/// Used fraction above which it alarms: that of the shipped verdict (deviation D16).
+const THRESHOLD_FRACTION: f64 = 0.5;
+
+/// Score: force and torque from all markers over what the grip force bears at a friction coefficient of 0.6, dimensionless (the feature
+/// `load`, see [`FEATURE_NAMES`]); 0 without a grip force or a contact.
+///
+/// It senses load, not slip: right where friction is 0.6, late where there is less, false where there is more.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Load;
+
+impl Detector for Load {
+    fn see(&mut self, monitor: &SlipMonitor, _: &SlipReport) -> f64 {
+        let load = FEATURE_NAMES.iter().position(|name| *name == "load");
+        let value = load.zip(monitor.features()).map(|(at, features)| features[at]);
+        value.filter(|value| value.is_finite()).unwrap_or(0.0)
+    }
+
+    fn threshold(&self) -> f64 {
+        THRESHOLD_FRACTION
+    }
+
+    /// A load needs no reference.
+    fn restart(&mut self) {}
+}
