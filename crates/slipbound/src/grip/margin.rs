@@ -5,7 +5,7 @@
 //!   used         f = 1 - margin, the largest among the fingers: load over the load at which the object slides
 //!   f > target         : P -> P f / target        at most `raise_n_per_s`
 //!   f < target - slack : P falls by `release_n_per_s`, not below the floor, once the load has stood for half a second;
-//!                        what is held beyond 1.5 times the wanted force faster, by `release_excess_per_s` of it
+//!                        what is held beyond 1.5 times the wanted force faster: it decays with the rate `release_excess_per_s`
 //! ```
 //!
 //! On something slippery a jump of the load takes more force, and the gripper more time: there the target is lower. The friction is the
@@ -62,8 +62,8 @@ pub struct MarginSettings {
     pub raise_n_per_s: f64,
     /// Rate of letting go, N per finger and second; 0 never lets go.
     pub release_n_per_s: f64,
-    /// Share of what is held beyond 1.5 times the wanted force that is let go in a second, where that is faster: a cap that breaks loose
-    /// leaves many times the force that it needs. 0: always the rate above.
+    /// Rate at which what is held beyond 1.5 times the wanted force decays, 1/s, where that is faster: a cap that breaks loose leaves many
+    /// times the force that it needs. 0: always the rate above.
     pub release_excess_per_s: f64,
     /// Rate of rise while a contact that was last seen loaded gives no margin, N per finger and second; 0 waits.
     pub unsure_n_per_s: f64,
@@ -82,7 +82,7 @@ impl Default for MarginSettings {
             slack_fraction: 0.05,
             raise_n_per_s: 120.0,
             release_n_per_s: 5.0,
-            release_excess_per_s: 4.0,
+            release_excess_per_s: 12.0,
             unsure_n_per_s: 10.0,
             unsure_most_fraction: 0.5,
         }
@@ -119,12 +119,13 @@ impl MarginSettings {
         self.slippery_target_fraction + firm_fraction * (self.target_fraction - self.slippery_target_fraction)
     }
 
-    /// How fast `force_n` is let go where less is wanted, N per finger and second.
-    pub fn falls_n_per_s(&self, force_n: f64, wanted_n: f64) -> f64 {
+    /// How much of `force_n` is let go in so many seconds where less is wanted, N per finger: alike at every rate of the loop.
+    pub fn let_go_n(&self, force_n: f64, wanted_n: f64, seconds: f64) -> f64 {
         if self.release_n_per_s <= 0.0 {
             return 0.0;
         }
-        self.release_n_per_s.max(self.release_excess_per_s * (force_n - EXCESS * wanted_n))
+        let excess_n = force_n - EXCESS * wanted_n;
+        (self.release_n_per_s * seconds).max(excess_n * (1.0 - libm::exp(-self.release_excess_per_s * seconds)))
     }
 
     /// The same with the stiffness of the finger where the settings have none. Refused when nobody knows it.
@@ -235,7 +236,7 @@ impl GripController for Margin {
         let wanted_n = least_n / target;
         let grows = least_n > (1.0 + GROWN_FRACTION) * self.before_n + GROWN_N;
         self.before_n += (1.0 - libm::exp(-seconds / STANDS_S)) * (least_n - self.before_n);
-        let release_n = self.settings.falls_n_per_s(self.force_n, wanted_n) * seconds;
+        let release_n = self.settings.let_go_n(self.force_n, wanted_n, seconds);
         if wanted_n > self.force_n {
             self.force_n = wanted_n.min(self.force_n + self.settings.raise_n_per_s * seconds);
         } else if !grows && least_n < (target - self.settings.slack_fraction) * self.force_n {
