@@ -29,7 +29,7 @@ use std::path::Path;
 /// A hand and its fingers, checked.
 #[derive(Debug, Clone)]
 pub struct HandConfig {
-    /// What the hand is called.
+    /// Name of the hand.
     pub name: String,
     /// One to [`FINGERS_MOST`] fingers; names and serials differ.
     pub fingers: Vec<FingerConfig>,
@@ -38,13 +38,13 @@ pub struct HandConfig {
 /// One finger of a hand.
 #[derive(Debug, Clone)]
 pub struct FingerConfig {
-    /// What it is called in reports.
+    /// Its name in reports.
     pub name: String,
-    /// Its serial number, which its sensor file must bear.
+    /// Its serial number, which must be that of its sensor file.
     pub serial: String,
     /// Its facts.
     pub sensor: Sensor,
-    /// How it sits in the hand.
+    /// Its mounting in the hand.
     pub mounting: Mounting,
 }
 
