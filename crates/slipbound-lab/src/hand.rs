@@ -46,14 +46,14 @@ use slipbound::sensor::Sensor;
 use slipbound::setting::SettingError;
 
 /// A simulated hand: a handle on it; [`SimHand::camera`], [`SimHand::gripper`], [`SimHand::wrist`] and
-/// [`SimHand::plant`] hand out the others. All of them can be moved to threads. In lock-step the same calls in the same
+/// [`SimHand::plant`] make the others. All of them can be moved to threads. In lock-step the same calls in the same
 /// order give the same bytes, whichever threads make them.
 #[derive(Debug, Clone)]
 pub struct SimHand(SharedHand);
 
 impl SimHand {
-    /// The hand of a scene at time 0: the jaws open, the object untouched. Refuses what the object or the contact
-    /// cannot be.
+    /// The hand of a scene at time 0: the jaws open, the object untouched. Fails for invalid settings of object or
+    /// contact.
     pub fn new(scene: &HandScene) -> Result<Self, SettingError> {
         SharedHand::new(scene).map(SimHand)
     }
@@ -96,9 +96,8 @@ impl SimHand {
         self.0.lock().world.frame()
     }
 
-    /// Advances by 1/30 s: jaws, wrist and contact in four steps. Pictures are rendered when the
-    /// first of them is read. After an error no time passes; cameras, gripper and wrist then return it, as
-    /// [`SimHand::error`] does.
+    /// Advances by 1/30 s: jaws, wrist and contact in four steps. Pictures are rendered when the first of them is read.
+    /// After an error time does not advance; cameras, gripper and wrist then return it, as [`SimHand::error`] does.
     pub fn advance_frame(&self) {
         let mut parts = self.0.lock();
         if !parts.is_plant {
@@ -106,12 +105,12 @@ impl SimHand {
         }
     }
 
-    /// What stopped the run; None while it goes on.
+    /// The error that stopped the run; None otherwise.
     pub fn error(&self) -> Option<SettingError> {
         self.0.lock().world.error().cloned()
     }
 
-    /// What is true now.
+    /// The present ground truth.
     pub fn truth(&self) -> HandTruth {
         let parts = self.0.lock();
         let opening_mm = (!parts.is_plant).then(|| parts.jaws.opening_mm());

@@ -1,4 +1,4 @@
-//! Named tasks of the hand, with parameters, as a line of text.
+//! Tasks of the hand by name, with parameters, as a line of text.
 
 use crate::contact::shape::Shape;
 use crate::contact::{FingerSettings, Friction, Grid};
@@ -154,7 +154,7 @@ impl HandKey {
     }
 }
 
-/// A task, a seed and a value for every key the task takes: what it takes to make the same run again.
+/// A task, a seed and a value for every key of the task: everything that determines a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandScene {
     task: &'static str,
@@ -164,8 +164,8 @@ pub struct HandScene {
 }
 
 impl HandScene {
-    /// `TASK` or `TASK?key=value&key=value`; `seed` is a key too. Refuses unknown names and values out of range, and
-    /// what does not go together.
+    /// `TASK` or `TASK?key=value&key=value`; `seed` is a key too. Fails for unknown names, values out of range, and
+    /// contradictory values.
     pub fn parse(text: &str) -> Result<HandScene, SettingError> {
         let (task, settings) = text.split_once('?').unwrap_or((text, ""));
         let Some(&(task, _, object)) = HAND_TASKS.iter().find(|(name, _, _)| *name == task) else {
@@ -215,7 +215,7 @@ impl HandScene {
         self.task
     }
 
-    /// What everything random is drawn from.
+    /// Seed of everything random.
     pub fn seed(&self) -> u64 {
         self.seed
     }
@@ -255,7 +255,7 @@ impl HandScene {
         }
     }
 
-    /// What is held.
+    /// The object that is held.
     pub fn object(&self) -> &'static Object {
         Object::named(self.word("object")).expect("the name was looked up when it was set")
     }

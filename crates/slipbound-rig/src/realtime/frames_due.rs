@@ -53,9 +53,9 @@ mod tests {
 
     const LONGEST_NS: u64 = 5;
 
-    struct Told(Receiver<()>);
+    struct Scripted(Receiver<()>);
 
-    impl FrameSource for Told {
+    impl FrameSource for Scripted {
         fn next(&mut self, _: &mut FrameBuffer) -> Result<Next, SourceError> {
             Ok(if self.0.recv().is_ok() { Next::Frame } else { Next::End })
         }
@@ -63,7 +63,7 @@ mod tests {
 
     fn camera() -> (SyncSender<()>, Newest) {
         let (to, from) = sync_channel(1);
-        (to, Newest::new(Box::new(Told(from))))
+        (to, Newest::new(Box::new(Scripted(from))))
     }
 
     fn give(to: &SyncSender<()>, camera: &Newest) {
