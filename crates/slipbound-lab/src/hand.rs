@@ -7,9 +7,8 @@
 //!              advance_frame: 1/30 s in four steps
 //! ```
 //!
-//! Hand frame: X along the fingers, towards their tips and down, with gravity; Y across them; Z the closing direction,
-//! from the left finger (0) to the right one (1); right-handed. Finger frames have x = X and z into their own gel, so
-//! y = -Y on the left finger and y = Y on the right one. The wrist turns about X, positive from Y to Z.
+//! Hand and finger frames are those of [`slipbound::hand`], with gravity along X; finger 0 is the left one, 1 the right one. The
+//! wrist turns about X, positive from Y to Z.
 //!
 //! ```
 //! use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Next};

@@ -99,7 +99,7 @@ impl LockStep {
         fault: Option<CameraFault>,
     ) -> Result<Self, SettingError> {
         let hand = SimHand::new(scene)?;
-        let task = settings.task(scene.task_name().parse()?, hand.sensor(0).shear_stiffness_mpa_per_mm())?;
+        let task = settings.task(scene.task(), hand.sensor(0).shear_stiffness_mpa_per_mm())?;
         LockStep::around(scene, hand, task, monitor, fault)
     }
 

@@ -97,7 +97,7 @@ impl Demo {
             settings.controller = name.parse().map_err(Failure::arguments)?;
         }
         let scene = HandScene::parse(&self.scene_text()).map_err(Failure::arguments)?;
-        let task: TaskKind = scene.task_name().parse().map_err(Failure::arguments)?;
+        let task = scene.task();
         let mut clamped = None;
         if let Some(emulated) = &self.emulated {
             let driver = emulated.driver(scene.width_mm()).map_err(Failure::Arguments)?;

@@ -5,6 +5,7 @@ use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
+use slipbound::hand::Side;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound_rig::container::{Recorder, TappedSource};
 use slipbound_rig::link::now_ns;
@@ -123,7 +124,7 @@ impl Record {
         let names: Vec<String> = match (names.is_empty(), sources_count) {
             (false, _) => names.clone(),
             (true, 1) => vec!["finger".into()],
-            (true, 2) => vec!["left".into(), "right".into()],
+            (true, 2) => Side::NAMES.map(str::to_owned).to_vec(),
             (true, count) => (0..count).map(|number| format!("finger{number}")).collect(),
         };
         let is_twice = names.iter().enumerate().any(|(i, name)| names[..i].contains(name));

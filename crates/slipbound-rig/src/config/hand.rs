@@ -11,11 +11,9 @@
 //! mounting = { x = "+x", y = "-y" }
 //! ```
 //!
-//! `mounting` says along which axis of the shared hand frame the x and y of the finger's image point (right and down on
-//! the screen). The hand frame: x from the wrist to the fingertips, y across the fingers, z from the left finger to the
-//! right one. A finger's z points into its gel, so an image that is not turned has its y along -y on the left and along
-//! +y on the right; that is what is taken where `mounting` is left out. An image that is mirrored is set right by the
-//! flip of its sensor file, not here.
+//! `mounting` gives the axes of the hand frame ([`slipbound::hand`]) along which the x and y of the finger's image point (right and
+//! down on the screen). Without `mounting` the image is taken to be not rotated: x along +x, y along -y on the left and along
+//! +y on the right. A mirrored image is corrected by the flip of its sensor file, not here.
 
 use super::error::Error;
 use super::layer::{Layer, typed};

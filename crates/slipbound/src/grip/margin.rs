@@ -64,9 +64,8 @@ pub struct MarginSettings {
     pub raise_n_per_s: f64,
     /// Rate at which the grip is reduced, N per finger and second; 0: never.
     pub release_n_per_s: f64,
-    /// Fraction per second by which the force beyond 1.5 times the wanted one is reduced, where that is faster than
-    /// `release_n_per_s`: after a cap has broken loose the grip is many times larger than needed. 0: always
-    /// `release_n_per_s`.
+    /// Decay rate, 1/s, of the force beyond 1.5 times the wanted one, where that is faster than `release_n_per_s`: after
+    /// a cap has broken loose the grip is many times larger than needed. 0: always `release_n_per_s`.
     pub release_excess_per_s: f64,
     /// Rate of rise while a contact that was loaded when last judged gives no margin, N per finger and second; 0 waits.
     pub unsure_n_per_s: f64,

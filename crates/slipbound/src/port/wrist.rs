@@ -55,7 +55,7 @@ impl std::error::Error for WristError {
 /// Longest time a motion may go on without being renewed, in nanoseconds: 200 ms.
 pub const LONGEST_TIME_TO_LIVE_NS: u64 = 200_000_000;
 
-/// A motion of the hand, in the hand frame (see ARCHITECTURE.md).
+/// A motion of the hand, in the hand frame of [`crate::hand`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "motion")]
 pub enum WristMotion {

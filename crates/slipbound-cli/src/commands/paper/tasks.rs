@@ -3,7 +3,7 @@
 use crate::outcome::Failure;
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::monitor::Settings;
-use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, TaskSettings};
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::lockstep::LockStep;
 use slipbound_rig::run::ending_name;
@@ -96,7 +96,7 @@ pub fn all(seed: u64, stop: &AtomicBool) -> Result<Vec<Part>, Failure> {
     let mut parts = vec![Part::Text("Dashed: incipient slips, as the hand saw them.".into())];
     for shown in SHOWN {
         let scene = HandScene::parse(&format!("{}?seed={seed}", shown.scene)).map_err(Failure::arguments)?;
-        let task: TaskKind = scene.task_name().parse().map_err(Failure::arguments)?;
+        let task = scene.task();
         let settings = TaskSettings::default().with_controller(shown.controller);
         let mut run = LockStep::new(&scene, &settings, &Settings::default(), None).map_err(Failure::arguments)?;
         let mut curves = RunCurves::default();
