@@ -30,7 +30,7 @@ pub struct Eval {
     /// With `merge`: the folders of all shards
     #[arg(value_name = "FOLDER")]
     folders: Vec<PathBuf>,
-    /// What the trials are drawn from
+    /// Seed of the trials
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Judge with these detectors alone, by commas or several times [default: all]
@@ -49,7 +49,7 @@ pub struct Eval {
     /// SLIPBOUND_DATA, else in ../shared/data]
     #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
-    /// With `lifts`: fit the scale of ours to the clips of all other objects, for each object anew
+    /// With `lifts`: fit our scale for each object to the clips of all other objects
     #[arg(long)]
     refit: bool,
     /// Pictures of the worst failures on the page; each runs its trial again

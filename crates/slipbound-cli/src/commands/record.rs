@@ -26,13 +26,13 @@ pub struct Record {
     /// The file, which is replaced
     #[arg(short, long, value_name = "FILE.mcap")]
     output: PathBuf,
-    /// What the fingers are called, as often as there are sources [default: finger, or left and right]
+    /// Name of a finger, given once for every source [default: finger, or left and right]
     #[arg(long, value_name = "NAME")]
     finger: Vec<String>,
     /// The sensor of every finger, to go with the recording: a built-in name or a sensor file
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
-    /// For how long, in seconds [default: until Ctrl-C or the end of every source]
+    /// Duration in seconds [default: until Ctrl-C or the end of every source]
     #[arg(long, value_name = "SECONDS")]
     for_s: Option<f64>,
 }

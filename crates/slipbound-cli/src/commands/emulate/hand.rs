@@ -32,13 +32,13 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// The arguments of `slipbound emulate hand`.
 #[derive(Debug, clap::Args)]
 pub struct Hand {
-    /// What lies between the jaws, and what it does
+    /// The task, which determines the object between the jaws
     #[arg(long, default_value = "screw", value_parser = TaskKind::NAMES)]
     task: String,
     /// Which gripper, as wsg50 or robotiq?most_n=40
     #[arg(long, default_value = "wsg50", value_name = "GRIPPER?KEY=VALUE")]
     gripper: EmulatedGripper,
-    /// What noise and disturbances are drawn from
+    /// Seed of noise and disturbances
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Set a parameter of the scene, as mu=0.6; may be given several times
@@ -50,7 +50,7 @@ pub struct Hand {
     /// Folder for the sensor file of every finger, hand.toml, and a script `try.sh`; files of these names are replaced
     #[arg(short, long, value_name = "FOLDER", default_value = "slipbound-hand")]
     output: PathBuf,
-    /// What goes wrong with the gripper, joined by commas (see `slipbound emulate --help`)
+    /// Faults of the gripper, joined by commas (see `slipbound emulate --help`)
     #[arg(long, value_name = "FAULTS", default_value = "", hide_default_value = true)]
     fail: Faults,
 }
