@@ -192,10 +192,10 @@ def judge_ramps(
 
     Examples
     --------
-    >>> class Deaf(Detector):
+    >>> class Unresponsive(Detector):
     ...     def see(self, report, image):
     ...         return 0.0
-    >>> [(record["detector"], record["outcome"]) for record in judge_ramps(Deaf(), 1, beside=[])]
+    >>> [(record["detector"], record["outcome"]) for record in judge_ramps(Unresponsive(), 1, beside=[])]
     [('mine', 'missed')]
     """
     records: list[dict[str, Any]] = []

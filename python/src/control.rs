@@ -171,7 +171,7 @@ impl HandRun {
         let joined: Vec<String> = parameters.iter().map(|(key, value)| format!("{key}={value}")).collect();
         let separator = if scene.contains('?') { "&" } else { "?" };
         let scene = HandScene::parse(&format!("{scene}{separator}{}", joined.join("&"))).map_err(setting)?;
-        let task: TaskKind = scene.task_name().parse().map_err(setting)?;
+        let task = scene.task();
         let (settings, monitor, raised) = (task_settings(settings)?, settings_of(monitor)?, Raised::default());
         let hand = py.detach(|| guarded(|| SimHand::new(&scene).map_err(setting)))?;
         let at_work = task_of(task, controller, settings, &hand.sensor(0), &raised)?;

@@ -52,9 +52,9 @@ pub enum Ask {
     Forget,
 }
 
-/// What a finger tells the hand.
+/// An event of a finger, for the hand.
 #[derive(Debug, Clone)]
-pub enum Told {
+pub enum FingerEvent {
     /// A report.
     Report(Box<monitor::SlipReport>),
     /// The rest frame is known; so often it was asked to forget one before.
@@ -137,7 +137,7 @@ pub struct FingerThread {
     tally: Arc<Mutex<Tally>>,
     shared: Arc<Shared>,
     asked: Receiver<Ask>,
-    hand: Sender<(usize, Told)>,
+    hand: Sender<(usize, FingerEvent)>,
 }
 
 /// What a finger's thread is joined to.
@@ -149,7 +149,7 @@ pub struct Joints {
     /// Where it is asked for something.
     pub asked: Receiver<Ask>,
     /// What it tells.
-    pub hand: Sender<(usize, Told)>,
+    pub hand: Sender<(usize, FingerEvent)>,
 }
 
 impl FingerThread {
@@ -216,7 +216,7 @@ impl FingerThread {
             match ask {
                 Ask::Tare => {
                     if let Err(why) = self.finger.tare() {
-                        self.tell(Told::Tared(Err(why)));
+                        self.tell(FingerEvent::Tared(Err(why)));
                     }
                 }
                 Ask::Look => self.finger.look(),
@@ -262,13 +262,13 @@ impl FingerThread {
             Ok(()) => match self.finger.see(&self.frame, grip) {
                 Seen::Judged(report) => Some(report),
                 Seen::Tared(report, ended) => {
-                    self.tell(Told::Tared(ended));
+                    self.tell(FingerEvent::Tared(ended));
                     Some(report)
                 }
                 Seen::Idle | Seen::AtRest => None,
                 Seen::RestFound(_) => {
                     self.tally.lock().unwrap_or_else(PoisonError::into_inner).has_rest = true;
-                    self.tell(Told::AtRest(self.forgotten_count));
+                    self.tell(FingerEvent::AtRest(self.forgotten_count));
                     None
                 }
                 Seen::Refused(why) => {
@@ -287,7 +287,7 @@ impl FingerThread {
         // Asked once: whoever looks on gets all that is said of a picture, or nothing.
         match self.shared.publishes.load(Ordering::Relaxed) {
             true => self.publish(header, &report),
-            false => self.tell(Told::Report(Box::new(report))),
+            false => self.tell(FingerEvent::Report(Box::new(report))),
         }
     }
 
@@ -303,7 +303,7 @@ impl FingerThread {
                 Err(why) => tally.failed(why),
             }
         }
-        self.tell(Told::Report(Box::new(*report)));
+        self.tell(FingerEvent::Report(Box::new(*report)));
         if let Some(wrench) = wrench(&header, report) {
             let _ = self.wrenches.publish(wrench); // best effort: the report has the same numbers
         }
@@ -312,7 +312,7 @@ impl FingerThread {
         }
     }
 
-    fn tell(&self, told: Told) {
+    fn tell(&self, told: FingerEvent) {
         let _ = self.hand.send((self.place, told)); // the node is ending: nobody listens
     }
 }

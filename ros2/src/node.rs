@@ -4,7 +4,7 @@ mod states;
 
 use crate::config::Config;
 use crate::error::Error;
-use crate::finger_thread::{Ask, FingerThread, Joints, Kept, Shared, Told};
+use crate::finger_thread::{Ask, FingerThread, Joints, Kept, Shared, FingerEvent};
 use crate::lifecycle::{Lifecycle, State};
 use crate::managed::Managed;
 use crate::msg::{DiagnosticArray, Empty, GripperState, HandReport, Header, TriggerResponse};
@@ -69,7 +69,7 @@ pub struct SlipNode {
     config: Config,
     joined: Joined,
     fingers: Vec<FingerOfNode>,
-    told: Receiver<(usize, Told)>,
+    told: Receiver<(usize, FingerEvent)>,
     shared: Arc<Shared>,
     hand: Hand,
     /// Which fingers have reported since the last report of the hand.
@@ -206,9 +206,9 @@ impl SlipNode {
         self.joined.ros.full_name()
     }
 
-    fn hear(&mut self, finger: usize, told: Told) {
+    fn hear(&mut self, finger: usize, told: FingerEvent) {
         match told {
-            Told::Report(report) => {
+            FingerEvent::Report(report) => {
                 if !self.fingers[finger].has_rest {
                     return; // it rests on what is forgotten by now
                 }
@@ -216,12 +216,12 @@ impl SlipNode {
                 self.is_fresh[finger] = true;
                 self.fresh_since_ns.get_or_insert_with(now_ns);
             }
-            Told::AtRest(forgotten_count) => {
+            FingerEvent::AtRest(forgotten_count) => {
                 // A rest frame found before it heard that it should forget it does not count.
                 self.fingers[finger].has_rest |= forgotten_count == self.forgotten_count;
                 self.settle();
             }
-            Told::Tared(ended) => {
+            FingerEvent::Tared(ended) => {
                 if let Some(tare) = &mut self.tare {
                     tare.ended(finger, ended);
                 }

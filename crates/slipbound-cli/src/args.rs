@@ -20,16 +20,16 @@ use crate::commands::trials::Trials;
 use crate::commands::watch::Watch;
 use clap::{Parser, Subcommand};
 
-/// Says from the pictures of a camera inside a soft fingertip whether what it holds begins to slip.
+/// Detects from the images of a camera inside a soft fingertip that a grasp begins to slip.
 #[derive(Debug, Parser)]
 #[command(name = "slipbound", version = env!("SLIPBOUND_VERSION"))]
 pub struct Args {
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// What can be done.
+/// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Let a simulated hand screw a cap onto a bottle, or do another task of the paper
@@ -38,23 +38,23 @@ pub enum Command {
     Watch(Watch),
     /// List the cameras and serial lines of this computer, and the grippers that are known
     Devices(Devices),
-    /// Check a camera, its finger and a gripper; what is bad comes with what to do
+    /// Check a camera, its finger and a gripper, with advice on every problem
     Doctor(Doctor),
-    /// Record what cameras give, as it comes
+    /// Record cameras
     Record(Record),
     /// Turn the folder of a run into one MCAP file, or such a file into a folder
     Convert(Convert),
-    /// Run a recorded demo again from its frames and compare every command
+    /// Replay a recorded run from its frames and compare every command
     Replay(Replay),
     /// Run tasks in simulation over friction, seeds and controllers, and print the table
     Trials(Trials),
     /// Judge many simulated trials with ours and with rival detectors, and write records, tables and a page
     Eval(Eval),
-    /// Make every figure and table of the paper from our own frames, on one page
+    /// Make every figure and table of the paper from simulated frames, on one page
     Paper(Paper),
     /// Make the sensor file of an unknown finger from a picture of it at rest
     Calibrate(Calibrate),
-    /// Keep the finger at rest in a file, for `--rest FILE` of later commands
+    /// Save the finger at rest in a file, for `--rest FILE` of later commands
     Tare(Tare),
     /// List the built-in fingers, or show the file of one
     Sensors {
@@ -68,16 +68,16 @@ pub enum Command {
         /// The scene that is shown
         name: Option<String>,
     },
-    /// Hold something with a real gripper, harder whenever it begins to slip
+    /// Hold an object with a real gripper, harder whenever it begins to slip
     Hold(Hold),
     /// Do a task of the paper with a real gripper and wrist
     #[command(
         override_usage = "slipbound run [OPTIONS] --gripper <ADDRESS> --wrist <ADDRESS>\n                     <TASK> <SOURCE>..."
     )]
     Run(Run),
-    /// Try a gripper by hand
+    /// Operate a gripper manually
     Gripper(Gripper),
-    /// Be a gripper that is not there, to try a driver without hardware
+    /// Emulate a gripper, to test a driver without hardware
     Emulate(Box<Emulate>),
     /// Measure the time from a frame to the bytes of a grip command
     Latency(Latency),

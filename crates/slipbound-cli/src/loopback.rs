@@ -85,7 +85,7 @@ impl Loopback {
         let pipeline =
             |(i, slot): (usize, &Slot)| finger(&hand, i, monitor, fault, Box::new(SlotSource { slot: slot.clone() }));
         let fingers = slots.iter().enumerate().map(pipeline).collect();
-        let task = settings.task(scene.task_name().parse()?, hand.sensor(0).shear_stiffness_mpa_per_mm())?;
+        let task = settings.task(scene.task(), hand.sensor(0).shear_stiffness_mpa_per_mm())?;
         let control = ControlLoop::new(fingers, task)?.with_runner(Box::new(MonitorWorkers::new()));
         let bind = || TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("cannot listen on this computer");
         let (gripper_port, wrist_port) = (bind()?, bind()?);

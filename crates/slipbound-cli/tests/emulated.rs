@@ -33,9 +33,9 @@ fn screw_unscrew_and_lift_end_through_a_driver_as_they_do_without() {
         ("unscrew", "mu=0.9", ["ended", "largest grip"], None),
         ("lift", "mu=0.9", ["ended", "dropped"], Some("mass at the end")),
     ] {
-        let run = |name: &str, through: &[&str]| {
+        let run = |name: &str, emulated: &[&str]| {
             let folder = scratch.path().join(format!("{task}-{name}"));
-            let output = demo(&folder, &[&["--task", task, "--set", mu], through].concat());
+            let output = demo(&folder, &[&["--task", task, "--set", mu], emulated].concat());
             assert!(output.status.success(), "{task} {name}: {}", told(&output));
             (folder, told(&output))
         };
@@ -58,9 +58,9 @@ fn screw_unscrew_and_lift_end_through_a_driver_as_they_do_without() {
 fn a_link_cut_in_the_middle_is_waited_for_and_the_recording_replays() {
     let scratch = tempfile::tempdir().expect("a folder");
     let run = scratch.path().join("run");
-    let through = "wsg50?acknowledge_own_fast_stop=true";
+    let emulated = "wsg50?acknowledge_own_fast_stop=true";
     let args =
-        ["--task", "unscrew", "--set", "mu=0.9", "--emulated", through, "--gripper-fault", "close@2500", "--record"];
+        ["--task", "unscrew", "--set", "mu=0.9", "--emulated", emulated, "--gripper-fault", "close@2500", "--record"];
     let output = demo(&run, &args);
     assert!(output.status.success(), "{}", told(&output));
     assert_eq!(row(&told(&output), "ended"), "Opened");

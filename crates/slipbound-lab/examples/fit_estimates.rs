@@ -8,7 +8,7 @@
 
 use slipbound::monitor::{FEATURES_COUNT, SLIDE_FEATURES_COUNT};
 use slipbound_lab::eval::EvalError;
-use slipbound_lab::fit::{Row, Told, gross_rows_of, gross_table, read_rows, rows_of, table, write_rows};
+use slipbound_lab::fit::{LeftOut, Row, gross_rows_of, gross_table, read_rows, rows_of, table, write_rows};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -39,10 +39,10 @@ fn simulate<T: Send>(trials_count: u64, of: impl Fn(u64) -> Result<T, EvalError>
 }
 
 /// Mean error and the one stated, by what is said. `of` makes a fraction of a target.
-fn errors(name: &str, told: &[Told], of: impl Fn(f64) -> f64) {
+fn errors(name: &str, told: &[LeftOut], of: impl Fn(f64) -> f64) {
     for (from, to) in [(-1.0, 9.0), (-1.0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 9.0)] {
         let (mut weights, mut bias, mut error, mut stated) = (0.0, 0.0, 0.0, 0.0);
-        for Told { row, said, error: own } in told {
+        for LeftOut { row, said, error: own } in told {
             if (from..to).contains(&of(*said)) {
                 let off = of(*said) - of(row.targets[0]);
                 (weights, bias, error) = (weights + 1.0, bias + off, error + off.abs());

@@ -1,5 +1,5 @@
-//! A controller that knows what no finger can feel: load and friction, from the simulation itself. What it cannot hold with the
-//! same gripper, or holds only by sliding, no controller is blamed for.
+//! A reference controller that reads load and friction from the simulation. An object that it cannot hold with the same
+//! gripper, or only while it slides, does not count against any controller.
 
 use crate::hand::SimHand;
 use slipbound::grip::{ArmMotion, GripController, GripDecision, GripLimits, MarginSettings};
@@ -12,8 +12,8 @@ const OVER: f64 = 1.15;
 /// How far ahead the load is reckoned, s: the gripper's delay, lag and one period of the loop.
 const AHEAD_S: f64 = 0.15;
 
-/// Holds with the least force that will be required when the gripper has got there. Lets go at the rate of the controller
-/// `margin`, so that the two differ in what they know alone.
+/// Holds with the least force that will be required when the gripper has reached it. Reduces the force at the rate of
+/// the controller `margin`, so that the two differ only in what they know.
 pub struct Clairvoyant {
     hand: SimHand,
     limits: GripLimits,
@@ -23,7 +23,7 @@ pub struct Clairvoyant {
 }
 
 impl Clairvoyant {
-    /// Looks into the simulation of this hand.
+    /// Reads the simulation of this hand.
     pub fn new(hand: SimHand, limits: &GripLimits) -> Self {
         Clairvoyant { hand, limits: *limits, force_n: limits.start_n, last: None }
     }

@@ -8,10 +8,12 @@
 //! A table follows from the records alone, so a sweep that was cut, or spread over machines, ends in the same table.
 //! Definitions of every score: docs/eval.md.
 
+pub mod clips;
 mod error;
 pub(crate) mod facts;
 pub mod folder;
 pub mod guest;
+pub mod lifts;
 pub mod outcome;
 mod protocol;
 pub mod quiet;
@@ -25,6 +27,7 @@ pub mod table;
 pub mod table1;
 pub mod unseen;
 pub mod watch;
+pub mod wriggles;
 
 pub use error::{EvalError, FolderError, SweepError};
 pub use facts::Facts;

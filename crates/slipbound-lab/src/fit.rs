@@ -93,32 +93,32 @@ pub fn left_out<const N: usize>(rows: &[Row], targets: impl Fn(&Row) -> [f64; N]
     estimates
 }
 
-/// What trees said of a row that were fitted without its object, and by how much they said they were off.
+/// The prediction for a row by trees fitted without its object, with the error that they state.
 #[derive(Debug, Clone)]
-pub struct Told {
-    /// The row; its first target is what was asked for.
+pub struct LeftOut {
+    /// The row; its first target is the true value.
     pub row: Row,
-    /// What they said.
+    /// The prediction.
     pub said: f64,
-    /// Mean error that was stated.
+    /// The stated mean error.
     pub error: f64,
 }
 
-fn taught(name: &str, rows: &[Row]) -> (String, Vec<Told>) {
+fn taught(name: &str, rows: &[Row]) -> (String, Vec<LeftOut>) {
     let target = |row: &Row| [row.targets[0]];
     let said = left_out(rows, target, &VALUES);
     let off = |(row, [said]): (&Row, &[f64; 1])| Row { targets: [(row.targets[0] - said).abs(), 0.0], ..row.clone() };
     let errors: Vec<Row> = rows.iter().zip(&said).map(off).collect();
     let stated = left_out(&errors, target, &ERRORS);
     let [values, errors] = [Ensemble::fit(rows, target, &VALUES), Ensemble::fit(&errors, target, &ERRORS)];
-    let told = |((row, [said]), [error]): ((&Row, [f64; 1]), [f64; 1])| Told { row: row.clone(), said, error };
+    let told = |((row, [said]), [error]): ((&Row, [f64; 1]), [f64; 1])| LeftOut { row: row.clone(), said, error };
     let told = rows.iter().zip(said).zip(stated).map(told).collect();
     (values.written(name) + &errors.written(&format!("{name}_error")), told)
 }
 
 /// The whole table, as `slipbound` reads it, and what its ensembles say of rows whose objects are left out: the logarithm of the used
 /// fraction, the stick ratio, and used fraction and stick ratio without the grip force.
-pub fn table(rows: &[Row]) -> (String, [Vec<Told>; 4]) {
+pub fn table(rows: &[Row]) -> (String, [Vec<LeftOut>; 4]) {
     let taught = LESSONS.map(|(name, lesson)| {
         let rows: Vec<Row> = rows.iter().filter_map(lesson).collect();
         move || taught(name, &rows)

@@ -7,9 +7,8 @@
 //!              advance_frame: 1/30 s in four steps
 //! ```
 //!
-//! Hand frame: X along the fingers, towards their tips and down, with gravity; Y across them; Z the closing direction,
-//! from the left finger (0) to the right one (1); right-handed. Finger frames have x = X and z into their own gel, so
-//! y = -Y on the left finger and y = Y on the right one. The wrist turns about X, positive from Y to Z.
+//! Hand and finger frames are those of [`slipbound::hand`], with gravity along X; finger 0 is the left one, 1 the right one. The
+//! wrist turns about X, positive from Y to Z.
 //!
 //! ```
 //! use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Next};
@@ -46,14 +45,14 @@ use slipbound::sensor::Sensor;
 use slipbound::setting::SettingError;
 
 /// A simulated hand: a handle on it; [`SimHand::camera`], [`SimHand::gripper`], [`SimHand::wrist`] and
-/// [`SimHand::plant`] hand out the others. All of them can be moved to threads. In lock-step the same calls in the same
+/// [`SimHand::plant`] make the others. All of them can be moved to threads. In lock-step the same calls in the same
 /// order give the same bytes, whichever threads make them.
 #[derive(Debug, Clone)]
 pub struct SimHand(SharedHand);
 
 impl SimHand {
-    /// The hand of a scene at time 0: the jaws open, the object untouched. Refuses what the object or the contact
-    /// cannot be.
+    /// The hand of a scene at time 0: the jaws open, the object untouched. Fails for invalid settings of object or
+    /// contact.
     pub fn new(scene: &HandScene) -> Result<Self, SettingError> {
         SharedHand::new(scene).map(SimHand)
     }
@@ -96,9 +95,8 @@ impl SimHand {
         self.0.lock().world.frame()
     }
 
-    /// Advances by 1/30 s: jaws, wrist and contact in four steps. Pictures are rendered when the
-    /// first of them is read. After an error no time passes; cameras, gripper and wrist then return it, as
-    /// [`SimHand::error`] does.
+    /// Advances by 1/30 s: jaws, wrist and contact in four steps. Pictures are rendered when the first of them is read.
+    /// After an error time does not advance; cameras, gripper and wrist then return it, as [`SimHand::error`] does.
     pub fn advance_frame(&self) {
         let mut parts = self.0.lock();
         if !parts.is_plant {
@@ -106,12 +104,12 @@ impl SimHand {
         }
     }
 
-    /// What stopped the run; None while it goes on.
+    /// The error that stopped the run; None otherwise.
     pub fn error(&self) -> Option<SettingError> {
         self.0.lock().world.error().cloned()
     }
 
-    /// What is true now.
+    /// The present ground truth.
     pub fn truth(&self) -> HandTruth {
         let parts = self.0.lock();
         let opening_mm = (!parts.is_plant).then(|| parts.jaws.opening_mm());

@@ -174,8 +174,8 @@ impl Gel {
         self.modulus_mpa / (2.0 * (1.0 + self.poisson_ratio))
     }
 
-    /// What a sensor file says of it: the force on the patch around a marker that is displaced by one pitch, G/h of a wide
-    /// layer.
+    /// Its shear stiffness as in a sensor file: the force on the patch around a marker that is displaced by one pitch,
+    /// from G/h of a wide layer.
     pub fn shear_of_marker(&self, pitch_mm: f64) -> Shear {
         Shear {
             stiffness_n_per_pitch: self.shear_modulus_mpa() / self.thickness_mm * pitch_mm * pitch_mm * pitch_mm,
@@ -239,7 +239,7 @@ impl SoftObject {
         above_zero("soft_object.thickness_mm", self.thickness_mm)
     }
 
-    /// What the object adds to the compliance of the interface. Its z axis points the other way, so its coupling
+    /// Contribution of the object to the compliance of the interface. Its z axis points the other way, so its coupling
     /// counts with the other sign.
     pub fn compliance(&self, k_rad_per_mm: f64) -> Compliance {
         let g = self.modulus_mpa / (2.0 * (1.0 + self.poisson_ratio));

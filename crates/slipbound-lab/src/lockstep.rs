@@ -31,12 +31,12 @@ const CYCLES_AFTER_END_COUNT: u32 = 15;
 /// Sides of the fingers 0 and 1.
 const SIDES: [Side; 2] = [Side::Left, Side::Right];
 
-/// Who presses and moves the simulated world.
+/// The gripper and wrist that act on the simulated world.
 pub trait Actuators {
     /// Gripper and wrist, as the loop commands them.
     fn ports(&mut self) -> (&mut dyn Gripper, &mut dyn Wrist);
 
-    /// Lets time pass up to the hand's next frame.
+    /// Advances the time to the hand's next frame.
     fn advance_frame(&mut self, hand: &SimHand);
 }
 
@@ -59,7 +59,7 @@ impl Actuators for Direct {
 /// Why a run in lock-step ended before its task.
 #[derive(Debug, thiserror::Error)]
 pub enum LockStepError {
-    /// The loop was left.
+    /// The loop ended with an error.
     #[error(transparent)]
     Control(#[from] ControlError),
     /// The simulated world cannot go on.
@@ -91,7 +91,7 @@ pub fn finger(
 }
 
 impl LockStep {
-    /// The hand of a scene with its task around it. Refuses what either cannot be.
+    /// The hand of a scene with its task around it. Fails for invalid settings of either.
     pub fn new(
         scene: &HandScene,
         settings: &TaskSettings,
@@ -99,11 +99,11 @@ impl LockStep {
         fault: Option<CameraFault>,
     ) -> Result<Self, SettingError> {
         let hand = SimHand::new(scene)?;
-        let task = settings.task(scene.task_name().parse()?, hand.sensor(0).shear_stiffness_mpa_per_mm())?;
+        let task = settings.task(scene.task(), hand.sensor(0).shear_stiffness_mpa_per_mm())?;
         LockStep::around(scene, hand, task, monitor, fault)
     }
 
-    /// The same around a task of one's own, or one with a controller of one's own. `hand` is that of the scene.
+    /// The same around a user's own task, or a task with a user's own controller. `hand` is that of the scene.
     pub fn around(
         scene: &HandScene,
         hand: SimHand,
@@ -117,7 +117,7 @@ impl LockStep {
         Ok(LockStep { hand, control, actuators, score: RunScore::default() })
     }
 
-    /// The same with gripper and wrist reached in another way: through drivers and emulators, say.
+    /// The same with other actuators, for example drivers and emulators.
     #[must_use]
     pub fn with_actuators(self, actuators: Box<dyn Actuators + Send>) -> Self {
         LockStep { actuators, ..self }
@@ -139,7 +139,7 @@ impl LockStep {
         &self.control
     }
 
-    /// What adds up over the cycles so far.
+    /// The score of the cycles so far.
     pub fn score(&self) -> &RunScore {
         &self.score
     }
@@ -164,8 +164,8 @@ impl LockStep {
         }
     }
 
-    /// One cycle of the loop, then 1/30 s of the world, for who drives it cycle by cycle. The truth is of the time of the
-    /// frames. After an error the loop has been left.
+    /// One cycle of the loop, then 1/30 s of the world, for callers that drive it cycle by cycle. The truth is of the
+    /// time of the frames. After an error the loop has been left.
     pub fn cycle(&mut self, observer: &mut dyn CycleObserver) -> Result<CycleOutcome, LockStepError> {
         let (now_ns, truth) = (self.hand.now_ns(), self.hand.truth());
         let mut observer = WithTruth { observer, truth: truth.record() };

@@ -187,7 +187,7 @@ fn score(
             let hand = SimHand::new(scene)?;
             let grip = Guard::new(Box::new(Clairvoyant::new(hand.clone(), &settings.grip)), settings.grip);
             let stiffness = hand.sensor(0).shear_stiffness_mpa_per_mm();
-            let task = settings.task_with(scene.task_name().parse()?, grip, stiffness)?;
+            let task = settings.task_with(scene.task(), grip, stiffness)?;
             LockStep::around(scene, hand, task, &Settings::default(), None)?
         }
     };

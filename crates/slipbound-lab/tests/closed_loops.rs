@@ -19,7 +19,8 @@ const FAULTS: [&str; 5] = ["none", "lost@2", "torn@2", "frozen@2", "dark@2"];
 const HEAD: &str = "# Closed loops in simulation\n\n\
     One finger, seed 1, nine seconds at most; camera faults from 2 s on, and but for `lift` four seconds then. Written by\n\
     `REGENERATE=1 cargo test -p slipbound-lab --test closed_loops`. *least* and\n\
-    *most*: commanded force from the end of grasping on, N per finger, until a release.\n\n\
+    *most*: commanded force from the end of grasping on, N per finger, until a release. `constant` reacts to no camera and `paper`\n\
+    as `on_slip` does: one fault each.\n\n\
     | task | controller | fault | ended | least N | most N | slid mm | slips | alarms |\n|---|---|---|---|---|---|---|---|---|\n";
 
 /// The range of what was commanded after grasping, and the slips.

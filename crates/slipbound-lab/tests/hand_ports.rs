@@ -111,7 +111,7 @@ fn a_tilted_tool_is_seen_from_its_two_sides_and_a_cap_alike() {
 fn scenes_are_text_and_what_they_cannot_be_is_refused_by_name() {
     for (task, _, _) in HAND_TASKS {
         let scene = HandScene::parse(&format!("{task}?mu=0.61&seed=7&fingers=1")).expect("a sound scene");
-        assert_eq!((scene.task_name(), scene.mu(), scene.seed(), scene.fingers_count()), (task, 0.61, 7, 1));
+        assert_eq!((scene.task(), scene.mu(), scene.seed(), scene.fingers_count()), (task, 0.61, 7, 1));
         assert_eq!(HandScene::parse(&scene.to_string()).expect("its own text"), scene);
     }
     assert_eq!(HandScene::parse("screw").expect("a sound scene").mu(), 0.75, "the cap's own");

@@ -1,4 +1,4 @@
-//! MCAP files: frames as they came, with everything that was said of them.
+//! MCAP files: frames as they came, with all reports on them.
 //!
 //! ```text
 //!   camera --tap--> every frame that arrives      /left/camera  foxglove.CompressedImage or RawImage, protobuf

@@ -9,7 +9,7 @@
 //! | `robotiq` | [`robotiq::Socket`] | Robotiq 2F-85 behind a UR controller |
 //! | `line` | [`line::Line`] | the line protocol, gripper and wrist |
 //!
-//! They can be made to fail ([`Faults`]). What they hold when a link is cut, they go on holding.
+//! They can be made to fail ([`Faults`]). They keep holding an object when the link is cut.
 //!
 //! [`JawDrive`]: slipbound::plant::JawDrive
 //! [`Plant`]: slipbound::plant::Plant

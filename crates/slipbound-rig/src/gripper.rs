@@ -9,10 +9,10 @@
 //! | `line://HOST:PORT` | whatever answers the line protocol (docs/grippers.md) | [`mod@line`] |
 //! | `dry` | none: takes every command, moves nothing | [`dry`] |
 //!
-//! Settings may follow the address: `wsg50://192.168.1.20:1000?part_width_mm=28&most_n=40`. Newtons are per finger.
-//! A [`Driver`] is a state machine told the time, around a [`Protocol`]; a [`Device`] is a driver at a socket or a
-//! serial line. No call waits for the jaws; bytes move in `poll` and `poll_io`, so one of them is to be called every few
-//! ms. Whatever fails, the gripper keeps the force it has.
+//! Settings may follow the address: `wsg50://192.168.1.20:1000?part_width_mm=28&most_n=40`. Newtons are per finger. A
+//! [`Driver`] is a state machine told the time, around a [`Protocol`]; a [`Device`] is a driver at a socket or a serial
+//! line. No call waits for the jaws; bytes are sent and received in `poll` and `poll_io`, so one of them must be called
+//! every few ms. Whatever fails, the gripper keeps its force.
 //!
 //! ```
 //! use slipbound::port::{GripCommand, Gripper};
@@ -23,8 +23,8 @@
 //! # Ok::<(), Box<dyn std::error::Error + Send + Sync>>(())
 //! ```
 //!
-//! A gripper that already has a driver of your own needs none of this: implement
-//! [`Gripper`](slipbound::port::Gripper), whose page shows how.
+//! If you already have a driver for your gripper, implement [`Gripper`](slipbound::port::Gripper), whose page shows
+//! how.
 
 mod address;
 pub mod check_hold;

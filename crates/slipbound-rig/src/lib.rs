@@ -19,7 +19,7 @@
 //! | a page of tables, charts and pictures | [`sheet`] |
 //! | grippers by their own protocols | [`gripper`] |
 //! | the arm behind the hand | [`wrist`] |
-//! | the same protocols from the other side, to try all that without hardware | [`emulator`] |
+//! | emulators of the same grippers, for tests without hardware | [`emulator`] |
 //! | sockets, serial lines, and the clock of everything that runs in real time | [`link`] |
 //!
 //! ```no_run

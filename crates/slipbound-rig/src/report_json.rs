@@ -22,10 +22,10 @@ use slipbound::port::Clock;
 use slipbound::sensor::Sensor;
 use std::io::{self, Write};
 
-/// Grows when a reader of the old lines could misread the new ones; new keys alone do not count.
+/// Incremented when a reader of old lines could misread new ones; not for new keys alone.
 pub const FORMAT_VERSION: u32 = 2;
 
-/// What is said once, in the first line.
+/// The first line of a report.
 #[derive(Debug, Clone, Serialize)]
 pub struct Header<'a> {
     /// Which finger of the hand.
@@ -48,13 +48,13 @@ pub struct Header<'a> {
 /// What the rest frame was made from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct RestOrigin {
-    /// How it was come by.
+    /// How it was obtained.
     pub kind: RestOriginKind,
     /// The frames of the source that were averaged: from, to (exclusive); None when it came from another file.
     pub frames: Option<[u64; 2]>,
 }
 
-/// How the rest frame was come by.
+/// How the rest frame was obtained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RestOriginKind {

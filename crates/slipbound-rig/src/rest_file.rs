@@ -32,7 +32,7 @@ const BINDING_SETTINGS: [&str; 2] = ["imprint", "markers"];
 pub struct SavedRest {
     /// The rest frame.
     pub rest: Rest,
-    /// Where it is from, and whose it is.
+    /// Its origin and its finger.
     pub made_of: MadeOf,
 }
 
@@ -207,7 +207,7 @@ impl SavedRest {
         })
     }
 
-    /// Whether it is of this finger, and for a monitor with these settings. `file`: what it is called in messages.
+    /// Checks that it is of this finger, and for a monitor with these settings. `file`: what it is called in messages.
     pub fn check(&self, sensor: &Sensor, settings: &Settings, file: &str) -> Result<(), RestFileError> {
         let foreign =
             |whose, (key, expected, got)| RestFileError::Foreign { file: file.into(), whose, key, expected, got };

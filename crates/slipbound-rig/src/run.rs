@@ -1,4 +1,4 @@
-//! The folder that a closed loop leaves behind, and its replay.
+//! The folder of a recorded run, and its replay.
 //!
 //! ```text
 //!   run.toml             task, controller, source, seed, fingers, all settings, version
@@ -19,7 +19,7 @@
 //!  "phase":{"phase":"working"},"margin":null,"alarms_count":1,"slips_count":1,"truth":null}
 //! ```
 //!
-//! Every line is flushed as soon as it is written, so a loop that breaks off leaves all but its page.
+//! Every line is flushed as soon as it is written, so that an interrupted loop leaves everything but its page.
 
 mod error;
 pub(crate) mod event;

@@ -1,7 +1,7 @@
 //! The arm behind the hand, by the line protocol (docs/grippers.md): `line://HOST:PORT`, or `dry` for none.
 //!
-//! Every motion is bounded by an angle or a distance and by a time to live, which the wrist itself keeps: when
-//! nothing more comes, it pauses. No call waits.
+//! Every motion is bounded by an angle or a distance and by a time to live, which the wrist itself enforces: without a
+//! new command it pauses. No call waits.
 
 mod address;
 mod device;

@@ -43,16 +43,16 @@ impl FrameSource for Script {
 }
 
 /// What was given: number, time, clock, whether it is whole, a sum over the pixels.
-type Given = (u64, Option<u64>, Clock, bool, u64);
+type FrameFacts = (u64, Option<u64>, Clock, bool, u64);
 
-fn given(next: &Next, frame: &FrameBuffer) -> Given {
+fn given(next: &Next, frame: &FrameBuffer) -> FrameFacts {
     let whole = *next == Next::Frame;
     let sum = frame.pixels.iter().fold(0u64, |sum, value| sum.wrapping_mul(31).wrapping_add(u64::from(*value)));
     (frame.seq, frame.time_ns, frame.clock, whole, if whole { sum } else { 0 })
 }
 
 /// Records so many frames, of which those are judged that `is_judged` says; what was judged.
-fn record(path: &Path, count: u64, is_judged: impl Fn(u64) -> bool) -> Vec<Given> {
+fn record(path: &Path, count: u64, is_judged: impl Fn(u64) -> bool) -> Vec<FrameFacts> {
     let recorder = Recorder::create(path, &["left".into()], true).expect("creates");
     let seqs: Vec<u64> = (0..count).rev().collect();
     let mut tapped = TappedSource::new(Script { seqs: seqs.clone() }, 0, recorder.inlet(), true);
@@ -74,7 +74,7 @@ fn record(path: &Path, count: u64, is_judged: impl Fn(u64) -> bool) -> Vec<Given
 }
 
 /// All that a file gives, until its end; the last element is why it was cut off.
-fn drain(path: &str) -> (Vec<Given>, Option<String>) {
+fn drain(path: &str) -> (Vec<FrameFacts>, Option<String>) {
     let mut source = source::open(path).expect("opens");
     let (mut frame, mut seen, mut cut) = (FrameBuffer::default(), Vec::new(), None);
     loop {

@@ -133,9 +133,9 @@ fn answer(kernel: &str, size: SizePx, numbers: &[f64], picture: &[u8]) -> Result
             Components::new(size).fill_holes(&mut mask);
             out = bytes_of(&mask);
         }
-        ("remove_small", &[min_area_px]) => {
+        ("remove_small", &[min_area_px2]) => {
             mask = mask_of(picture, size);
-            Components::new(size).remove_small(&mut mask, min_area_px as usize);
+            Components::new(size).remove_small(&mut mask, min_area_px2 as usize);
             out = bytes_of(&mask);
         }
         ("below_level", &[level]) => {

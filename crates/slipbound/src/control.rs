@@ -7,12 +7,12 @@
 //!   gripper, wrist: poll -----------------'                 '--> CycleObserver
 //! ```
 //!
-//! What it promises: a fault of software or of a link never opens a hand. While gripper or wrist have a fault (a lost
-//! link, no answer, a refusal, a latched fast stop, a force that does not follow) the wrist is paused, the force stays
-//! where it is, and the loop goes on looking and waits, for ten seconds. On any other error it leaves: the wrist is
-//! paused first, and the gripper keeps its force, or goes to the force for blind hands where that is set and more.
+//! Guarantee: a fault of software or of a link never opens a hand. While gripper or wrist have a fault (a lost link, no
+//! answer, a refusal, a latched fast stop, a force that does not follow) the wrist is paused, the force stays where it
+//! is, and the loop keeps judging frames and waits, for up to ten seconds. On any other error the loop ends: the wrist
+//! is paused first, and the gripper keeps its force, or raises it to the blind force if that is set and higher.
 //!
-//! The loop has no clock and no threads. Whoever drives it calls [`ControlLoop::cycle`] when the frames are there and
+//! The loop has no clock and no threads. Its driver calls [`ControlLoop::cycle`] when frames are due and
 //! [`Gripper::poll_io`] every few ms in between: `slipbound_rig::realtime` for hardware, `slipbound_lab::lockstep` for
 //! the simulator.
 
@@ -42,7 +42,7 @@ use fault::{FaultLog, ForceShortfall};
 /// A pause, in whatever the wrist is doing.
 const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);
 
-/// The loop's state.
+/// The control loop of one hand.
 pub struct ControlLoop {
     fingers: Vec<FingerPipeline>,
     runner: Box<dyn MonitorRunner>,
@@ -60,7 +60,8 @@ pub struct ControlLoop {
 }
 
 impl ControlLoop {
-    /// A loop before its first cycle; its monitors run one after the other. Refuses a hand that cannot be.
+    /// A loop before its first cycle; its monitors run one after the other. Fails for an invalid hand: no finger, more
+    /// than [`FINGERS_MOST`], or a mounting that is not a number.
     pub fn new(fingers: Vec<FingerPipeline>, task: Box<dyn Task + Send>) -> Result<Self, SettingError> {
         let mountings: Vec<Mounting> = fingers.iter().map(FingerPipeline::mounting).collect();
         Ok(ControlLoop {
@@ -80,14 +81,14 @@ impl ControlLoop {
         })
     }
 
-    /// The same loop with its monitors run by `runner`: on threads of their own, say. The reports are the same.
+    /// The same loop with its monitors run by `runner`, for example on threads of their own. The reports are the same.
     #[must_use]
     pub fn with_runner(self, runner: Box<dyn MonitorRunner>) -> Self {
         ControlLoop { runner, ..self }
     }
 
-    /// The same loop with the idle reading of its gripper's force known, N per finger, instead of learned from the open
-    /// hand: a run that is replayed.
+    /// The same loop with a known idle reading of the gripper's force, N per finger, instead of one learned from the
+    /// open hand; used by replay.
     #[must_use]
     pub fn with_idle_force(mut self, idle_n: f64) -> Self {
         self.force.set_idle(idle_n);
@@ -104,14 +105,14 @@ impl ControlLoop {
         self.task.as_ref()
     }
 
-    /// The fault of gripper or wrist that lasts, or has been over for less than half a second; None when all is well.
+    /// The fault of gripper or wrist that is present, or was present less than half a second ago; None otherwise.
     pub fn fault(&self) -> Option<&Fault> {
         self.faults.current()
     }
 
-    /// One cycle: every finger's newest frame, the gripper's and the wrist's state, the commands; then `observer` is shown
-    /// what happened. `now_ns` never goes back. On an error, that of a fault that lasts too long among them, the loop
-    /// has been left ([`ControlLoop::leave`]).
+    /// One cycle: every finger's newest frame, the gripper's and the wrist's state, the commands; then `observer` is
+    /// called. `now_ns` must not decrease. On an error, including that of a fault that lasts too long, the loop has
+    /// been left safely ([`ControlLoop::leave`]).
     pub fn cycle(
         &mut self,
         now_ns: u64,
@@ -142,8 +143,8 @@ impl ControlLoop {
         outcome
     }
 
-    /// Leaves the hand as it is: the wrist pauses, then the force stays, or rises to that for blind hands if it is
-    /// set. To be called when no further cycle will come before the task has ended.
+    /// Leaves the hand safely: the wrist pauses, then the force stays, or rises to the blind force if that is set. To
+    /// be called when no further cycle will follow and the task has not ended.
     pub fn leave(&mut self, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) {
         // A wrist that does not take this either runs out of its time to live.
         let _ = wrist.command(PAUSE);

@@ -1,12 +1,12 @@
-//! From a verdict per frame to the few events worth a line: slip begins, slip ends.
+//! One verdict per frame -> a few events: slip begins, slip ends.
 //!
 //! ```text
 //!   signs of slip:   . . x x . x . . . . . . . x x ...
 //!   episodes:            |-- 1 --|<- 0.2 s ->| |- 2 ...
 //! ```
 //!
-//! One rule for recordings, closed loops and replays, so that all number slips alike: a slip is over after 0.2 s without
-//! a sign of it, or when contact is lost.
+//! One rule for recordings, closed loops and replays, so that all number slips alike: a slip ends after 0.2 s without a
+//! sign of it, or when contact is lost.
 
 use crate::hand::HandReport;
 use crate::monitor::{SlipKind, SlipReport, SlipState};
@@ -19,7 +19,7 @@ const QUIET_NS: u64 = 200_000_000;
 /// The same where frames have no time: 0.2 s at 30 Hz.
 const QUIET_FRAMES_COUNT: u64 = 6;
 
-/// What one frame or one cycle says of slip.
+/// Whether one frame or one cycle shows slip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sign {
     /// Number of the frame.
@@ -28,17 +28,17 @@ pub struct Sign {
     pub time_ns: Option<u64>,
     /// Whether it shows slip.
     pub slips: bool,
-    /// Whether nothing is touched any more.
+    /// Whether contact was lost.
     pub contact_lost: bool,
 }
 
 impl Sign {
-    /// What a finger's report says.
+    /// From the report of a finger.
     pub fn of_finger(report: &SlipReport) -> Self {
         Sign { seq: report.seq, time_ns: report.time_ns, ..Sign::of_state(report.state) }
     }
 
-    /// What the hand says in a cycle.
+    /// From the report of the hand in a cycle.
     pub fn of_hand(now_ns: u64, hand: &HandReport) -> Self {
         Sign { seq: hand.seq, time_ns: Some(now_ns), ..Sign::of_state(hand.state) }
     }
@@ -62,7 +62,7 @@ pub struct Episode {
     pub frames_count: u32,
 }
 
-/// What a sign changed.
+/// The slips that a sign ends and begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Change {
     /// The slip that is over.
@@ -84,7 +84,7 @@ impl SlipEpisodes {
         self.count
     }
 
-    /// Takes the next sign; says what it ends and begins.
+    /// Takes the next sign; returns what it ends and begins.
     pub fn see(&mut self, sign: &Sign) -> Change {
         let mut change = Change::default();
         if self.running.is_some_and(|running| sign.contact_lost || is_over(&running, sign)) {
@@ -108,7 +108,7 @@ impl SlipEpisodes {
         change
     }
 
-    /// Ends what still runs when the recording or the loop is over.
+    /// Ends the slip still in progress when the recording or the loop is over.
     pub fn end(&mut self) -> Option<Episode> {
         self.running.take()
     }
@@ -122,7 +122,7 @@ fn is_over(running: &Episode, sign: &Sign) -> bool {
     }
 }
 
-/// An event worth a line.
+/// A slip event of one finger.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "event")]
 pub enum SlipEvent {
@@ -139,7 +139,7 @@ pub enum SlipEvent {
         /// Direction in which the object slides, radians; None when it turns.
         direction_rad: Option<f64>,
     },
-    /// It came to rest, or contact was lost.
+    /// The slip stopped, or contact was lost.
     Ends {
         /// The slip's number.
         slip: u32,
@@ -164,7 +164,7 @@ impl SlipEvents {
         SlipEvents::default()
     }
 
-    /// Takes the next report; says what it ends and what it begins, in this order.
+    /// Takes the next report; returns what it ends and what it begins, in this order.
     pub fn see(&mut self, report: &SlipReport) -> impl Iterator<Item = SlipEvent> + use<> {
         let change = self.episodes.see(&Sign::of_finger(report));
         let begins = change.began.map(|slip| SlipEvent::Begins {
@@ -177,7 +177,7 @@ impl SlipEvents {
         change.ended.map(ends).into_iter().chain(begins)
     }
 
-    /// Ends what still runs when the recording is over.
+    /// Ends the slip still in progress when the recording is over.
     pub fn end(&mut self) -> Option<SlipEvent> {
         self.episodes.end().map(ends)
     }

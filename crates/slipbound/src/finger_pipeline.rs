@@ -5,7 +5,7 @@
 //!                            later frames --judge-----------------> SlipReport
 //! ```
 //!
-//! Frames are acquired by the loop and judged by whoever runs the monitors: one after the other ([`Sequential`]), or on
+//! Frames are acquired by the loop and judged by a [`MonitorRunner`]: one after the other ([`Sequential`]), or on
 //! threads of their own, for which [`FingerPipeline::lend`] hands out monitor and frame.
 
 mod rest_finder;
@@ -19,7 +19,7 @@ use crate::port::{FrameBuffer, FrameSource, GripSample, Next};
 use crate::sensor::Sensor;
 use crate::setting::SettingError;
 
-/// A finger: where its frames come from, how it is mounted, what judges them.
+/// A finger: its source of frames, its mounting, its monitor.
 pub struct FingerPipeline {
     name: String,
     mounting: Mounting,
@@ -36,7 +36,7 @@ pub struct FingerPipeline {
     report: Option<SlipReport>,
 }
 
-/// A frame and the monitor that is to judge it, on their way to a thread and back.
+/// A frame and the monitor that is to judge it, to be passed to a thread and back.
 pub struct MonitorJob {
     monitor: Box<SlipMonitor>,
     frame: FrameBuffer,
@@ -52,21 +52,21 @@ impl MonitorJob {
     }
 }
 
-/// What an observer may see of a finger in a cycle.
+/// What an observer sees of a finger in a cycle.
 #[derive(Debug, Clone, Copy)]
 pub struct FingerView<'a> {
-    /// What the finger is called.
+    /// Name of the finger.
     pub name: &'a str,
     /// What its source gave in this cycle.
     pub next: &'a Next,
     /// The newest frame.
     pub frame: &'a FrameBuffer,
-    /// What was said of it; None when no frame came, or the finger is still being looked at unloaded.
+    /// Its report; None when no frame came, or the rest frame is not known yet.
     pub report: Option<&'a SlipReport>,
-    /// The monitor after the frame; None before the rest frame is known. An observer behind a queue has it only when a
-    /// slip begins.
+    /// The monitor after the frame; None before the rest frame is known. An observer behind a queue receives it only
+    /// when a slip begins.
     pub monitor: Option<&'a SlipMonitor>,
-    /// What the finger was doing in its rest frame; None before that is known.
+    /// Whether the finger was unloaded or in contact in its rest frame; None before that is known.
     pub rest_kind: Option<RestKind>,
 }
 
@@ -96,30 +96,30 @@ impl FingerPipeline {
         }
     }
 
-    /// The same finger, which fails with [`ControlError::Touched`] when something touches it in its rest frame.
+    /// The same finger, but failing with [`ControlError::Touched`] when something touches it in its rest frame.
     #[must_use]
     pub fn refusing_touch(self) -> Self {
         FingerPipeline { refuses_touch: true, ..self }
     }
 
-    /// The same finger, whose rest frame is known: its first frame is judged. A frame of another size fails with
+    /// The same finger with a known rest frame: already its first frame is judged. A frame of another size fails with
     /// [`ControlError::Setting`], and so does a rest frame that is not this finger's.
     #[must_use]
     pub fn with_rest(self, rest: Rest) -> Self {
         FingerPipeline { rest: Some(rest), ..self }
     }
 
-    /// What it is called.
+    /// Its name.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// How it sits in the hand.
+    /// Its mounting in the hand.
     pub fn mounting(&self) -> Mounting {
         self.mounting
     }
 
-    /// Its facts, as they were given.
+    /// Its sensor facts, as given to [`FingerPipeline::new`].
     pub fn sensor(&self) -> &Sensor {
         &self.sensor
     }
@@ -129,7 +129,7 @@ impl FingerPipeline {
         self.monitor.as_deref()
     }
 
-    /// What it was doing in its rest frame; None before that is known.
+    /// Whether it was unloaded or in contact in its rest frame; None before that is known.
     pub fn rest_kind(&self) -> Option<RestKind> {
         self.rest_kind
     }
@@ -139,12 +139,12 @@ impl FingerPipeline {
         &self.frame
     }
 
-    /// What was said of the newest frame; None when none came.
+    /// The report on the newest frame; None when no frame came in this cycle.
     pub fn report(&self) -> Option<&SlipReport> {
         self.report.as_ref()
     }
 
-    /// What an observer may see of it.
+    /// What an observer sees of it.
     pub fn view(&self) -> FingerView<'_> {
         FingerView {
             name: &self.name,

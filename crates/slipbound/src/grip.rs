@@ -7,8 +7,8 @@
 //!                     margin  (ours)
 //! ```
 //!
-//! Newtons are normal force per finger. A controller never fails: whatever it is shown, it answers with a force in
-//! its range, and a hand that sees nothing is held as it is.
+//! Newtons are normal force per finger. A controller never fails: for every input it returns a force in its range, and
+//! while the hand is blind the force does not fall.
 //!
 //! ```
 //! use slipbound::grip::{ArmMotion, GripController, GripLimits, Law, OnSlipSettings};
@@ -48,20 +48,20 @@ pub use on_slip::{OnSlip, OnSlipSettings};
 use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
 
-/// Which controller, and its settings.
+/// A control law and its settings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Law {
-    /// The starting force, always.
+    /// [`Constant`]: always the starting force.
     Constant,
-    /// The paper's: more on incipient slip.
+    /// [`OnSlip`], the paper's: a step of force at each incipient slip.
     OnSlip(OnSlipSettings),
-    /// Ours: holds a slip margin.
+    /// [`Margin`], ours: holds a slip margin.
     Margin(MarginSettings),
 }
 
 impl Law {
-    /// The controller behind its guard. Refuses limits and settings that cannot be.
+    /// The controller inside its guard. Fails for invalid limits or settings.
     pub fn controller(&self, limits: &GripLimits) -> Result<Guard, SettingError> {
         limits.check()?;
         let inner: Box<dyn GripController + Send> = match *self {

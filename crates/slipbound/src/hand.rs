@@ -12,7 +12,7 @@
 //!                            pivot  (a turn about Z):      opposite rotation
 //! ```
 //!
-//! What one finger cannot tell apart (around or across), two can.
+//! One finger cannot distinguish around from across; two can.
 
 mod freshness;
 
@@ -34,13 +34,13 @@ const CANCELLED_LENGTH: f64 = 0.3;
 /// Fewest markers over the threshold that are half of a slip: one is a bad marker.
 const HALF_MARKERS_COUNT: u32 = 2;
 
-/// On which side of the object a finger is.
+/// The side of the object on which a finger is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Side {
-    /// Its gel looks along Z.
+    /// Its gel faces along Z.
     Left,
-    /// Its gel looks against Z.
+    /// Its gel faces against Z.
     Right,
 }
 
@@ -48,19 +48,19 @@ const SIDES: [(Side, &str); 2] = [(Side::Left, "left"), (Side::Right, "right")];
 
 named!(Side, "side", SIDES);
 
-/// How a finger sits in the hand.
+/// How a finger is mounted in the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mounting {
     /// Its side.
     pub side: Side,
-    /// Angle by which its image is turned against the finger frame, radians from x to y.
+    /// Angle by which its image is rotated against the finger frame, radians from x to y.
     #[serde(default)]
     pub turn_rad: f64,
 }
 
 impl Mounting {
-    /// A finger on this side whose image is not turned.
+    /// A finger on this side whose image is not rotated.
     pub const fn on(side: Side) -> Self {
         Mounting { side, turn_rad: 0.0 }
     }
@@ -79,7 +79,7 @@ impl Mounting {
     }
 }
 
-/// A vector of the contact in what the hand can do to an object: along X, across along Y, around X.
+/// A vector of the contact by the ways in which an object moves in the hand: along X, across (along Y), around X.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct HandVector {
     /// Along the fingers.
@@ -91,7 +91,7 @@ pub struct HandVector {
 }
 
 impl HandVector {
-    /// Its length.
+    /// Euclidean length.
     pub fn length(&self) -> f64 {
         libm::sqrt(self.along * self.along + self.across * self.across + self.around * self.around)
     }
@@ -113,11 +113,11 @@ pub enum Health {
     /// No frame came, or it could not be judged, or the newest one is older than 0.1 s or that much behind those of
     /// another finger.
     Blind,
-    /// It shows the same picture again and again.
+    /// It repeats the same picture.
     Frozen,
 }
 
-/// Slip as the hand sees it.
+/// Slip of the object in the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HandSlip {
     /// Direction in which the object slides, of length 1; 0 throughout when it only pivots, and where the fingers do not
@@ -125,14 +125,14 @@ pub struct HandSlip {
     pub direction: HandVector,
     /// Whether it turns about the axis through both fingers, alone or besides.
     pub pivots: bool,
-    /// How many fingers say so.
+    /// How many fingers see it.
     pub fingers_count: u32,
 }
 
-/// What the fingers say together.
+/// The fused report of all fingers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HandReport {
-    /// Number of the frame that was seen last by a live finger; by any where none is live.
+    /// Number of the newest frame of a live finger; of any finger where none is live.
     pub seq: u64,
     /// Time of that frame.
     pub time_ns: Option<u64>,
@@ -142,8 +142,8 @@ pub struct HandReport {
     pub live_count: u32,
     /// Every finger, in the order they were given.
     pub health: [Health; FINGERS_MOST],
-    /// Whether around and across were told apart: a live finger on either side, and, where anything is touched, one that
-    /// touches it on either side.
+    /// Whether around and across could be distinguished: a live finger on either side, and, where anything is touched,
+    /// one that touches it on either side.
     pub separated: bool,
     /// Mean shear of the gels since rest in mm, towards where the object drags them; None without contact or where
     /// the pitch in mm is unknown. Unless `separated`, `across` and `around` hold the same number.
@@ -191,8 +191,8 @@ impl HandReport {
     }
 }
 
-/// Fuses fingers. For each cycle give every finger's report with [`Hand::see`] or say [`Hand::missed`], then ask for
-/// the [`Hand::report`].
+/// Fuses fingers. In each cycle pass every finger's report to [`Hand::see`] or call [`Hand::missed`], then call
+/// [`Hand::report`].
 ///
 /// ```
 /// use slipbound::hand::{Hand, Health, Mounting, Side};
@@ -222,7 +222,8 @@ pub struct Hand {
 }
 
 impl Hand {
-    /// A hand of these fingers. Refuses none, too many, and turns that are no numbers.
+    /// A hand of these fingers. Fails for no finger, more than [`FINGERS_MOST`], or a mounting angle that is not
+    /// finite.
     pub fn new(mountings: &[Mounting]) -> Result<Self, SettingError> {
         within("hand.fingers (count)", mountings.len() as f64, 1.0, FINGERS_MOST as f64)?;
         for mounting in mountings {
@@ -235,8 +236,8 @@ impl Hand {
         Ok(Hand { fingers: mountings.iter().map(finger).collect(), now_ns: None })
     }
 
-    /// Takes the report of a finger. Numbers of fingers that are not there are passed over, and so is a frame that was
-    /// seen before: it makes nobody younger.
+    /// Takes the report of a finger. Indices of absent fingers are ignored, and so is a frame that was seen before: it
+    /// does not refresh the finger.
     pub fn see(&mut self, finger: usize, report: &SlipReport) {
         let Some(finger) = self.fingers.get_mut(finger) else { return };
         if finger.report.is_some_and(|last| (last.seq, last.time_ns) == (report.seq, report.time_ns)) {
@@ -260,7 +261,7 @@ impl Hand {
         }
     }
 
-    /// What the fingers say together at this time of the loop, ns, which never goes back.
+    /// The fused report at this time of the loop, ns, which must not decrease.
     pub fn report(&mut self, now_ns: u64) -> HandReport {
         let step_ns = now_ns.saturating_sub(self.now_ns.replace(now_ns).unwrap_or(now_ns));
         freshness::advance(self.fingers.iter_mut().map(|finger| &mut finger.freshness), now_ns, step_ns);
@@ -389,12 +390,12 @@ fn fused_slip<'a>(live: impl Iterator<Item = (&'a Finger, SlipReport)> + Clone, 
     Some(HandSlip { direction, pivots, fingers_count })
 }
 
-/// Why a hand sees nothing, for a line to the user: the first finger that is not live.
+/// Why a hand is blind, in words for the user: the first finger that is not live.
 pub fn blind_reason(reports: &[SlipReport]) -> Option<(usize, Reason)> {
     reports.iter().enumerate().find_map(|(i, r)| Some((i, r.reason.filter(|_| r.state == SlipState::Unjudged)?)))
 }
 
-/// Directions in which a task lets the object slide: along the thread yes, around it no.
+/// Directions in which a task allows the object to slide, for example along a thread but not around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Allowed {
@@ -412,7 +413,7 @@ pub struct Allowed {
 const STRAY_SIN: f64 = 0.5;
 
 impl Allowed {
-    /// Whether this slip is none of what is allowed.
+    /// Whether this slip is in a direction that is not allowed.
     pub fn forbids(&self, slip: &HandSlip) -> bool {
         let d = slip.direction;
         let part = |component: f64, allowed: bool| if allowed { 0.0 } else { component };
@@ -428,8 +429,8 @@ impl Allowed {
         slides || pivots || is_unknown
     }
 
-    /// The report as a controller should see it: slip in an allowed direction is none, and a margin that an allowed motion
-    /// uses up is no reason to hold harder.
+    /// The report as a controller should see it: slip in an allowed direction is removed, and so is a margin that an
+    /// allowed motion has used up.
     pub fn filter(&self, report: &HandReport) -> HandReport {
         match report.slip {
             Some(slip) if !self.forbids(&slip) => {

@@ -87,7 +87,7 @@ pub enum ByteOrder {
     /// Red, green, blue.
     #[default]
     Rgb,
-    /// Blue, green, red, as OpenCV has them.
+    /// Blue, green, red, as in OpenCV.
     Bgr,
 }
 
@@ -149,7 +149,7 @@ impl<'a, const CHANNELS: usize> Interleaved<'a, CHANNELS> {
 }
 
 impl Rgb<'_> {
-    /// The same pixels with their bytes taken to be in this order. What is judged of them does not depend on it.
+    /// The same pixels with their bytes interpreted in this order. Reports do not depend on the order.
     #[must_use]
     pub fn in_order(self, order: ByteOrder) -> Self {
         Interleaved { order, ..self }
@@ -231,7 +231,7 @@ impl Mask {
         self.words[y * self.words_per_row + x / 64] >> (x % 64) & 1 == 1
     }
 
-    /// Sets or clears pixel (x, y). Outside the image: a panic, as an index of a slice.
+    /// Sets or clears pixel (x, y). Panics outside the image, like an index of a slice.
     pub fn set(&mut self, x: usize, y: usize, on: bool) {
         assert!(x < self.size.width && y < self.size.height, "pixel ({x}, {y}) outside {}", self.size);
         let bit = 1u64 << (x % 64);
@@ -275,7 +275,7 @@ impl Mask {
         self.words.iter().map(|w| w.count_ones() as usize).sum()
     }
 
-    /// Mean place of the pixels set, px; None of an empty mask.
+    /// Mean position of the set pixels, px; None for an empty mask.
     pub fn middle_px(&self) -> Option<Vec2> {
         let (mut sum_x, mut sum_y, mut count) = (0, 0, 0);
         for (y, row) in self.words.chunks_exact(self.words_per_row.max(1)).enumerate() {

@@ -1,9 +1,9 @@
 //! Incipient slip from a camera inside a soft fingertip: the method of "Maintaining Grasps within Slipping Bound by
 //! Monitoring Incipient Slip" (Dong, Ma, Donlon, Rodriguez, ICRA 2019), frame in, verdict out.
 //!
-//! A camera inside the fingertip watches markers on a soft gel. While an object is held, the gel in the contact
-//! region moves with it as one rigid body. When the load grows, the rim of the contact lets go first: its markers
-//! lag behind the rigid motion of the middle. That difference, the slip field, is seen before the object slides.
+//! A camera inside the fingertip watches markers on a soft gel. While an object is held, the gel in the contact region
+//! moves with it as one rigid body. When the load grows, the rim of the contact slips first: its markers lag behind the
+//! rigid motion of the middle. That difference, the slip field, can be seen before the object slides.
 //!
 //! ```text
 //!   frame -> 0 imprint -> 1 contact region -> 2 marker displacement -> 3 rigid motion -> 4 slip field -> verdict
@@ -79,8 +79,8 @@
 //! | [`image`], [`plane`] | borrowed pixels, masks; points, rigid motions, homographies, the axes |
 //! | [`pixels`] | every loop over pixels, one kernel a file |
 //!
-//! The crate has no clock, no files, no sockets, and allocates nothing per frame: all memory is made when a
-//! [`monitor::SlipMonitor`] is. The same frames and settings give the same bytes on any machine.
+//! The crate has no clock, no files and no sockets, and allocates nothing per frame: all memory is allocated when a
+//! [`monitor::SlipMonitor`] is made. The same frames and settings give the same bytes on any machine.
 
 pub mod calibrate;
 pub mod control;

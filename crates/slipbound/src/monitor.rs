@@ -63,7 +63,7 @@ impl Probe for () {
     fn after(&mut self, _: Step, _: &SlipMonitor) {}
 }
 
-/// Judges the frames of one finger. All memory is made by [`SlipMonitor::new`].
+/// Judges the frames of one finger. All memory is allocated by [`SlipMonitor::new`].
 #[derive(Debug, Clone)]
 pub struct SlipMonitor {
     sensor: Sensor,
@@ -227,8 +227,8 @@ impl SlipMonitor {
         }
     }
 
-    /// Takes the markers as they were last seen for the reference from now on, as after a slip or a grip step.
-    /// `seq`: the number of that frame. Displacement from rest is not touched.
+    /// Makes the last frame the new reference, as after a slip or a grip step. `seq`: the number of that frame.
+    /// Displacement from rest is not changed.
     pub fn rebase(&mut self, seq: u64) {
         self.rebase_from = None;
         self.reference_seq = seq;
@@ -253,13 +253,13 @@ impl SlipMonitor {
         &self.contact.region
     }
 
-    /// What erodes the contact region to the inner one of the last frame; None without contact. The steps look at the inner region
-    /// where there are markers; who wants a picture of it erodes [`SlipMonitor::contact_region`] by this.
+    /// What erodes the contact region to the inner one of the last frame; None without contact. The steps evaluate the
+    /// inner region only at the markers; [`SlipMonitor::inner_region`] makes a mask of it.
     pub fn inner_erosion(&self) -> Option<&Element> {
         self.motion.inner_erosion()
     }
 
-    /// That picture; empty without contact. Makes memory at each call.
+    /// The inner region of the last frame; empty without contact. Allocates at each call.
     pub fn inner_region(&self) -> Mask {
         let mut inner = Mask::new(self.contact.region.size());
         if let Some(element) = self.inner_erosion() {
@@ -278,12 +278,12 @@ impl SlipMonitor {
         self.refusal
     }
 
-    /// What the verdict on gross slip in the last frame rests on; None where too little is known.
+    /// Input of the verdict on gross slip in the last frame; None where too little is known.
     pub fn slide_features(&self) -> Option<&SlideFeatures> {
         self.gross.features.as_ref()
     }
 
-    /// What the estimates of the last frame rest on, see [`FEATURE_NAMES`]; None without estimates.
+    /// Features behind the estimates of the last frame, see [`FEATURE_NAMES`]; None without estimates.
     pub fn features(&self) -> Option<&Features> {
         self.estimator.features.as_ref()
     }

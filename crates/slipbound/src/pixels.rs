@@ -1,4 +1,4 @@
-//! Every loop over pixels in the house, one kernel a file. Plain functions on borrowed buffers; nothing allocates
+//! Every loop over pixels of the project, one kernel a file. Plain functions on borrowed buffers; nothing allocates
 //! after the scratch of a kernel has been made.
 
 pub mod background;

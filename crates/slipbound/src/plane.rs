@@ -61,7 +61,7 @@ impl Vec2 {
         Vec2::new(c * self.x - s * self.y, s * self.x + c * self.y)
     }
 
-    /// The vector turned by a right angle from x to y: the velocity, at this lever arm, of a unit rotation.
+    /// The vector rotated by 90 deg from x to y: the velocity, at this lever arm, of a unit rotation.
     pub fn turned(self) -> Vec2 {
         Vec2::new(-self.y, self.x)
     }
@@ -153,7 +153,7 @@ impl RigidMotion {
         self.tabulated().displacement(rest)
     }
 
-    /// The motion with its sines taken, for many points.
+    /// The motion with its sine and cosine precomputed, for many points.
     pub(crate) fn tabulated(&self) -> TabulatedMotion {
         // R - I, with cos - 1 written so that nothing cancels at small angles.
         let half = libm::sin(self.rotation_rad / 2.0);
@@ -178,7 +178,7 @@ impl RigidMotion {
     }
 }
 
-/// A rigid motion with its sines taken.
+/// A rigid motion with its sine and cosine precomputed.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TabulatedMotion {
     motion: RigidMotion,
@@ -205,7 +205,7 @@ impl TabulatedMotion {
 pub struct Homography(pub [[f64; 3]; 3]);
 
 impl Homography {
-    /// The map that changes nothing.
+    /// The identity.
     pub const IDENTITY: Homography = Homography([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
 
     /// The image of a point.

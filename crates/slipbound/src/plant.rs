@@ -1,6 +1,6 @@
-//! The plant: what is between the jaws and how it answers to being pressed, turned and lowered; how jaws and wrist move
-//! when they are commanded; and what is true in a cycle where a simulation knows it. Pure state, told the time: the
-//! simulator and every emulator move by these models, so that a loop closes alike through either.
+//! The plant: the object between the jaws and its response to being pressed, turned and lowered; how jaws and wrist
+//! move when they are commanded; and the ground truth of a cycle. Pure state that is told the time. The simulator and
+//! every emulator use these models, so that closed loops behave the same with either.
 
 mod jaws;
 mod truth;
@@ -10,9 +10,8 @@ pub use jaws::{JawCommand, JawDrive, JawSettings};
 pub use truth::PlantTruth;
 pub use wrist::WristDrive;
 
-/// What is between the jaws: the simulated world, or a block of wood for trying a driver. Whoever plays the gripper
-/// and the wrist (the simulator's own, or an emulator behind a real wire protocol) presses and moves it, then lets
-/// time pass.
+/// The object between the jaws: the simulated world, or a rigid block for testing a driver. The simulated gripper and
+/// wrist (the simulator's own, or an emulator with the real wire protocol) press and move it, then advance the time.
 pub trait Plant {
     /// Opening at which the fingertips touch the object, in mm; None when nothing is there.
     fn width_mm(&self) -> Option<f64>;
@@ -24,6 +23,6 @@ pub trait Plant {
     /// lowered since the start in mm.
     fn place_wrist(&mut self, angle_rad: f64, lowered_mm: f64);
 
-    /// Lets time pass up to `now_ns` nanoseconds since the start. Time never goes back.
+    /// Advances the time to `now_ns` nanoseconds since the start, which must not decrease.
     fn advance_to(&mut self, now_ns: u64);
 }

@@ -1,5 +1,5 @@
-//! The traits through which the world is reached. The core only names them; `slipbound-rig` (hardware, files)
-//! and the simulator implement them.
+//! The traits of cameras, grippers and wrists. The core only defines them; `slipbound-rig` (hardware, files) and the
+//! simulator implement them.
 
 mod gripper;
 mod source_error;
@@ -48,10 +48,10 @@ impl PixelFormat {
     }
 }
 
-/// One frame as a source fills it; recycled, so that a running source need not allocate.
+/// The buffer that a source fills with a frame; recycled, so that a running source need not allocate.
 #[derive(Debug, Clone)]
 pub struct FrameBuffer {
-    /// The frame as it was recorded or received (a JPEG, say); empty when there is no such form.
+    /// The frame as it was recorded or received, for example a JPEG; empty when it was never encoded.
     pub encoded: Vec<u8>,
     /// Decoded pixels, rows without gaps.
     pub pixels: Vec<u8>,
@@ -65,7 +65,7 @@ pub struct FrameBuffer {
     pub time_ns: Option<u64>,
     /// Whose clock `time_ns` is from.
     pub clock: Clock,
-    /// What the frame is called in messages: the file name of an image, say; empty for most sources.
+    /// Name of the frame in messages, for example the file name of an image; empty for most sources.
     pub label: String,
 }
 
@@ -85,7 +85,7 @@ impl Default for FrameBuffer {
 }
 
 impl FrameBuffer {
-    /// The pixels as the method takes them. Fails when the buffer does not hold what its size says.
+    /// The frame to be judged. Fails when `pixels` is too short for `size` and `format`.
     pub fn frame(&self) -> Result<Frame<'_>, ImageError> {
         let pixels = match self.format {
             PixelFormat::Gray => Pixels::Gray(Gray::new(&self.pixels, self.size)?),
@@ -95,12 +95,12 @@ impl FrameBuffer {
     }
 }
 
-/// What a source had to give.
+/// Result of asking a source for a frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Next {
     /// A frame, in the buffer.
     Frame,
-    /// A frame that cannot be decoded whole; the buffer holds its number, time and encoded bytes.
+    /// A frame that cannot be decoded completely; the buffer holds its number, time and encoded bytes.
     Torn {
         /// What is wrong with it.
         reason: String,
@@ -117,10 +117,11 @@ pub enum Next {
 #[doc = include_str!("../examples/my_camera.rs")]
 /// ```
 pub trait FrameSource {
-    /// The next frame into a recycled buffer. An error is final; a torn frame is not an error.
+    /// Reads the next frame into a recycled buffer. An error is final: no frame will follow. A torn frame is not an
+    /// error.
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError>;
 
-    /// How many frames there are in all, where that is known before the end.
+    /// Total number of frames; None where it is not known in advance.
     fn frames_count(&self) -> Option<u64> {
         None
     }

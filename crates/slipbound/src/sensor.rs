@@ -1,4 +1,4 @@
-//! What is true of a finger: how its camera sees the gel and what the markers on it look like.
+//! The facts of a finger: how its camera sees the gel and what the markers on it look like.
 //!
 //! A sensor file (`sensors/*.toml`) holds these facts; there is no default finger. Lengths in px are in the
 //! rectified image at the stated [`Sensor::image_px`]; [`Sensor::at_size`] converts them to another resolution.
@@ -93,7 +93,7 @@ pub struct EdgeBand {
 pub struct Sensor {
     /// The name of the kind of finger.
     pub name: String,
-    /// What is behind the numbers: where they were measured and how.
+    /// Where and how the numbers were measured.
     #[serde(default)]
     pub description: String,
     /// Serial number of this one finger.
@@ -116,9 +116,9 @@ pub struct Sensor {
     pub marker_diameter_px: f64,
     /// What covers the gel.
     pub skin: Skin,
-    /// How sharp the untouched finger looks by itself (its light, its glare, its scratches), as
-    /// [`crate::monitor::RestLook::sharpness`] measures it: grey levels for a smooth skin, a share of the image for fabric.
-    /// None where it was not measured.
+    /// Sharpness of the untouched finger (its illumination, glare and scratches), as
+    /// [`crate::monitor::RestLook::sharpness`] measures it: grey levels for a smooth skin, a share of the image for
+    /// fabric. None where it was not measured.
     #[serde(default)]
     pub bare_sharpness: Option<f64>,
     /// Edge thresholds from top to bottom; needed for a fabric skin only.
@@ -138,9 +138,9 @@ pub struct Sensor {
 
 /// Shear stiffness of the skin, measured with a known weight.
 ///
-/// A soft layer bonded to a stiff back answers each patch of its surface for itself: traction is stiffness times
-/// displacement. Every marker stands for a patch of a pitch squared, so the tangential force on the finger is the sum
-/// over all markers of their displacement in pitches, times [`Shear::stiffness_n_per_pitch`].
+/// In a soft layer bonded to a stiff back the traction on each patch of the surface is the stiffness times the
+/// displacement of that patch. Every marker represents a patch of a pitch squared, so the tangential force on the
+/// finger is the sum over all markers of their displacement in pitches, times [`Shear::stiffness_n_per_pitch`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shear {

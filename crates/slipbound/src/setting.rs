@@ -1,9 +1,9 @@
-//! A setting that is refused: which key, what stands there, what is allowed. What every `check` and `new` of the crate
-//! returns.
+//! The error for an invalid setting: the key, the value found, the values allowed. Returned by every `check` and `new`
+//! of the crate.
 
 use std::fmt;
 
-/// A setting, or a fact of a sensor, that is refused.
+/// An invalid setting, or an invalid fact of a sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SettingError {
     /// The key, dotted as in its TOML file.
@@ -23,7 +23,7 @@ impl fmt::Display for SettingError {
 impl std::error::Error for SettingError {}
 
 impl SettingError {
-    /// A word that is none of the names allowed; says which of them was probably meant.
+    /// The error for a name that is not among those allowed; suggests the one that was probably meant.
     pub fn none_of(key: &str, got: &str, names: &[&str]) -> Self {
         let meant = nearest(got, names).map_or_else(String::new, |name| format!(" (did you mean {name}?)"));
         SettingError { key: key.into(), got: format!("{got}{meant}"), expected: format!("one of {}", names.join(", ")) }

@@ -1,5 +1,5 @@
-//! Tasks of the paper and one more: state machines that see what the hand sees and say what gripper and wrist shall
-//! do. The same for simulation and hardware.
+//! The tasks of the paper and one more: state machines from the report of the hand to commands for gripper and wrist.
+//! The same for simulation and hardware.
 //!
 //! ```text
 //!   Observation { hand, gripper, wrist } --> Task --> TaskStep { grip, wrist, phase }
@@ -7,10 +7,10 @@
 //!                                    GripController
 //! ```
 //!
-//! The loop around a task is [`control`](crate::control). Every wrist motion a task asks for is bounded and lives 200 ms, so a loop that stops leaves a wrist that
-//! stops; the gripper keeps its force.
+//! The loop around a task is [`control`](crate::control). Every wrist motion commanded by a task is bounded and expires
+//! after 200 ms, so when the loop stops, the wrist stops; the gripper keeps its force.
 //!
-//! One step: a hand whose cameras are blind, and a gripper that stands open. Nothing is lifted blind. A whole lift is the example `step_a_task`.
+//! One step with a blind hand and an open gripper: nothing is lifted. A complete lift is the example `step_a_task`.
 //!
 //! ```
 //! use slipbound::hand::{Hand, Mounting, Side};

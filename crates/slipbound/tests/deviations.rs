@@ -1,4 +1,4 @@
-//! Where we leave the paper or its released code, and why: each test is named in ARCHITECTURE.md.
+//! Where we leave the paper or its released code, and why: each test is named in docs/deviations.md.
 
 mod picture;
 

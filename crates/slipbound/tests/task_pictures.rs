@@ -167,13 +167,14 @@ fn a_tool_is_laid_down_only_as_far_as_the_ground_is_felt() {
     assert_eq!(picture, "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vvvvvvvv");
 
     // Nothing is felt for three frames: nothing is lowered then.
-    let deaf = |frame: u64| if (30..33).contains(&frame) { None } else { Some(0.0) };
-    let picture = laying_picture(&settings, None, 36, |frame, n| (deaf(frame), touches(frame), Jaws::Holding, n));
+    let unresponsive = |frame: u64| if (30..33).contains(&frame) { None } else { Some(0.0) };
+    let picture =
+        laying_picture(&settings, None, 36, |frame, n| (unresponsive(frame), touches(frame), Jaws::Holding, n));
     assert_eq!(picture, "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vv---vvv");
 
     // Before it touches a frame that is not felt is no reason to wait; it may hang turned, and it may be lost.
-    let deaf = |frame: u64| if frame == 9 { None } else { Some(0.0) };
-    let picture = laying_picture(&settings, None, 16, |frame, n| (deaf(frame), 0.3, jaws(frame, 99), n));
+    let unresponsive = |frame: u64| if frame == 9 { None } else { Some(0.0) };
+    let picture = laying_picture(&settings, None, 16, |frame, n| (unresponsive(frame), 0.3, jaws(frame, 99), n));
     assert_eq!(picture, "GGGGGGGvvvvvvvvv");
     let lost = |frame| if frame < 10 { Jaws::Holding } else { Jaws::Lost };
     let picture = laying_picture(&settings, None, 12, |frame, n| (Some(0.0), 0.0, lost(frame), n));

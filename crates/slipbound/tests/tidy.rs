@@ -40,7 +40,7 @@ fn every_number_among_the_settings_says_its_unit() {
 
 #[test]
 fn every_deviation_is_marked_in_the_code_and_has_its_tests() {
-    let page = fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
+    let page = fs::read_to_string(root().join("docs/deviations.md")).expect("docs/deviations.md");
     let crates = sources(&root().join("crates"));
     let marked: BTreeSet<String> = crates
         .iter()
@@ -56,7 +56,7 @@ fn every_deviation_is_marked_in_the_code_and_has_its_tests() {
         let tests = row.rsplit('|').nth(1).expect("a column of tests");
         for name in tests.split('`').skip(1).step_by(2) {
             let test = format!("fn {name}(");
-            assert!(crates.iter().any(|(_, text)| text.contains(&test)), "no test {name}, named in ARCHITECTURE.md");
+            assert!(crates.iter().any(|(_, text)| text.contains(&test)), "no test {name}, named in docs/deviations.md");
         }
         assert!(tests.contains('`') || tests.contains("bench/"), "no test in: {row}");
     }

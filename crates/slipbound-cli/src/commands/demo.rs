@@ -49,14 +49,14 @@ pub struct Demo {
     /// The task
     #[arg(long, default_value = "screw", value_parser = TaskKind::NAMES)]
     task: String,
-    /// The grip controller: the paper's law ending on evidence (on_slip), the paper to the letter, ours by slip margin,
-    /// one force
+    /// The grip controller: the paper's law ending on evidence (on_slip), exactly the paper's (paper), by slip margin
+    /// (margin), one constant force (constant)
     #[arg(long, value_parser = ControllerKind::NAMES)]
     controller: Option<String>,
     /// Fingers with a camera
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=2))]
     fingers: u8,
-    /// What noise and disturbances are drawn from
+    /// Seed of noise and disturbances
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Set a parameter of the scene, as mu=0.6; may be given several times
@@ -65,23 +65,23 @@ pub struct Demo {
     /// Settings of grip, controllers and tasks that replace the defaults
     #[arg(long, value_name = "FILE.toml")]
     settings: Option<PathBuf>,
-    /// Something that goes wrong: lost, frozen, torn, dark or swapped, with @SECONDS and :left or :right as wanted
+    /// A fault of the cameras: lost, frozen, torn, dark or swapped, optionally with @SECONDS and :left or :right
     #[arg(long, value_name = "WHAT@SECONDS:FINGER")]
     fault: Option<CameraFault>,
     /// Reach gripper and wrist through a driver and an emulator of its wire protocol, as wsg50 or wsg50?most_n=40
     #[arg(long, value_name = "GRIPPER?KEY=VALUE", alias = "through")]
     emulated: Option<EmulatedGripper>,
-    /// Let that be real sockets on this computer, in real time, instead of lock-step
+    /// Connect driver and emulator by real sockets on this computer, in real time, instead of in lock-step
     #[arg(long, requires = "emulated")]
     sockets: bool,
-    /// What goes wrong with the gripper's emulator, joined by commas (see `slipbound emulate --help`)
+    /// Faults of the gripper's emulator, joined by commas (see `slipbound emulate --help`)
     #[arg(long, value_name = "FAULTS", default_value = "", requires = "emulated", hide_default_value = true)]
     gripper_fault: Faults,
-    /// What goes wrong with the wrist's emulator
+    /// Faults of the wrist's emulator
     #[arg(long, value_name = "FAULTS", default_value = "", requires = "emulated", hide_default_value = true)]
     wrist_fault: Faults,
-    /// Keep every frame, so that `slipbound replay` can run the loop again; with =FILE.mcap in a file with reports and cycles
-    /// instead
+    /// Keep every frame in the folder of the run, for `slipbound replay`; with =FILE.mcap instead in one file with
+    /// reports and cycles
     #[arg(long, value_name = "FILE.mcap", num_args = 0..=1, require_equals = true)]
     record: Option<Option<PathBuf>>,
     /// The folder of the run: new or empty [default: slipbound-demo, or with the next free number]
@@ -97,7 +97,7 @@ impl Demo {
             settings.controller = name.parse().map_err(Failure::arguments)?;
         }
         let scene = HandScene::parse(&self.scene_text()).map_err(Failure::arguments)?;
-        let task: TaskKind = scene.task_name().parse().map_err(Failure::arguments)?;
+        let task = scene.task();
         let mut clamped = None;
         if let Some(emulated) = &self.emulated {
             let driver = emulated.driver(scene.width_mm()).map_err(Failure::Arguments)?;

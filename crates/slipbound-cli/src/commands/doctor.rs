@@ -37,10 +37,10 @@ pub struct Doctor {
     /// The finger: a built-in name or a sensor file [default: that of --rest, else markers are not looked for]
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
-    /// The finger at rest, as `slipbound tare` wrote it: whether it still looks so
+    /// The finger at rest, written by `slipbound tare`, to be compared with the present one
     #[arg(long, value_name = "FILE")]
     rest: Option<PathBuf>,
-    /// A gripper that should answer, as in `slipbound gripper`; it does not move
+    /// A gripper to be checked, as in `slipbound gripper`; it does not move
     #[arg(long, value_name = "ADDRESS")]
     gripper: Option<String>,
     /// A TOML file of gripper settings

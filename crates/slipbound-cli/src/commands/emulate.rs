@@ -30,16 +30,16 @@ pub struct Emulate {
     /// Width of the block between the jaws, mm; 0 for none
     #[arg(long, value_name = "MM", default_value_t = 50.0)]
     width: f64,
-    /// Weight of the block, N; once carried, it falls when it is pressed too little
+    /// Weight of the block, N; once carried, it falls when the grip is too weak
     #[arg(long, value_name = "NEWTONS", default_value_t = 0.0)]
     weight: f64,
     /// Friction coefficient of the block, for its weight
     #[arg(long, value_name = "MU", default_value_t = 0.5)]
     mu: f64,
-    /// Write what is done to the block, one JSON object every 10 ms
+    /// Log force and motion of the block, one JSON object every 10 ms
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// What goes wrong, joined by commas; see below
+    /// Faults, joined by commas; see below
     #[arg(long, value_name = "FAULTS", default_value = "")]
     fail: Faults,
 }
@@ -47,7 +47,7 @@ pub struct Emulate {
 /// More than a gripper.
 #[derive(Debug, clap::Subcommand)]
 enum Whole {
-    /// Be a hand with cameras, gripper and wrist around a simulated object, in real time
+    /// Emulate a hand with cameras, gripper and wrist around a simulated object, in real time
     Hand(Hand),
 }
 

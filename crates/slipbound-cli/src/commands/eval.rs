@@ -1,19 +1,19 @@
 //! `slipbound eval`: trials judged by every detector, as records, tables and a page.
 
-mod clips;
-mod lifts;
 mod page;
 mod pictures;
-mod wriggles;
 
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use slipbound::sensor::Sensor;
+use slipbound_lab::eval::clips::Clips;
 use slipbound_lab::eval::folder::{Shard, SweepFolder};
+use slipbound_lab::eval::lifts::Lifts;
+use slipbound_lab::eval::wriggles::Wriggles;
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, simulated, table};
 use slipbound_lab::rivals::{DETECTORS, Entry, named};
-use slipbound_rig::sensors;
+use slipbound_rig::{sensors, source};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -30,7 +30,7 @@ pub struct Eval {
     /// With `merge`: the folders of all shards
     #[arg(value_name = "FOLDER")]
     folders: Vec<PathBuf>,
-    /// What the trials are drawn from
+    /// Seed of the trials
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Judge with these detectors alone, by commas or several times [default: all]
@@ -49,7 +49,7 @@ pub struct Eval {
     /// SLIPBOUND_DATA, else in ../shared/data]
     #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
-    /// With `lifts`: fit the scale of ours to the clips of all other objects, for each object anew
+    /// With `lifts`: fit our scale for each object to the clips of all other objects
     #[arg(long)]
     refit: bool,
     /// Pictures of the worst failures on the page; each runs its trial again
@@ -101,22 +101,22 @@ impl Eval {
 
     fn protocol_of(&self, name: &str, seed: u64, trials: Option<u64>) -> Result<Box<dyn Protocol>, Failure> {
         match name {
-            "lifts" => Ok(Box::new(lifts::Lifts::new(self.clips("gelsight-lift")?, finger("gelsight")?, self.refit))),
+            "lifts" => Ok(Box::new(Lifts::new(self.clips("gelsight-lift")?, finger("gelsight")?, self.refit))),
             "wriggles" => {
                 let clips = self.clips("gelsight-mini-wriggle")?;
-                Ok(Box::new(wriggles::Wriggles::new(clips, finger("gelsight_mini_near")?)))
+                Ok(Box::new(Wriggles::new(clips, finger("gelsight_mini_near")?)))
             }
             _ => simulated(name, seed, trials).map_err(Failure::arguments),
         }
     }
 
     /// The clips of `--data`, or of a folder of the recordings.
-    fn clips(&self, name: &str) -> Result<clips::Clips, Failure> {
+    fn clips(&self, name: &str) -> Result<Clips, Failure> {
         let folder = self.data.clone().unwrap_or_else(|| {
             let recordings = std::env::var_os("SLIPBOUND_DATA").map_or_else(|| "../shared/data".into(), PathBuf::from);
             recordings.join(name)
         });
-        clips::Clips::open(&folder).map_err(Failure::Arguments)
+        Clips::open(&folder, |uri| Ok(source::open(uri)?)).map_err(Failure::arguments)
     }
 
     fn detectors(&self) -> Result<Vec<&'static Entry>, Failure> {

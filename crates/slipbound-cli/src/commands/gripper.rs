@@ -22,12 +22,12 @@ pub struct Gripper {
     action: Action,
 }
 
-/// What is to be done.
+/// The action.
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Say what it says
+    /// Print its state
     Status,
-    /// Find out where the jaws are; they move, take the object out first
+    /// Home the jaws; they move, so take the object out first
     Home,
     /// Open the jaws
     Open,
@@ -37,11 +37,11 @@ enum Action {
         #[arg(value_name = "NEWTONS", allow_negative_numbers = true)]
         force_n: f64,
     },
-    /// Let go
+    /// Release the object
     Release,
     /// Acknowledge a latched fast stop; moves nothing
     Acknowledge,
-    /// Grip, then change the force to and fro, and say whether it holds on meanwhile
+    /// Grip, alternate between two forces, and report whether the grip is kept
     CheckHold {
         /// The lower force, newtons per finger
         #[arg(long, value_name = "NEWTONS", default_value_t = 20.0)]

@@ -24,7 +24,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// The arguments of `slipbound paper`.
 #[derive(Debug, clap::Args)]
 pub struct Paper {
-    /// What trials and tasks are drawn from
+    /// Seed of trials and tasks
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Trials of Table I instead of its 240 and the 80 at 50 N

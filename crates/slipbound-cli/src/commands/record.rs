@@ -5,6 +5,7 @@ use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
+use slipbound::hand::Side;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound_rig::container::{Recorder, TappedSource};
 use slipbound_rig::link::now_ns;
@@ -25,13 +26,13 @@ pub struct Record {
     /// The file, which is replaced
     #[arg(short, long, value_name = "FILE.mcap")]
     output: PathBuf,
-    /// What the fingers are called, as often as there are sources [default: finger, or left and right]
+    /// Name of a finger, given once for every source [default: finger, or left and right]
     #[arg(long, value_name = "NAME")]
     finger: Vec<String>,
     /// The sensor of every finger, to go with the recording: a built-in name or a sensor file
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
-    /// For how long, in seconds [default: until Ctrl-C or the end of every source]
+    /// Duration in seconds [default: until Ctrl-C or the end of every source]
     #[arg(long, value_name = "SECONDS")]
     for_s: Option<f64>,
 }
@@ -123,7 +124,7 @@ impl Record {
         let names: Vec<String> = match (names.is_empty(), sources_count) {
             (false, _) => names.clone(),
             (true, 1) => vec!["finger".into()],
-            (true, 2) => vec!["left".into(), "right".into()],
+            (true, 2) => Side::NAMES.map(str::to_owned).to_vec(),
             (true, count) => (0..count).map(|number| format!("finger{number}")).collect(),
         };
         let is_twice = names.iter().enumerate().any(|(i, name)| names[..i].contains(name));

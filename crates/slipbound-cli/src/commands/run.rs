@@ -57,7 +57,7 @@ pub struct Run {
 pub struct Hold {
     #[command(flatten)]
     hardware: Hardware,
-    /// For how long, in seconds [default: until Ctrl-C or the end of the source]
+    /// Duration in seconds [default: until Ctrl-C or the end of the source]
     #[arg(long, value_name = "SECONDS")]
     for_s: Option<f64>,
 }
@@ -80,29 +80,30 @@ struct Hardware {
     /// The sensor of every finger: a built-in name or a sensor file
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
-    /// The grip controller: the paper's law ending on evidence (on_slip), the paper to the letter, ours by slip margin,
-    /// one force
+    /// The grip controller: the paper's law ending on evidence (on_slip), exactly the paper's (paper), by slip margin
+    /// (margin), one constant force (constant)
     #[arg(long, value_parser = ControllerKind::NAMES)]
     controller: Option<String>,
     /// Settings of grip, controllers and tasks that replace the defaults
     #[arg(long, value_name = "FILE.toml")]
     settings: Option<PathBuf>,
-    /// live:N: the first N frames are the finger at rest, and nothing may touch it in them. Or what `slipbound tare` wrote, once for
-    /// every finger, the left one first: then the first frame is judged [default: found among the first 20; a finger in contact is
-    /// told of]
+    /// The finger at rest: live:N takes the first N frames, in which nothing may touch it; FILE is one written by
+    /// `slipbound tare`, given once for every finger, the left one first, and already the first frame is judged
+    /// [default: found among the first 20 frames; a finger in contact is reported]
     #[arg(long, value_name = "live:N|FILE", value_parser = HandRest::parse)]
     rest: Vec<HandRest>,
     /// Frames per second at which recordings are played
     #[arg(long, value_name = "HZ", default_value_t = 30.0)]
     rate_hz: f64,
-    /// Keep every frame, so that `slipbound replay` can run the loop again; with =FILE.mcap in a file with everything that
-    /// came, judged or not, reports and cycles instead
+    /// Keep every frame in the folder of the run, for `slipbound replay`; with =FILE.mcap instead in one file with
+    /// every frame, judged or not, reports and cycles
     #[arg(long, value_name = "FILE.mcap", num_args = 0..=1, require_equals = true)]
     record: Option<Option<PathBuf>>,
-    /// A camera without a frame for longer is told of
+    /// Report a camera that gives no frame for longer
     #[arg(long, value_name = "MS", default_value_t = 300)]
     max_silence_ms: u64,
-    /// A camera's frame waits for that of the other finger for so long; frames further apart by their stamps are told of
+    /// Longest wait of a camera's frame for that of the other finger; frames whose time stamps differ by more are
+    /// reported
     #[arg(long, value_name = "MS", default_value_t = 20, value_parser = clap::value_parser!(u64).range(0..=1000))]
     max_skew_ms: u64,
     /// The folder of the run: new or empty [default: slipbound-run, or with the next free number]

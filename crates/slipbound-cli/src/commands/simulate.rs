@@ -14,7 +14,7 @@ use std::sync::atomic::Ordering;
 pub struct Simulate {
     /// A scene (see `slipbound scenes`), also as `SCENE?key=value&key=value`, or the scene.toml of a recording
     scene: String,
-    /// What noise and faults are drawn from
+    /// Seed of noise and faults
     #[arg(long)]
     seed: Option<u64>,
     /// Set a parameter of the scene; may be given several times

@@ -23,7 +23,8 @@ pub struct Tare {
     /// scene, or SOURCE/sensor.toml, else by the size of the frames]
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
-    /// How many of the first frames are looked at; those that stand still are averaged [default: as the settings say, 20]
+    /// How many of the first frames are searched for stationary ones, which are averaged [default: that of the
+    /// settings, 20]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     frames: Option<u32>,
     /// Settings that replace the defaults, the same as for `slipbound watch`; `paper` stands for the paper as written

@@ -60,15 +60,15 @@ struct Quiet {
     interrupted: Arc<AtomicBool>,
 }
 
-/// What is told of a recording as it is judged.
-struct Told<'a> {
+/// What is shown of a recording while it is judged.
+struct Progress<'a> {
     terminal: Terminal,
     summary: ReportSummary,
     first_slip: Option<String>,
     quiet: Option<&'a Quiet>,
 }
 
-impl Told<'_> {
+impl Progress<'_> {
     fn event(
         &mut self,
         event: &SlipEvent,
@@ -138,13 +138,13 @@ impl Watch {
         }
         let mut outputs = Outputs::open(self, origin, &monitor, recorder.as_ref())?;
 
-        let mut told = Told { terminal, summary: ReportSummary::new(), first_slip: None, quiet };
+        let mut progress = Progress { terminal, summary: ReportSummary::new(), first_slip: None, quiet };
         // Marked as they are judged, not as they are read ahead.
         let inlet = recorder.as_ref().map(Recorder::inlet);
         let mut recording = recording::marked(recording, inlet, 0, camera.is_none());
         let mut silence = camera.as_ref().map(|_| Silence::new(self.max_silence_ms));
-        let ended = self.judge(recording.as_mut(), &mut monitor, &mut outputs, &mut told, silence.as_mut());
-        let Told { mut terminal, summary, first_slip, .. } = told;
+        let ended = self.judge(recording.as_mut(), &mut monitor, &mut outputs, &mut progress, silence.as_mut());
+        let Progress { mut terminal, summary, first_slip, .. } = progress;
         terminal.clear_bar();
         if matches!(ended, Err(Failure::ReaderLeft)) {
             let _ = recorder.map(Recorder::finish); // nobody is left to tell
@@ -184,10 +184,10 @@ impl Watch {
         recording: &mut dyn FrameSource,
         monitor: &mut SlipMonitor,
         outputs: &mut Outputs,
-        told: &mut Told<'_>,
+        progress: &mut Progress<'_>,
         mut silence: Option<&mut Silence>,
     ) -> Result<(), Failure> {
-        let interrupted = match told.quiet {
+        let interrupted = match progress.quiet {
             Some(quiet) => quiet.interrupted.clone(),
             None => interruption::listen()?,
         };
@@ -196,18 +196,18 @@ impl Watch {
         loop {
             if silence.is_some() && interrupted.load(Ordering::Relaxed) {
                 // A camera has no other end. What was taken has been judged.
-                return events.end().map_or(Ok(()), |event| told.event(&event, outputs, &buffer, monitor));
+                return events.end().map_or(Ok(()), |event| progress.event(&event, outputs, &buffer, monitor));
             }
             let next = recording.next(&mut buffer);
             if silence.is_none() && interrupted.load(Ordering::Relaxed) {
-                let frames_count = told.summary.frames_count();
+                let frames_count = progress.summary.frames_count();
                 return Err(anyhow!("interrupted after {frames_count} frames; what was judged is kept").into());
             }
             outputs.stopwatch.restart();
             let mut torn_why = None;
             let next = next?;
             if let Some(line) = silence.as_mut().and_then(|silence| silence.see(now_ns(), next == Next::Silent)) {
-                told.terminal.say(&format!("{}: {line}", self.source))?;
+                progress.terminal.say(&format!("{}: {line}", self.source))?;
             }
             let report = match next {
                 Next::Silent => continue,
@@ -216,20 +216,20 @@ impl Watch {
                     monitor.step_probed(&frame, None, &mut outputs.stopwatch)
                 }
                 Next::Torn { reason } => {
-                    told.terminal.note(&format!("{}: {}", self.source, torn(&buffer, &reason)));
+                    progress.terminal.note(&format!("{}: {}", self.source, torn(&buffer, &reason)));
                     torn_why = Some(reason);
                     monitor.torn(buffer.seq, buffer.time_ns)
                 }
                 Next::End => {
-                    return events.end().map_or(Ok(()), |event| told.event(&event, outputs, &buffer, monitor));
+                    return events.end().map_or(Ok(()), |event| progress.event(&event, outputs, &buffer, monitor));
                 }
             };
             outputs.write(&buffer, &report, monitor)?;
-            told.summary.see(&report, &buffer, torn_why.as_deref());
+            progress.summary.see(&report, &buffer, torn_why.as_deref());
             for event in events.see(&report) {
-                told.event(&event, outputs, &buffer, monitor)?;
+                progress.event(&event, outputs, &buffer, monitor)?;
             }
-            told.terminal.advance();
+            progress.terminal.advance();
         }
     }
 }

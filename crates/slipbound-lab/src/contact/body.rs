@@ -1,4 +1,4 @@
-//! The object as a rigid body in the plane of the gel: where it is, what drives it, how it gives way.
+//! The object as a rigid body in the plane of the gel: its pose, its drive, its compliance.
 
 use crate::layer::{above_zero, zero_or_above};
 use num_complex::Complex64;
@@ -9,7 +9,7 @@ use slipbound::setting::SettingError;
 /// Newtons for a mass of 1 kg accelerated by 1 mm/s2: the mass in tonnes per kilogram.
 const TONNES_PER_KG: f64 = 1e-3;
 
-/// Where the object is.
+/// Pose of the object.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pose {
@@ -102,7 +102,7 @@ pub struct Rail {
     pub damping_s: f64,
 }
 
-/// What decides where the object goes.
+/// What determines the motion of the object.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Drive {
@@ -137,7 +137,7 @@ impl Default for Body {
 }
 
 impl Body {
-    /// Refuses numbers outside the ranges of the fields, and mounts that hold nothing and have no mass.
+    /// Fails for numbers outside the ranges of the fields, and for mounts without stiffness and without mass.
     pub fn check(&self) -> Result<(), SettingError> {
         let bad = |key: &str, got: String, expected: &str| {
             Err(SettingError { key: key.into(), got, expected: expected.into() })

@@ -59,7 +59,7 @@ pub(super) struct GelApart {
     pub crept: Field,
 }
 
-/// A finger in contact with an object. All memory is taken in [`Finger::new`]; a clone is a branch of the run.
+/// A finger in contact with an object. All memory is allocated in [`Finger::new`]; a clone is a branch of the run.
 #[derive(Debug, Clone)]
 pub struct Finger {
     pub(super) settings: FingerSettings,
@@ -108,7 +108,7 @@ pub struct Finger {
 }
 
 impl Finger {
-    /// A finger at rest with an object above it. Refuses bad settings and shapes that do not fit on the gel.
+    /// A finger at rest with an object above it. Fails for invalid settings and for shapes that do not fit on the gel.
     pub fn new(settings: FingerSettings, shape: impl Shape + 'static) -> Result<Self, SettingError> {
         settings.check()?;
         shape.check()?;
@@ -165,8 +165,8 @@ impl Finger {
         })
     }
 
-    /// Advances by one step to what is commanded. Refuses commands with negative forces or numbers that are not
-    /// finite, and then changes nothing.
+    /// Advances by one step to the command. Fails for negative forces and for numbers that are not finite, and then
+    /// changes nothing.
     pub fn step(&mut self, command: &Command) -> Result<&Truth, SettingError> {
         command.check()?;
         let before = self.begin_step();

@@ -1,4 +1,4 @@
-//! How much in-plane traction a cell can carry before it slides.
+//! The largest in-plane traction of a cell before it slides.
 
 use crate::layer::{above_zero, zero_or_above};
 use serde::{Deserialize, Serialize};
@@ -38,7 +38,7 @@ pub enum Law {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Friction {
-    /// What bounds the traction.
+    /// Bound of the traction.
     pub law: Law,
     /// l_c in mm, 0 or above: how far a cell gives elastically before it slides (compliance l_c / bound). Rough
     /// contacts show it (Prevost, Scheibert and Debregeas, arXiv 0809.3188); 0.01 to 0.05 are estimates.

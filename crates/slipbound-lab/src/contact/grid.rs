@@ -1,4 +1,4 @@
-//! The grid of gel cells. It is Lagrangian: a cell is a piece of gel surface and keeps its name as it moves.
+//! The grid of gel cells. It is Lagrangian: a cell is a piece of gel surface and keeps its number as it moves.
 
 use crate::layer::above_zero;
 use serde::{Deserialize, Serialize};

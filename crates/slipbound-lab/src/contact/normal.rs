@@ -1,5 +1,5 @@
-//! Who touches, and how hard: p >= 0, gap >= 0, p gap = 0, by the conjugate gradients of I. A. Polonsky and
-//! L. M. Keer, Wear 231 (1999) 206-219.
+//! The cells in contact and their pressure: p >= 0, gap >= 0, p gap = 0, by the conjugate gradients of I. A. Polonsky
+//! and L. M. Keer, Wear 231 (1999) 206-219.
 
 use super::grid::Region;
 use super::response::Response;
@@ -12,7 +12,7 @@ use slipbound::setting::SettingError;
 pub enum Grip {
     /// Normal force per finger in N, 0 or above.
     ForceN(f64),
-    /// How deep the object's lowest point is below the flat gel, in mm; below 0 it hovers.
+    /// How deep the object's lowest point is below the flat gel, in mm; negative above the gel.
     DepthMm(f64),
 }
 

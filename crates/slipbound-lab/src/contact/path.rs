@@ -1,4 +1,4 @@
-//! Load paths as data: legs that begin where the last one ended and move evenly.
+//! Load paths as data: legs that begin where the last one ended and change linearly in time.
 
 use super::body::{Pose, Wrench};
 use super::normal::Grip;
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 
-/// What changes during a leg; the rest stays as it was.
+/// The changes during a leg; everything else stays constant.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Change {
@@ -32,7 +32,7 @@ pub struct Change {
 pub struct Leg {
     /// Duration in seconds, above 0.
     pub seconds_s: f64,
-    /// What changes, evenly in time.
+    /// The changes, linear in time.
     pub change: Change,
 }
 
@@ -76,7 +76,7 @@ impl Leg {
         Self::of(seconds_s, Change { pull: wrench, ..Change::default() })
     }
 
-    /// Lets go: the force falls to 0.
+    /// Releases: the force falls to 0.
     pub fn release(seconds_s: f64) -> Self {
         Self::press(0.0, seconds_s)
     }
@@ -108,7 +108,7 @@ impl From<Path> for Vec<Leg> {
 }
 
 impl Path {
-    /// Refuses legs without duration, negative forces and numbers that are not finite.
+    /// Fails for legs without duration, negative forces and numbers that are not finite.
     pub fn new(legs: Vec<Leg>) -> Result<Self, SettingError> {
         for (n, leg) in legs.iter().enumerate() {
             above_zero(&format!("path[{n}].seconds_s"), leg.seconds_s)?;

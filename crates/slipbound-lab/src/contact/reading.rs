@@ -9,7 +9,7 @@ use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 
 impl Finger {
-    /// What is known after the last step.
+    /// The ground truth after the last step.
     pub fn truth(&self) -> &Truth {
         &self.truth
     }

@@ -1,4 +1,4 @@
-//! What is fixed during a run, and what is asked at every step.
+//! The settings that are fixed during a run, and the command of a step.
 
 use super::body::{Body, Pose, Wrench};
 use super::friction::Friction;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 
-/// Everything that is fixed during a run.
+/// The settings that are fixed during a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FingerSettings {
@@ -111,11 +111,11 @@ fn check_pose(key: &str, pose: &Pose) -> Result<(), SettingError> {
     Err(SettingError { key: key.into(), got: format!("{pose:?}"), expected: "finite numbers".into() })
 }
 
-/// What is asked of the object at the end of a step.
+/// The command for the object at the end of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Command {
-    /// What holds it against the gel.
+    /// Force or depth that holds it against the gel.
     pub grip: Grip,
     /// Where a guided object is, or the hand of a mounted one.
     pub pose: Pose,

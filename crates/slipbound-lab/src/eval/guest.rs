@@ -125,9 +125,9 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_deaf_misses_and_one_of_a_listed_name_is_refused() {
-        struct Deaf;
-        impl Guest for Deaf {
+    fn one_that_never_responds_misses_and_one_of_a_listed_name_is_refused() {
+        struct Unresponsive;
+        impl Guest for Unresponsive {
             fn begin(&mut self) {}
             fn see(&mut self, _: &FrameBuffer, _: &SlipReport, _: &SlipMonitor) -> f64 {
                 f64::NAN
@@ -136,13 +136,13 @@ mod tests {
         }
         let ramps = Ramps::new(5, Some(1));
         let beside = rivals(&["ours_frames", "paper"]).expect("two");
-        let records = judge(&ramps, 0, ("deaf", 1.0, &mut Deaf), &beside).expect("a sound trial");
+        let records = judge(&ramps, 0, ("unresponsive", 1.0, &mut Unresponsive), &beside).expect("a sound trial");
         let names: Vec<&str> = records.iter().map(|r| r.detector.as_str()).collect();
-        assert_eq!(names, ["deaf", "ours_frames", "paper"]);
+        assert_eq!(names, ["unresponsive", "ours_frames", "paper"]);
         assert_eq!((Outcome::of(&records[0]), records[0].score), (Some(Outcome::Missed), 0.0));
         assert_eq!(records[1], ramps.judge(0, &beside).expect("sound")[0], "ours is not disturbed by the guest");
         for (name, threshold, key) in [("paper", 1.0, "name"), ("", 1.0, "name"), ("mine", f64::NAN, "threshold")] {
-            let error = judge(&ramps, 0, (name, threshold, &mut Deaf), &[]).expect_err("refused").to_string();
+            let error = judge(&ramps, 0, (name, threshold, &mut Unresponsive), &[]).expect_err("refused").to_string();
             assert!(error.contains(key), "{error}");
         }
         assert!(rivals(&["nobody"]).is_err());

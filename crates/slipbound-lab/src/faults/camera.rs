@@ -1,6 +1,7 @@
 //! Faults of a camera from a time on, in the middle of a task: to show that the object stays held.
 
 use super::picture::{copy_picture, encode_again};
+use slipbound::hand::Side;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use std::fmt;
 use std::str::FromStr;
@@ -27,9 +28,6 @@ const NAMES: [(CameraFaultKind, &str); 5] = [
     (CameraFaultKind::Dark, "dark"),
     (CameraFaultKind::Swapped, "swapped"),
 ];
-
-/// The names of fingers 0 and 1.
-const SIDES: [&str; 2] = ["left", "right"];
 
 /// Latest time at which a fault may begin, in s.
 const LATEST_S: f64 = 3600.0;
@@ -78,7 +76,7 @@ impl FromStr for CameraFault {
         let refused = || CameraFaultError { got: text.into() };
         let (rest, finger) = match text.split_once(':') {
             Some((rest, side)) => {
-                let finger = SIDES.iter().position(|known| *known == side).ok_or_else(refused)?;
+                let finger = Side::NAMES.iter().position(|known| *known == side).ok_or_else(refused)?;
                 (rest, Some(finger))
             }
             None => (text, None),
@@ -94,7 +92,7 @@ impl fmt::Display for CameraFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = NAMES.iter().find(|(kind, _)| *kind == self.kind).map_or("", |(_, name)| name);
         write!(f, "{name}@{}", self.from_ns as f64 * 1e-9)?;
-        self.finger.and_then(|finger| SIDES.get(finger)).map_or(Ok(()), |side| write!(f, ":{side}"))
+        self.finger.and_then(|finger| Side::NAMES.get(finger)).map_or(Ok(()), |side| write!(f, ":{side}"))
     }
 }
 

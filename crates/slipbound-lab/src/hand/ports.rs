@@ -1,5 +1,5 @@
-//! Camera, gripper, wrist and plant of a simulated hand, as the ports have them. Each is a handle on the same hand, and
-//! each can be moved to a thread.
+//! Camera, gripper, wrist and plant of a simulated hand, as ports. Each is a handle on the same hand, and each can be
+//! moved to a thread.
 
 use super::shared::{HandParts, SharedHand};
 use slipbound::plant::{JawCommand, Plant};
@@ -126,8 +126,8 @@ impl Plant for SimPlant {
     }
 }
 
-/// The camera of a finger of a [`SimHand`](super::SimHand): the frame of the present time, once; silence until time has passed; the
-/// end after the scene's `longest_s`.
+/// The camera of a finger of a [`SimHand`](super::SimHand): delivers the frame of the present time once, is silent
+/// until time has advanced, and ends after the scene's `longest_s`.
 #[derive(Debug, Clone)]
 pub struct SimCamera {
     hand: SharedHand,

@@ -1,4 +1,4 @@
-//! Named tasks of the hand, with parameters, as a line of text.
+//! Tasks of the hand by name, with parameters, as a line of text.
 
 use crate::contact::shape::Shape;
 use crate::contact::{FingerSettings, Friction, Grid};
@@ -10,6 +10,7 @@ use crate::render::SURROUNDINGS;
 use crate::scenes::{Key, Kind, Value, number};
 use crate::world::{FRAME_RATE_HZ, SUBSTEPS_COUNT};
 use slipbound::setting::SettingError;
+use slipbound::task::TaskKind;
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 
@@ -33,10 +34,10 @@ pub struct HandKey {
     /// A word it can be instead of a number.
     pub or_word: Option<&'static str>,
     /// The tasks that take it; none is all.
-    pub tasks: &'static [&'static str],
+    pub tasks: &'static [TaskKind],
 }
 
-const fn of(tasks: &'static [&'static str], key: Key) -> HandKey {
+const fn of(tasks: &'static [TaskKind], key: Key) -> HandKey {
     HandKey { key, or_word: None, tasks }
 }
 
@@ -79,16 +80,16 @@ impl RightPad {
     }
 }
 
-const PLACE: &[&str] = &["place"];
-const LIFT: &[&str] = &["lift"];
-const CAPS: &[&str] = &["screw", "unscrew"];
+const PLACE: &[TaskKind] = &[TaskKind::Place];
+const LIFT: &[TaskKind] = &[TaskKind::Lift];
+const CAPS: &[TaskKind] = &[TaskKind::Screw, TaskKind::Unscrew];
 
 /// The tasks, what they are, and what they hold unless a scene says otherwise.
-pub const HAND_TASKS: [(&str, &str, &str); 4] = [
-    ("screw", "a cap turned until it stands on its end stop", "bottle_cap"),
-    ("unscrew", "a cap broken loose and turned open", "bottle_cap"),
-    ("place", "a tilted tool put down on the ground", "screwdriver"),
-    ("lift", "a bottle lifted, filled in the air and pulled at", "water_bottle"),
+pub const HAND_TASKS: [(TaskKind, &str, &str); 4] = [
+    (TaskKind::Screw, "a cap turned until it stands on its end stop", "bottle_cap"),
+    (TaskKind::Unscrew, "a cap broken loose and turned open", "bottle_cap"),
+    (TaskKind::Place, "a tilted tool put down on the ground", "screwdriver"),
+    (TaskKind::Lift, "a bottle lifted, filled in the air and pulled at", "water_bottle"),
 ];
 
 /// All parameters beside `seed`.
@@ -108,12 +109,12 @@ pub const HAND_KEYS: &[HandKey] = &[
     of(&[], number("longest_s", 0.1, 3600.0, "60", "after which the cameras end")),
     of(CAPS, number("thread_mm_per_turn", 0.0, 10.0, "3", "how far the cap comes down in a turn")),
     of(CAPS, number("run_n_mm", 0.0, 1e6, "40", "torque while the cap runs")),
-    of(&["screw"], number("seal_deg", 0.0, 1440.0, "60", "where the seal begins")),
-    of(&["screw"], number("stop_deg", 0.0, 1440.0, "75", "where the end stop begins")),
+    of(&[TaskKind::Screw], number("seal_deg", 0.0, 1440.0, "60", "where the seal begins")),
+    of(&[TaskKind::Screw], number("stop_deg", 0.0, 1440.0, "75", "where the end stop begins")),
     HandKey {
         key: number("break_n_mm", 0.0, 1e6, "closed", "torque that breaks the cap loose; half of closing at 60 N"),
         or_word: Some("closed"),
-        tasks: &["unscrew"],
+        tasks: &[TaskKind::Unscrew],
     },
     of(PLACE, number("tilt_deg", -45.0, 45.0, "20", "how the tool is tilted, positive from X to Y")),
     of(PLACE, number("off_mm", -40.0, 40.0, "5", "where its centre of mass is from the grip")),
@@ -138,7 +139,7 @@ pub const HAND_KEYS: &[HandKey] = &[
 ];
 
 impl HandKey {
-    fn is_of(&self, task: &str) -> bool {
+    fn is_of(&self, task: TaskKind) -> bool {
         self.tasks.is_empty() || self.tasks.contains(&task)
     }
 
@@ -154,23 +155,22 @@ impl HandKey {
     }
 }
 
-/// A task, a seed and a value for every key the task takes: what it takes to make the same run again.
+/// A task, a seed and a value for every key of the task: everything that determines a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandScene {
-    task: &'static str,
+    task: TaskKind,
     seed: u64,
     /// In the order of [`HAND_KEYS`].
     values: Vec<(&'static str, Value)>,
 }
 
 impl HandScene {
-    /// `TASK` or `TASK?key=value&key=value`; `seed` is a key too. Refuses unknown names and values out of range, and
-    /// what does not go together.
+    /// `TASK` or `TASK?key=value&key=value`; `seed` is a key too. Fails for unknown names, values out of range, and
+    /// contradictory values.
     pub fn parse(text: &str) -> Result<HandScene, SettingError> {
         let (task, settings) = text.split_once('?').unwrap_or((text, ""));
-        let Some(&(task, _, object)) = HAND_TASKS.iter().find(|(name, _, _)| *name == task) else {
-            return Err(SettingError::none_of("task", task, &HAND_TASKS.map(|(name, _, _)| name)));
-        };
+        let task: TaskKind = task.parse()?;
+        let object = HAND_TASKS.iter().find(|(known, _, _)| *known == task).map_or("", |(_, _, object)| object);
         let keys = HAND_KEYS.iter().filter(|key| key.is_of(task));
         let values = keys.map(|key| {
             let default = if key.key.name == "object" { object } else { key.key.default };
@@ -211,11 +211,11 @@ impl HandScene {
     }
 
     /// The task.
-    pub fn task_name(&self) -> &'static str {
+    pub fn task(&self) -> TaskKind {
         self.task
     }
 
-    /// What everything random is drawn from.
+    /// Seed of everything random.
     pub fn seed(&self) -> u64 {
         self.seed
     }
@@ -255,7 +255,7 @@ impl HandScene {
         }
     }
 
-    /// What is held.
+    /// The object that is held.
     pub fn object(&self) -> &'static Object {
         Object::named(self.word("object")).expect("the name was looked up when it was set")
     }
@@ -317,7 +317,7 @@ impl HandScene {
             ..FingerSettings::standard()
         };
         let mut surface = object.surface();
-        if self.task == "place" {
+        if self.task == TaskKind::Place {
             // Long objects lie along Y then, where the pad is narrower.
             settings.shape_in_object.turn_rad = FRAC_PI_2;
             let room_mm = settings.grid.half_size_mm().y - settings.grid.cell_mm;
@@ -330,9 +330,9 @@ impl HandScene {
     /// What is held, at rest.
     pub(super) fn held(&self) -> Result<Box<dyn HeldObject>, SettingError> {
         Ok(match self.task {
-            "place" => Box::new(Tool::new(self.tool()?)),
-            "lift" => Box::new(Bottle::new(self.bottle()?)),
-            _ => Box::new(self.cap()?),
+            TaskKind::Place => Box::new(Tool::new(self.tool()?)),
+            TaskKind::Lift => Box::new(Bottle::new(self.bottle()?)),
+            TaskKind::Screw | TaskKind::Unscrew => Box::new(self.cap()?),
         })
     }
 
@@ -387,7 +387,7 @@ impl HandScene {
             });
         };
         let run_n_mm = self.set_number("run_n_mm")?;
-        let thread = if self.task == "screw" {
+        let thread = if self.task == TaskKind::Screw {
             let (seal_rad, stop_rad) =
                 (self.set_number("seal_deg")?.to_radians(), self.set_number("stop_deg")?.to_radians());
             Thread::Screw { run_n_mm, seal_rad, stop_rad }

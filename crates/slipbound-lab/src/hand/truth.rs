@@ -5,7 +5,7 @@ use crate::plants::{BottleTruth, CapTruth, GroundTruth, ObjectTruth};
 use serde::Serialize;
 use slipbound::plant::PlantTruth;
 
-/// What is true at the end of a step, and what has added up since the start.
+/// Ground truth at the end of a step, and sums since the start.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct HandTruth {
     /// Time since the start, in ns.
@@ -67,7 +67,7 @@ pub struct HandTruth {
     pub ground: Option<GroundTruth>,
 }
 
-/// What is true of one of two pads that differ.
+/// Ground truth of one of two pads that differ.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct PadTruth {
     /// phi, as in [`HandTruth::stick_ratio`].

@@ -21,7 +21,7 @@ const LOADED_FRACTION: f64 = 0.5;
 /// make cells stick for a step.
 const STILL_SLIDES_FRACTION: f64 = 0.95;
 
-/// What is between the jaws, without jaws and wrist: a [`Plant`].
+/// The world between the jaws, without jaws and wrist: a [`Plant`].
 ///
 /// Unless the scene says otherwise the two fingers are identical and so are their loads, up to the sign of y; one contact
 /// is computed then.
@@ -39,7 +39,7 @@ pub struct HandWorld {
 }
 
 impl HandWorld {
-    /// The object untouched between the fingers. Refuses what the contact cannot be.
+    /// Starts with the object untouched between the fingers. Fails for invalid contact settings.
     pub fn new(scene: &HandScene) -> Result<Self, SettingError> {
         let held = scene.held()?;
         let mut pads = Pads::new(scene, held.symmetry())?;
@@ -65,7 +65,7 @@ impl HandWorld {
         Ok(world)
     }
 
-    /// What is true at the end of the last step.
+    /// Ground truth at the end of the last step.
     pub fn truth(&self) -> &HandTruth {
         &self.truth
     }
@@ -81,7 +81,7 @@ impl HandWorld {
         self.held.symmetry()
     }
 
-    /// The error that stopped the run; None while it goes on. Time no longer passes then.
+    /// The error that stopped the run; None otherwise. After an error time does not advance.
     pub fn error(&self) -> Option<&SettingError> {
         self.error.as_ref()
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with a file that a person wrote.
+//! Errors of files that a person writes.
 
 use slipbound::setting::SettingError;
 use std::io;
@@ -75,7 +75,7 @@ pub enum Error {
         /// What is wrong with it.
         source: Box<Error>,
     },
-    /// A word that is neither `paper` nor the name of a file.
+    /// A name that is neither `paper` nor a file.
     #[error("no settings are called `{name}`: expected `paper` or FILE.toml, and there is no such file")]
     UnknownSettings {
         /// The word.

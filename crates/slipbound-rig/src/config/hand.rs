@@ -11,11 +11,9 @@
 //! mounting = { x = "+x", y = "-y" }
 //! ```
 //!
-//! `mounting` says along which axis of the shared hand frame the x and y of the finger's image point (right and down on
-//! the screen). The hand frame: x from the wrist to the fingertips, y across the fingers, z from the left finger to the
-//! right one. A finger's z points into its gel, so an image that is not turned has its y along -y on the left and along
-//! +y on the right; that is what is taken where `mounting` is left out. An image that is mirrored is set right by the
-//! flip of its sensor file, not here.
+//! `mounting` gives the axes of the hand frame ([`slipbound::hand`]) along which the x and y of the finger's image point (right and
+//! down on the screen). Without `mounting` the image is taken to be not rotated: x along +x, y along -y on the left and along
+//! +y on the right. A mirrored image is corrected by the flip of its sensor file, not here.
 
 use super::error::Error;
 use super::layer::{Layer, typed};
@@ -29,7 +27,7 @@ use std::path::Path;
 /// A hand and its fingers, checked.
 #[derive(Debug, Clone)]
 pub struct HandConfig {
-    /// What the hand is called.
+    /// Name of the hand.
     pub name: String,
     /// One to [`FINGERS_MOST`] fingers; names and serials differ.
     pub fingers: Vec<FingerConfig>,
@@ -38,13 +36,13 @@ pub struct HandConfig {
 /// One finger of a hand.
 #[derive(Debug, Clone)]
 pub struct FingerConfig {
-    /// What it is called in reports.
+    /// Its name in reports.
     pub name: String,
-    /// Its serial number, which its sensor file must bear.
+    /// Its serial number, which must be that of its sensor file.
     pub serial: String,
     /// Its facts.
     pub sensor: Sensor,
-    /// How it sits in the hand.
+    /// Its mounting in the hand.
     pub mounting: Mounting,
 }
 

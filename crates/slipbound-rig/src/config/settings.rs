@@ -39,7 +39,7 @@ pub fn parse_task_settings(text: &str, what: &str) -> Result<TaskSettings, Error
     task_settings(Layer::parse(what.to_owned(), text)?)
 }
 
-/// Everything a task is run with: the defaults, or those with the keys of a TOML file over them.
+/// All settings of a task: the defaults, with the keys of a TOML file over them if there is one.
 pub fn load_task_settings(file: Option<&Path>) -> Result<TaskSettings, Error> {
     let Some(path) = file else { return Ok(TaskSettings::default()) };
     task_settings(Layer::read(path)?)

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use slipbound::port::Clock;
 
-/// What became of a frame.
+/// Whether a frame was judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fate {
@@ -11,11 +11,11 @@ pub enum Fate {
     Judged,
     /// A newer one came before it was taken.
     Skipped,
-    /// It was recorded, and nobody judged.
+    /// It was recorded only.
     Recorded,
 }
 
-/// What is written of every frame beside its bytes: `slipbound.Frame`.
+/// The record of every frame beside its bytes: `slipbound.Frame`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FrameRecord {
     /// The source's running number.
@@ -24,7 +24,7 @@ pub struct FrameRecord {
     pub time_ns: Option<u64>,
     /// Whose clock.
     pub clock: Clock,
-    /// What became of it.
+    /// Whether it was judged.
     pub fate: Fate,
     /// Why it is torn; None when it is whole.
     pub torn: Option<String>,

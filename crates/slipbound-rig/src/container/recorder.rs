@@ -45,12 +45,12 @@ pub enum Error {
     },
 }
 
-/// What has become of a recording.
+/// The result of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Written {
     /// Frames in the file.
     pub frames_count: u64,
-    /// Frames and lines that did not get into the file, for the disk did not keep up.
+    /// Frames and lines that are not in the file because the disk did not keep up.
     pub lost_count: u64,
 }
 
@@ -149,7 +149,7 @@ impl Recorder {
         self.inlet.send(Item::Metadata { name: name.into(), facts: facts.into_iter().collect() });
     }
 
-    /// Closes the file. Whoever still hands in is told nothing: it is counted as lost.
+    /// Closes the file. What is still handed in later is counted as lost, without an error.
     pub fn finish(self) -> Result<Written, Error> {
         let Recorder { path, inlet, thread } = self;
         inlet.send(Item::End);

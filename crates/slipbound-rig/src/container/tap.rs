@@ -1,4 +1,4 @@
-//! Frames on their way past a recorder.
+//! Sources whose frames are recorded.
 
 use super::frame_record::{Fate, FrameRecord};
 use super::recorder::{Inlet, Item, log_ns};

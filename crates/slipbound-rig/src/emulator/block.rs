@@ -1,24 +1,24 @@
-//! A block of wood: the simplest thing to hold.
+//! A rigid block: the simplest object to hold.
 
 use slipbound::plant::Plant;
 
-/// A rigid block, or nothing. It has a weight: once the fingers carry it, it falls when they press too little. Records
-/// what was done to it.
+/// A rigid block, or nothing. Once the fingers carry it, it falls when they press with less than `least_n`. Records
+/// forces and motions.
 #[derive(Debug, Clone, Default)]
 pub struct Block {
-    /// Width, mm; None: nothing is there, or it has fallen.
+    /// Width, mm; None: there is no block, or it has fallen.
     pub width_mm: Option<f64>,
     /// Least force that carries it, N per finger: its weight over twice the friction coefficient.
     pub least_n: f64,
     /// Whether the fingers carry it.
     pub is_carried: bool,
-    /// Force it is pressed with, N per finger.
+    /// Force on it, N per finger.
     pub force_n: f64,
     /// Angle of the wrist, rad.
     pub angle_rad: f64,
     /// Distance lowered, mm.
     pub lowered_mm: f64,
-    /// Time it has been told, ns.
+    /// Present time, ns.
     pub now_ns: u64,
 }
 

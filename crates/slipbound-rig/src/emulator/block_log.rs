@@ -1,4 +1,4 @@
-//! A block that logs what is done to it, so that another program can check what a driver did.
+//! A block that logs forces and motions, so that another program can check a driver.
 
 use super::block::Block;
 use slipbound::plant::Plant;

@@ -1,4 +1,4 @@
-//! An emulated camera: JPEGs over HTTP as a Raspberry Pi serves them, the newest to whoever asks.
+//! An emulated camera: JPEGs over HTTP as a Raspberry Pi serves them; every client gets the newest.
 
 use std::io::{self, Read as _, Write as _};
 use std::net::{SocketAddr, TcpListener, TcpStream};

@@ -6,8 +6,8 @@ use super::firmware::Firmware;
 use slipbound::plant::Plant;
 use std::collections::VecDeque;
 
-/// An emulated gripper without its link, a state machine told the time. Its owner moves the bytes, tells the time and
-/// lets time pass in the plant.
+/// An emulated gripper without its link, a state machine told the time. Its owner moves the bytes, passes the time and
+/// advances the plant.
 pub struct Emulator {
     firmware: Box<dyn Firmware>,
     faults: Faults,
@@ -44,13 +44,13 @@ impl Emulator {
         }
     }
 
-    /// The same, and it fails like this. Times of faults count from the first tick.
+    /// The same with these faults. Times of faults count from the first tick.
     pub fn with_faults(mut self, faults: Faults) -> Self {
         self.firmware.jaws_mut().set_sensor(faults.sensor, faults.seed);
         Emulator { random: faults.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1, faults, ..self }
     }
 
-    /// Somebody has connected.
+    /// A client has connected.
     pub fn connected(&mut self, now_ns: u64) {
         self.unread.clear();
         self.answer.clear();
@@ -59,7 +59,7 @@ impl Emulator {
         self.firmware.connected(now_ns, &mut self.answer);
     }
 
-    /// The connection is gone. What is held stays held.
+    /// The connection was closed. An object that is held stays held.
     pub fn disconnected(&mut self, now_ns: u64) {
         // What was sent before the end, a farewell say, is read before it.
         let unread = std::mem::take(&mut self.unread);
@@ -99,7 +99,7 @@ impl Emulator {
         &mut self.outgoing
     }
 
-    /// Something happens to it now. False where it cannot happen to one of its kind.
+    /// Injects a fault now. False if this kind of gripper cannot have it.
     pub fn inject(&mut self, fault: Fault) -> bool {
         self.is_hanging_up |= fault == Fault::PowerCycle;
         match fault {
@@ -112,7 +112,7 @@ impl Emulator {
         true
     }
 
-    /// Whether the connection is to be closed now; once asked, it is forgotten.
+    /// Whether the connection is to be closed now; true once per fault.
     pub fn take_hang_up(&mut self) -> bool {
         std::mem::take(&mut self.is_hanging_up)
     }

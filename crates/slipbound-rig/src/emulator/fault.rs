@@ -1,13 +1,13 @@
-//! What can happen to an emulator from within.
+//! Faults of the emulated gripper itself, not of its link.
 
-/// What can happen to an emulator from within.
+/// Faults of the emulated gripper itself, not of its link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
     /// It stops itself and must be acknowledged.
     FastStop,
     /// From now on it refuses every new force.
     RefuseForce,
-    /// The object is gone.
+    /// The object is lost.
     LosePart,
     /// Its supply fails and comes back: the link breaks, it forgets where its jaws are. They keep their force.
     PowerCycle,

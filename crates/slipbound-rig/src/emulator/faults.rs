@@ -1,4 +1,4 @@
-//! What goes wrong with an emulator and its link, and when: read from words.
+//! Faults of an emulator and of its link, and their times: parsed from words.
 
 use super::fault::Fault;
 use super::force_sensor::SensorFaults;
@@ -29,33 +29,33 @@ pub const WORDS: [(&str, &str); 20] = [
     ("allow-regrasp@MS", "a grasp may be given again while holding (wsg50, gcl)"),
 ];
 
-/// How much later an answer is that is late once in a while, ns.
+/// Delay of an answer that is late by `late_every_count`, ns.
 pub const LATE_NS: u64 = 400_000_000;
 
-/// What goes wrong, and when. The default is nothing.
+/// Faults and their times. Default: none.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Faults {
     /// Every answer comes this much later, ns.
     pub late_ns: u64,
-    /// Every so many answers one comes [`LATE_NS`] later; 0 for none.
+    /// One in so many answers comes [`LATE_NS`] later; 0 for none.
     pub late_every_count: u32,
-    /// What is wrong with its force sensor.
+    /// Faults of its force sensor.
     pub sensor: SensorFaults,
     /// Share of answers with one byte changed.
     pub corrupt_fraction: f64,
     /// Share of answers with one byte lost.
     pub drop_fraction: f64,
-    /// What those are drawn from.
+    /// Seed of the random faults.
     pub seed: u64,
-    /// Times without reading or writing: from, for how long, ns.
+    /// Intervals without reading or writing: start, duration, ns.
     pub stalls_ns: Vec<(u64, u64)>,
     /// When the connection is closed, ns.
     pub closes_ns: Vec<u64>,
-    /// What happens to the gripper itself, and when, ns.
+    /// Faults of the gripper itself and their times, ns.
     pub injections: Vec<(u64, Fault)>,
 }
 
-/// A word that is no fault.
+/// A word that names no fault.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub struct FaultError {
     word: String,

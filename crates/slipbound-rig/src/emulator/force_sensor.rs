@@ -1,15 +1,15 @@
-//! The force sensor of an emulated gripper: it reads the force that the jaws press with, as badly as it is told to.
+//! The force sensor of an emulated gripper: reads the force of the jaws, with configurable errors.
 //!
 //! ```text
 //!   force --lag--> x gain, + bias, + drift t, + idle reading while nothing is touched --+ noise--> steps --> reading
 //! ```
 
-/// What is wrong with a force sensor. The default is nothing.
+/// Errors of a force sensor. Default: none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorFaults {
     /// Added to every reading, N per finger.
     pub bias_n: f64,
-    /// What the force is multiplied with.
+    /// Factor on the force.
     pub gain: f64,
     /// Standard deviation of the noise, N per finger.
     pub noise_n: f64,

@@ -1,5 +1,5 @@
-//! A driver and its emulator, joined by two byte queues in place of a socket. Time goes on only when both are empty,
-//! so every run is the same, and as fast as the computer.
+//! A driver and its emulator, joined by two byte queues instead of a socket. Time advances only when both are empty, so
+//! every run is deterministic, and faster than real time.
 
 use super::emulated::Emulator;
 use crate::gripper::{self, Driver, Protocol, Request};
@@ -16,8 +16,8 @@ const RECONNECT_NS: u64 = 250_000_000;
 /// Most exchanges at one time: two that answer each other for ever are interrupted.
 const MOST_EXCHANGES: u32 = 10_000;
 
-/// A driver joined to an emulator. Its owner tells the time with [`Joined::step`]; as a [`Gripper`] or a
-/// [`Wrist`] it is then used like one at a socket.
+/// A driver joined to an emulator. Its owner passes the time to [`Joined::step`]; as a [`Gripper`] or a [`Wrist`] it is
+/// used like a device.
 pub struct Joined<D> {
     /// The driver.
     pub driver: D,
@@ -25,9 +25,9 @@ pub struct Joined<D> {
     pub emulator: Emulator,
     /// Most bytes moved at once; a small number splits every message.
     pub most_bytes: usize,
-    /// Whether bytes arrive at all; otherwise they wait, as on a line that is dead but not cut.
+    /// Whether bytes are delivered; otherwise they wait, as on a stalled link.
     pub is_delivering: bool,
-    /// Whether a lost link is made again by itself.
+    /// Whether a lost link is reconnected automatically.
     pub reconnects: bool,
     /// Everything the driver has sent, if that is to be kept.
     pub sent: Option<Vec<u8>>,
@@ -37,7 +37,7 @@ pub struct Joined<D> {
 }
 
 impl<D: Endpoint> Joined<D> {
-    /// Joins the two at time 0, linked. The link is made again when it is lost.
+    /// Joins the two at time 0, linked. A lost link is reconnected.
     pub fn new(driver: D, emulator: Emulator, plant: &mut dyn Plant) -> Self {
         let mut joined = Joined::unlinked(driver, emulator, plant);
         joined.connect();
@@ -81,7 +81,7 @@ impl<D: Endpoint> Joined<D> {
         }
     }
 
-    /// Moves bytes until neither side has any to send. False when that never was so.
+    /// Moves bytes until neither side has any to send. False if that state was not reached.
     pub fn exchange(&mut self) -> bool {
         for _ in 0..MOST_EXCHANGES {
             if !self.is_connected || !self.is_delivering {
@@ -101,8 +101,8 @@ impl<D: Endpoint> Joined<D> {
         false
     }
 
-    /// Lets time pass up to `now_ns` on both sides. Time in the plant is for its owner to let pass: several emulators
-    /// may press and move it.
+    /// Advances the time of both sides to `now_ns`. The plant is advanced by its owner, because several emulators may
+    /// act on it.
     pub fn step(&mut self, now_ns: u64, plant: &mut dyn Plant) {
         self.exchange();
         self.now_ns = now_ns;
@@ -119,14 +119,14 @@ impl<D: Endpoint> Joined<D> {
 }
 
 impl<P: Protocol> Joined<Driver<P>> {
-    /// Gives the driver a request. An error means that it was not taken over.
+    /// Passes a request to the driver. An error means that it was not accepted.
     pub fn request(&mut self, request: Request) -> Result<(), gripper::Error> {
         let taken = self.driver.request(self.now_ns, request);
         self.exchange();
         taken
     }
 
-    /// The newest state, or what is wrong. A link through which nothing comes is given up, with a farewell first.
+    /// The newest state, or what is wrong. A silent link is closed, after the protocol's farewell.
     pub fn state(&mut self) -> Result<GripperState, gripper::Error> {
         self.exchange();
         let state = self.driver.state(self.now_ns);
@@ -181,7 +181,7 @@ impl Wrist for Joined<LineWrist> {
     }
 }
 
-/// A plant as an emulator sees it that only moves the wrist: it has nothing between jaws of its own, and does not press.
+/// A view of a plant for an emulator that only moves the wrist: nothing is between its jaws, and its force is ignored.
 pub struct OnlyMoved<'a>(pub &'a mut dyn Plant);
 
 impl Plant for OnlyMoved<'_> {

@@ -1,4 +1,4 @@
-//! An emulator at a socket or a serial line: the part that knows the clock.
+//! An emulator on a socket or a serial line: the part that reads the clock.
 
 use super::emulated::Emulator;
 use crate::link::{Link, TcpLink, now_ns};
@@ -46,8 +46,8 @@ impl Server {
         Ok(Server { listener, link: None, inbox: Vec::with_capacity(8192) })
     }
 
-    /// Connections, bytes in, time on, bytes out; does not wait. To be called every ms or so. Time in the plant is for
-    /// its owner to let pass.
+    /// Accepts connections, receives, advances the time, sends; does not wait. To be called about every ms. The plant
+    /// is advanced by its owner.
     pub fn serve(&mut self, emulator: &mut Emulator, plant: &mut dyn Plant) -> io::Result<()> {
         match self.listener.accept() {
             Ok((stream, _)) => self.welcome(TcpLink::new(stream)?, emulator),
@@ -80,7 +80,7 @@ impl Server {
     }
 }
 
-/// Serves a port until `go_on` says no. Times of faults count from the call.
+/// Serves a port until `go_on` returns false. Times of faults count from the call.
 pub fn serve_tcp(
     listener: TcpListener,
     emulator: &mut Emulator,
@@ -96,7 +96,7 @@ pub fn serve_tcp(
     Ok(())
 }
 
-/// Serves one link, a serial line say, until `go_on` says no or the link is over.
+/// Serves one link, for example a serial line, until `go_on` returns false or the link is closed.
 pub fn serve_link(
     link: &mut dyn Link,
     emulator: &mut Emulator,

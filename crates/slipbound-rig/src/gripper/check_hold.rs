@@ -1,5 +1,5 @@
-//! Does this gripper hold on while its force is changed, and how does a new force reach the jaws? It is not
-//! published for a WSG-50, so this measures it: up, down, up, down, with an object that may fall.
+//! Measures whether a gripper keeps its grip while its force is changed: up, down, up, down, with an object that may
+//! fall. That is not published for a WSG-50.
 
 use super::settled::jaws_name;
 use slipbound::grip::ForceSense;
@@ -37,21 +37,21 @@ pub enum Step {
 /// The result.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// It held on through every change.
+    /// It kept its grip during every change.
     Held {
         /// Least force measured after the first grasp had settled, N per finger; None where it measures none.
         least_n: Option<f64>,
         /// How far the jaws opened, mm; None where they do not say.
         opened_mm: Option<f64>,
     },
-    /// It did not, or it cannot be said.
+    /// It did not, or that could not be determined.
     Failed {
         /// What was expected and what was got.
         why: String,
     },
 }
 
-/// The trial, told the time and the state of the gripper.
+/// The trial as a state machine, told the time and the state of the gripper.
 #[derive(Debug)]
 pub struct CheckHold {
     low_n: f64,
@@ -65,7 +65,7 @@ pub struct CheckHold {
 }
 
 impl CheckHold {
-    /// Goes to and fro between these forces, N per finger.
+    /// Alternates between these forces, N per finger.
     pub fn new(low_n: f64, high_n: f64) -> Self {
         let (low_n, high_n) = (low_n.min(high_n), low_n.max(high_n));
         CheckHold {

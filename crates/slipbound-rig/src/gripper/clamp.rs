@@ -1,10 +1,10 @@
-//! The forces of a task clamped to what a gripper can and may do.
+//! The forces of a task clamped to the range of a gripper.
 
 use super::config::{Config, Lowering};
 use slipbound::setting::SettingError;
 use slipbound::task::{TaskKind, TaskSettings};
 
-/// The settings with every force inside the gripper's range; what changed, in words. Refuses a task that this gripper
+/// The settings with every force inside the gripper's range; what changed, in words. Fails for a task that this gripper
 /// must not do: laying down needs a looser grip.
 pub fn clamp_to_gripper(
     settings: &TaskSettings,

@@ -1,4 +1,4 @@
-//! What is true of a gripper and of how it may be used: defaults by driver, under a TOML file, under the query of its
+//! The settings of a gripper: defaults of the driver, overridden by a TOML file, overridden by the query of its
 //! address.
 
 use super::error::Error;
@@ -8,7 +8,7 @@ use slipbound::setting::SettingError;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// What the gripper's own newtons mean.
+/// Meaning of the force values in the gripper's protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ForceIs {
@@ -22,21 +22,21 @@ pub enum ForceIs {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Lowering {
-    /// It is refused: this gripper has not yet been shown to hold on through the change.
+    /// No: this gripper has not yet been shown to keep its grip during the change.
     Refuse,
-    /// It is sent.
+    /// Yes.
     Allow,
 }
 
-/// How a change of force reaches a WSG-50 that holds something.
+/// How the force of a WSG-50 is changed while it holds an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ForceChange {
-    /// The force limit is set; if the measured force does not follow, the grasp is given again.
+    /// The force limit is set; if the measured force does not follow, the grasp command is repeated.
     Auto,
     /// The force limit is set, nothing else.
     Limit,
-    /// The force limit is set and the grasp given again at once.
+    /// The force limit is set and the grasp command repeated at once.
     Regrasp,
 }
 
@@ -44,7 +44,7 @@ pub enum ForceChange {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
-    /// What the gripper's own newtons mean.
+    /// Meaning of the force values in the gripper's protocol.
     pub force_is: ForceIs,
     /// Least force ever sent, N per finger.
     pub least_n: f64,
@@ -52,19 +52,19 @@ pub struct Config {
     pub most_n: f64,
     /// Whether a lower force may be sent while something is held.
     pub lowering: Lowering,
-    /// How a change of force reaches the jaws (WSG-50, binary, only).
+    /// How the force is changed while an object is held (WSG-50, binary, only).
     pub force_change: ForceChange,
     /// Width of the object, mm. A WSG-50 expects it, and calls contact far from it a collision.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part_width_mm: Option<f64>,
     /// Opening to release to, mm.
     pub open_mm: f64,
-    /// Speed of the jaws off the object, mm/s.
+    /// Speed of the jaws when they do not touch the object, mm/s.
     pub speed_mm_per_s: f64,
-    /// Whether a fast stop that our own lost link has latched is acknowledged at the next one.
+    /// Whether a fast stop that was latched because our own link was lost is acknowledged after reconnecting.
     pub acknowledge_own_fast_stop: bool,
-    /// What its force reading may be off, N per finger, its idle reading taken out: this, and this share of the force.
-    /// Unconfirmed for every gripper here.
+    /// Error bound of the force reading after subtraction of its idle reading, N per finger: this plus
+    /// `force_error_fraction` of the force. Unconfirmed for every gripper here.
     pub force_error_n: f64,
     /// See `force_error_n`.
     pub force_error_fraction: f64,
@@ -72,7 +72,7 @@ pub struct Config {
     pub reply_ms: u64,
     /// Longest wait for the end of a motion, ms.
     pub motion_ms: u64,
-    /// Longest time without a sign of life, ms; then `poll` is an error.
+    /// Longest time without a valid message, ms; after that `poll` is an error.
     pub silence_ms: u64,
     /// Time between two states, ms.
     pub update_ms: u64,
@@ -87,7 +87,7 @@ pub struct Config {
     pub opening_table: Vec<[f64; 2]>,
 }
 
-/// Which kind of gripper, and so which defaults and limits of hardware.
+/// The kind of gripper: determines defaults and hardware limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// WSG-50, binary interface.
@@ -96,9 +96,9 @@ pub enum Kind {
     Gcl,
     /// Robotiq 2F-85.
     Robotiq,
-    /// Whatever answers the line protocol.
+    /// Any gripper that answers the line protocol.
     Line,
-    /// Nothing.
+    /// No gripper.
     Dry,
 }
 
@@ -181,7 +181,7 @@ impl Config {
         Ok(config)
     }
 
-    /// Checks every setting; the error names the first one that cannot be.
+    /// Checks every setting; the error names the first invalid one.
     pub fn check(&self, kind: Kind) -> Result<(), SettingError> {
         let (least_n, most_n) = kind.hardware_n();
         let (least_n, most_n) = (least_n / self.own_per_finger(), most_n / self.own_per_finger());
@@ -218,13 +218,13 @@ impl Config {
         }
     }
 
-    /// Newtons per finger in the gripper's own.
+    /// Newtons per finger -> the gripper's own force values.
     pub fn to_own_n(&self, force_n: f64) -> f64 {
         force_n * self.own_per_finger()
     }
 
-    /// The gripper's own newtons per finger, below 0 where its sensor has a bias. None when they are not a number or beyond
-    /// twice what it can press with: then they are no measurement.
+    /// The gripper's own force values -> newtons per finger; may be below 0 where its sensor has a bias. None when not
+    /// a number or more than twice the gripper's largest force: then it is no measurement.
     pub fn from_own_n(&self, own_n: f64) -> Option<f64> {
         let force_n = own_n / self.own_per_finger();
         (LEAST_READING_N..=2.0 * self.most_n).contains(&force_n).then_some(force_n)

@@ -1,4 +1,4 @@
-//! A driver at a socket or a serial line: the part that knows the clock.
+//! A driver on a socket or a serial line: the part that reads the clock.
 
 use super::address::{Resolved, resolve};
 use super::config::Config;
@@ -18,13 +18,13 @@ const FIRST_STATE_NS: u64 = 2_000_000_000;
 /// Longest wait for the farewell to be sent, ns.
 const FAREWELL_NS: u64 = 100_000_000;
 
-/// Opens a gripper: connects, asks for its state, moves nothing. `config`: a TOML file of settings. Waits at most some
-/// seconds for the first sign of life; afterwards no call waits.
+/// Opens a gripper: connects, asks for its state, moves nothing. `config`: a TOML file of settings. Waits a few seconds
+/// at most for the first valid message; afterwards no call waits.
 pub fn open(address: &str, config: Option<&Path>) -> Result<Box<dyn Gripper + Send>, Error> {
     Ok(Box::new(Device::open(address, config)?))
 }
 
-/// A gripper on a link. A lost link is made again; what is held stays held.
+/// A gripper on a link. A lost link is reconnected; an object that is held stays held.
 pub struct Device {
     address: String,
     driver: Driver,
@@ -43,7 +43,7 @@ impl Device {
         Ok(device)
     }
 
-    /// A driver at a link that is already up; with a connector it is made again when it is lost.
+    /// A driver on a link that is already up; with a connector it is reconnected when it is lost.
     pub fn with_link(
         address: &str,
         mut driver: Driver,
@@ -73,7 +73,7 @@ impl Device {
         }
     }
 
-    /// Takes over a request. Does not wait for the jaws; an error means that it was not taken over.
+    /// Accepts a request. Does not wait for the jaws; an error means that it was not accepted.
     pub fn request(&mut self, request: Request) -> Result<(), Error> {
         self.poll_io();
         let taken = self.driver.request(now_ns(), request);
@@ -96,7 +96,7 @@ impl Device {
         self.driver.config()
     }
 
-    /// Permits lower forces while something is held, whatever the settings say.
+    /// Permits lowering the force while an object is held, whatever the settings say.
     pub fn permit_lowering(&mut self, permitted: bool) {
         self.driver.permit_lowering(permitted);
     }

@@ -1,4 +1,4 @@
-//! The driver of every gripper: what all of them keep and promise, around a [`Protocol`].
+//! The driver of every gripper: the state and the guarantees they share, around a [`Protocol`].
 
 use super::config::Config;
 use super::driver_state::DriverState;
@@ -11,7 +11,7 @@ use slipbound::port::{DriverEvent, GripCommand, GripperState};
 /// A gripper's driver without its link. It owns what does not depend on the protocol: address and settings, the state
 /// of the link, the newest state of the gripper, faults and events, which forces are admitted, the bytes to be sent.
 ///
-/// `Driver` alone is the driver of any protocol, as an address names it; `Driver<Wsg50>`, say, of that one.
+/// `Driver` alone is for any protocol, as named by an address; `Driver<Wsg50>`, for example, for that one.
 #[derive(Debug)]
 pub struct Driver<P: Protocol = Box<dyn Protocol>> {
     state: DriverState,
@@ -26,7 +26,7 @@ impl<P: Protocol> Driver<P> {
         Driver { state, protocol }
     }
 
-    /// Takes over a request. An error means that it was not taken over.
+    /// Accepts a request. An error means that it was not accepted.
     pub fn request(&mut self, now_ns: u64, request: Request) -> Result<(), Error> {
         let (state, protocol) = (&mut self.state, &mut self.protocol);
         state.set_time(now_ns);
@@ -55,8 +55,8 @@ impl<P: Protocol> Driver<P> {
         Ok(())
     }
 
-    /// The newest state of the gripper, or what is wrong with the link or with a request taken over before; the latter
-    /// is reported once.
+    /// The newest state of the gripper, or what is wrong with the link or with an earlier request; the latter is
+    /// reported once.
     pub fn state(&mut self, now_ns: u64) -> Result<GripperState, Error> {
         self.state.set_time(now_ns);
         self.state.report()
@@ -67,7 +67,7 @@ impl<P: Protocol> Driver<P> {
         self.protocol.is_busy(&self.state)
     }
 
-    /// The next thing worth a line in the log of a run, oldest first.
+    /// Removes and returns the oldest event.
     pub fn next_event(&mut self) -> Option<DriverEvent> {
         self.state.next_event()
     }
@@ -77,8 +77,8 @@ impl<P: Protocol> Driver<P> {
         &self.state.config
     }
 
-    /// Permits lower forces while something is held, whatever the settings say, or leaves that to them again;
-    /// `check-hold` does.
+    /// Permits lowering the force while an object is held, whatever the settings say (true), or leaves that to the
+    /// settings (false). Used by `check-hold`.
     pub fn permit_lowering(&mut self, permitted: bool) {
         self.state.permit_lowering(permitted);
     }

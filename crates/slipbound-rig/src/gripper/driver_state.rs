@@ -1,4 +1,4 @@
-//! What the driver of any gripper keeps: address and settings, its link, the newest state, faults and events.
+//! The state of any gripper's driver: address and settings, link, newest state of the gripper, faults and events.
 
 use super::config::{Config, Lowering};
 use super::error::Error;
@@ -16,7 +16,7 @@ const GARBLED_NS: u64 = 10_000_000_000;
 /// Difference in force that counts as none, N per finger: below what any of these grippers resolves.
 const SAME_FORCE_N: f64 = 0.01;
 
-/// What a [`Driver`](super::Driver) keeps, and what its [`Protocol`](super::Protocol) works on.
+/// The state of a [`Driver`](super::Driver), on which its [`Protocol`](super::Protocol) works.
 #[derive(Debug)]
 pub struct DriverState {
     /// Its settings.
@@ -68,7 +68,7 @@ impl DriverState {
         }
     }
 
-    /// Where the gripper is, for messages.
+    /// Address of the gripper, for messages.
     pub fn address(&self) -> String {
         self.address.clone()
     }
@@ -98,7 +98,7 @@ impl DriverState {
         self.link.heard(self.now_ns);
     }
 
-    /// Whether something is, or may soon be, between the jaws.
+    /// Whether an object is, or may soon be, between the jaws.
     pub fn seems_to_hold(&self) -> bool {
         self.held.seems_to_hold(&self.gripper, &self.config)
     }
@@ -108,7 +108,7 @@ impl DriverState {
         self.held.see(&self.gripper, &self.config);
     }
 
-    /// Something worth a line in the log of a run.
+    /// Adds an event for the log of a run.
     pub fn push_event(&mut self, event: DriverEvent) {
         let Some(event) = self.gathered(event) else { return };
         if self.events.len() == EVENTS_COUNT {
@@ -129,7 +129,7 @@ impl DriverState {
         Some(DriverEvent::Garbled { bytes_count: std::mem::take(&mut self.garbled_count) })
     }
 
-    /// A request taken over before has failed; the first such failure is reported, once.
+    /// An earlier request has failed; the first such failure is reported, once.
     pub fn raise_fault(&mut self, error: Error) {
         self.fault.get_or_insert(error);
     }

@@ -1,4 +1,4 @@
-//! No gripper: takes every command over, logs it, moves nothing.
+//! No gripper: accepts every command, logs it, moves nothing.
 
 use super::driver_state::DriverState;
 use super::error::Error;

@@ -1,11 +1,11 @@
-//! What can go wrong with a gripper, one variant a cause.
+//! Errors of a gripper, one variant a cause.
 
 use crate::config;
 use slipbound::port::{GripperError, GripperErrorKind};
 use std::io;
 
-/// A gripper that cannot be opened, or a command that it did not take over. Whatever the cause, the force stays where
-/// it was. Every text names the address, what was expected and what was got.
+/// A gripper that cannot be opened, or a command that it did not accept. Whatever the cause, the force is unchanged.
+/// Every text names the address, what was expected and what was got.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// Not the address of a gripper.
@@ -142,7 +142,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// What a caller of the port can act on.
+    /// The kind of the error, for callers of the port.
     pub fn kind(&self) -> GripperErrorKind {
         match self {
             Error::Address { .. } | Error::Config(_) | Error::Unset { .. } => GripperErrorKind::Settings,

@@ -1,17 +1,17 @@
-//! What differs from gripper to gripper: its messages and their order.
+//! The part of a driver that differs between grippers: messages and their order.
 
 use super::driver_state::DriverState;
 use super::error::Error;
 use slipbound::port::{GripCommand, Jaws};
 
 /// A gripper's protocol: reads its messages into the [`DriverState`] and decides what to send next. The
-/// [`Driver`](super::Driver) around it keeps the rest, tells the time ([`DriverState::now_ns`]) and calls
+/// [`Driver`](super::Driver) around it does the rest, sets the time ([`DriverState::now_ns`]) and calls
 /// [`Protocol::advance`] after every other call, as long as something may be sent.
 pub trait Protocol: Send {
     /// The link is up: forget everything that belongs to an earlier one. Nothing that moves the jaws may follow from it.
     fn linked(&mut self, driver: &mut DriverState);
 
-    /// Bytes have been received: split and merged anyhow, with errors.
+    /// Bytes have been received: split and merged arbitrarily, possibly corrupted.
     fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]);
 
     /// Time has passed: deadlines and periodic requests. Not called while the link is down or after the farewell.
@@ -23,18 +23,18 @@ pub trait Protocol: Send {
     /// Whether the gripper may be commanded: its state is known, it is homed and not stopped. The error says what is missing.
     fn check_ready(&self, driver: &DriverState) -> Result<(), Error>;
 
-    /// Takes over a grip or release as the newest goal. The force, N per finger, has been admitted; the gripper is ready.
+    /// Accepts a grip or release as the newest goal. The force, N per finger, has been admitted; the gripper is ready.
     fn grip(&mut self, driver: &mut DriverState, command: GripCommand) -> Result<(), Error>;
 
-    /// Takes over homing; refused while something is held.
+    /// Accepts homing; refused while an object is held.
     fn home(&mut self, driver: &mut DriverState) -> Result<(), Error>;
 
-    /// Takes over the acknowledgement of a fast stop.
+    /// Accepts the acknowledgement of a fast stop.
     fn acknowledge(&mut self, driver: &mut DriverState) -> Result<(), Error> {
         Err(Error::Unable { address: driver.address(), command: "acknowledge" })
     }
 
-    /// Sends the farewell, where the protocol has one.
+    /// Sends the message that announces the end of the connection, if the protocol has one.
     fn leave(&mut self, _driver: &mut DriverState) {}
 
     /// Whether something asked for is still under way, or the first state is still awaited.

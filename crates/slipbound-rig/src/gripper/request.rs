@@ -1,16 +1,16 @@
-//! What can be asked of a gripper.
+//! A request to a gripper.
 
 use slipbound::port::GripCommand;
 
-/// What can be asked of a gripper.
+/// A request to a gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Request {
     /// Grip, or release.
     Grip(GripCommand),
-    /// Find out where the jaws are. Moves them: nothing may be held.
+    /// Home the jaws. Moves them: no object may be held.
     Home,
     /// Acknowledge a latched fast stop. Moves nothing by itself.
     Acknowledge,
-    /// Say that the link is about to be closed, so that no fast stop latches. Nothing is sent after it.
+    /// Announce that the link is about to be closed, so that no fast stop is latched. Nothing is sent after it.
     Leave,
 }

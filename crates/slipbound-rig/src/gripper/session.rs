@@ -1,4 +1,4 @@
-//! A gripper operated by hand: requests carried out one after the other, on the clock.
+//! Manual operation of a gripper: requests carried out one after the other, in real time.
 
 use super::check_hold::{CheckHold, Step, Verdict};
 use super::device::Device;
@@ -17,7 +17,7 @@ const PAUSE: Duration = Duration::from_millis(5);
 /// Longest wait for a request to be carried out, s.
 const LONGEST_S: u64 = 30;
 
-/// Why a request was not carried out. The gripper keeps the force it has.
+/// Why a request was not carried out. The gripper keeps its force.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// The gripper failed or refused.
@@ -36,7 +36,7 @@ pub enum SessionError {
     },
 }
 
-/// A gripper, what interrupts the waiting for it, and who is shown its events.
+/// A gripper, a flag that interrupts waiting, and a callback for its events.
 pub struct Session<'a> {
     device: &'a mut Device,
     stop: &'a AtomicBool,
@@ -49,7 +49,7 @@ impl<'a> Session<'a> {
         Session { device, stop, on_event }
     }
 
-    /// The state now; events since the last look are shown.
+    /// The present state; events since the last call are passed to the callback.
     pub fn state(&mut self) -> Result<GripperState, SessionError> {
         let state = self.device.state();
         while let Some(event) = self.device.next_event() {
@@ -61,7 +61,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Gives a request and waits until it is done, the state is as wanted, and nothing moves any more; the state then.
+    /// Sends a request and waits until it is done, `is_done` holds, and nothing moves any more; returns the state then.
     pub fn carry_out(
         &mut self,
         request: Request,

@@ -1,4 +1,4 @@
-//! A link that is kept up: moves bytes between it and an [`Endpoint`], and connects again when it is lost.
+//! A link that reconnects: moves bytes between it and an [`Endpoint`], and connects again when it is lost.
 
 use super::clock;
 use super::endpoint::Endpoint;
@@ -30,7 +30,7 @@ pub struct Connection {
 }
 
 impl Connection {
-    /// Takes over a link; with a connector it is made again when it is lost.
+    /// Takes a link; with a connector it is reconnected when it is lost.
     pub fn new(link: Option<Box<dyn Link>>, connector: Option<Arc<dyn Connector>>) -> Self {
         Connection { connector, link, attempt: None, attempt_from_ns: 0, inbox: Vec::with_capacity(8192) }
     }
@@ -40,12 +40,12 @@ impl Connection {
         self.link.is_some()
     }
 
-    /// Whether a lost link is made again.
+    /// Whether a lost link is reconnected.
     pub fn reconnects(&self) -> bool {
         self.connector.is_some()
     }
 
-    /// Reads what has been received, lets time pass, sends what is waiting. Does not wait.
+    /// Receives, advances the time, sends. Does not wait.
     pub fn poll_io(&mut self, now_ns: u64, endpoint: &mut dyn Endpoint) {
         self.reconnect(now_ns, endpoint);
         self.read(now_ns, endpoint);
@@ -88,7 +88,7 @@ impl Connection {
         }
     }
 
-    /// Closes the link; with a connector it is made again.
+    /// Closes the link; with a connector it is reconnected.
     pub fn give_up(&mut self, now_ns: u64, endpoint: &mut dyn Endpoint, why: &str) {
         self.link = None;
         self.attempt_from_ns = now_ns;

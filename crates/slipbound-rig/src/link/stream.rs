@@ -1,14 +1,14 @@
-//! A byte stream that never waits, and what opens one.
+//! A byte stream that never blocks, and the trait that opens one.
 
 use std::io;
 
-/// A byte stream in both directions. Neither call waits.
+/// A byte stream in both directions. No call blocks.
 pub trait Link: Send {
     /// Appends what has been received, at most some kilobytes. `Ok(0)`: nothing yet. An error is final: the link is
     /// down; the other side closing it is `UnexpectedEof`.
     fn read(&mut self, into: &mut Vec<u8>) -> io::Result<usize>;
 
-    /// Sends as much as the system's buffer takes now; returns how many bytes of `from` that were.
+    /// Sends as much as the system's buffer accepts now; returns the number of bytes of `from` that were sent.
     fn write(&mut self, from: &[u8]) -> io::Result<usize>;
 }
 

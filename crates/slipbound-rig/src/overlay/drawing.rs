@@ -73,8 +73,8 @@ impl Overlay {
         self.canvas.rgb()
     }
 
-    /// Draws a frame and what was found on it: by a monitor that has just judged it, say. `frame`: None when it did not
-    /// arrive whole.
+    /// Draws a frame and what was found on it, for example by a monitor that has just judged it. `frame`: None when it
+    /// did not arrive whole.
     pub fn draw<'a>(&mut self, frame: Option<&Frame<'_>>, report: &SlipReport, found: impl Into<Seen<'a>>) {
         let found = found.into();
         if found.sensor.rectified_px() != self.eroded.size() {

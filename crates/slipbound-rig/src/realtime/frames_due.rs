@@ -1,4 +1,4 @@
-//! When a cycle is due, where cameras say it: as soon as the frames are there.
+//! When a cycle is due, with cameras: as soon as the frames have arrived.
 
 use crate::source::Arrivals;
 
@@ -9,8 +9,8 @@ struct Camera {
     keeps_up: bool,
 }
 
-/// Says when a cycle is due: when every camera that had a frame for the last cycle has a new one, or the first of them
-/// has waited for the others for long enough. A camera that is blocked delays one cycle by that, and no further one.
+/// A cycle is due when every camera that had a frame for the last cycle has a new one, or when the first of them has
+/// waited for the others for long enough. A camera that blocks delays one cycle by that time, and no further one.
 pub struct FramesDue {
     cameras: Vec<Camera>,
     longest_ns: u64,
@@ -18,13 +18,13 @@ pub struct FramesDue {
 }
 
 impl FramesDue {
-    /// For the cameras behind these; a frame waits for those of the other cameras for `longest_ns` at most.
+    /// For the cameras of these [`Arrivals`]; a frame waits for those of the other cameras for `longest_ns` at most.
     pub fn new(cameras: impl IntoIterator<Item = Arrivals>, longest_ns: u64) -> Self {
         let cameras = cameras.into_iter().map(|arrivals| Camera { arrivals, keeps_up: true }).collect();
         FramesDue { cameras, longest_ns, since_ns: None }
     }
 
-    /// Whether a cycle is due. True once for each.
+    /// Whether a cycle is due. True once per cycle.
     pub fn is_due(&mut self, now_ns: u64) -> bool {
         // Every camera is asked, for those without a frame wake this thread when they have one.
         let waiting_count = self.cameras.iter().filter(|camera| camera.arrivals.is_waiting()).count();
@@ -53,9 +53,9 @@ mod tests {
 
     const LONGEST_NS: u64 = 5;
 
-    struct Told(Receiver<()>);
+    struct Scripted(Receiver<()>);
 
-    impl FrameSource for Told {
+    impl FrameSource for Scripted {
         fn next(&mut self, _: &mut FrameBuffer) -> Result<Next, SourceError> {
             Ok(if self.0.recv().is_ok() { Next::Frame } else { Next::End })
         }
@@ -63,7 +63,7 @@ mod tests {
 
     fn camera() -> (SyncSender<()>, Newest) {
         let (to, from) = sync_channel(1);
-        (to, Newest::new(Box::new(Told(from))))
+        (to, Newest::new(Box::new(Scripted(from))))
     }
 
     fn give(to: &SyncSender<()>, camera: &Newest) {

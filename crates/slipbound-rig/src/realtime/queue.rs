@@ -18,16 +18,16 @@ use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_cha
 use std::thread;
 use std::time::Duration;
 
-/// What became of a queue and the observer behind it.
+/// The result of a queue that was ended.
 #[derive(Debug)]
 pub struct Finished<O> {
-    /// The observer; None when it was still busy at the end of the wait, or has broken down.
+    /// The observer; None when it was still busy at the end of the wait, or has panicked.
     pub observer: Option<O>,
-    /// Cycles that the observer was not shown.
+    /// Cycles that the observer did not see.
     pub lost_count: u64,
 }
 
-/// Shows cycles to an observer on another thread.
+/// Passes cycles to an observer on another thread.
 pub struct QueuedObserver<O> {
     filled: SyncSender<Box<Snapshot>>,
     free: Receiver<Box<Snapshot>>,
@@ -71,7 +71,7 @@ impl<O: CycleObserver + Send + 'static> QueuedObserver<O> {
         }
     }
 
-    /// Ends the queue: waits at most `longest` for the observer to be shown what is queued.
+    /// Ends the queue: waits at most `longest` for the observer to process what is queued.
     pub fn finish(self, longest: Duration) -> Finished<O> {
         drop(self.filled);
         let observer = self.observer.recv_timeout(longest).ok();

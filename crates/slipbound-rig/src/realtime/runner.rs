@@ -18,8 +18,8 @@ const LONGEST_CYCLE_NS: u64 = 100_000_000;
 const LAST_COMMANDS_NS: u64 = 150_000_000;
 
 /// Runs cycles until the task has ended, a source has, or `stop` is set, which is [`ControlError::Interrupted`].
-/// `is_due` says whether it is time for a cycle: the frames are there. Whatever ends the loop, the wrist stands and the
-/// gripper keeps its force. Times are those of [`now_ns`].
+/// `is_due` returns whether it is time for a cycle. Whatever ends the loop, the wrist is paused and the gripper keeps
+/// its force. Times are those of [`now_ns`].
 pub fn run(
     control: &mut ControlLoop,
     gripper: &mut dyn Gripper,

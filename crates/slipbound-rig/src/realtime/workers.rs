@@ -13,7 +13,7 @@ pub struct MonitorWorkers {
 }
 
 impl MonitorWorkers {
-    /// Threads are started as fingers come to be judged.
+    /// Threads are started when fingers are first judged.
     pub fn new() -> Self {
         MonitorWorkers::default()
     }

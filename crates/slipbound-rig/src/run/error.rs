@@ -1,4 +1,4 @@
-//! What can go wrong with a run folder.
+//! Errors of a run folder.
 
 use std::io;
 use std::path::PathBuf;

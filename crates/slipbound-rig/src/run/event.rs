@@ -1,4 +1,4 @@
-//! From a line per cycle to the few events worth one.
+//! One record per cycle -> a few events.
 
 use super::Row;
 use serde::{Deserialize, Serialize};
@@ -15,23 +15,23 @@ const STEP_N: f64 = 0.5;
 /// A component of the direction that is named, of a vector of length 1: within 60 deg of it.
 const NAMED: f64 = 0.5;
 
-/// Something that happened, and when: a line of `events.jsonl`.
+/// An event with its time: a line of `events.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TimedEvent {
     /// Time of the loop, ns.
     pub time_ns: u64,
-    /// What.
+    /// The event.
     #[serde(flatten)]
     pub event: Event,
 }
 
-/// An event worth a line.
+/// An event of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "event")]
 pub enum Event {
-    /// The task does something else from here.
+    /// The task enters another phase.
     Phase {
-        /// What it does now.
+        /// The new phase.
         now: Phase,
     },
     /// Part of a contact began to slip.
@@ -40,7 +40,7 @@ pub enum Event {
         slip: u32,
         /// Direction in words: `along`, `across`, `around`, `pivot`, several joined by ` and `.
         direction: String,
-        /// How many fingers say so.
+        /// How many fingers see it.
         fingers_count: u32,
         /// Whether the whole contact slides.
         gross: bool,
@@ -48,7 +48,7 @@ pub enum Event {
         /// number.
         force_n: Option<f64>,
     },
-    /// It came to rest.
+    /// The slip stopped.
     SlipEnds {
         /// Its number.
         slip: u32,
@@ -57,9 +57,9 @@ pub enum Event {
     },
     /// The commanded force made a step.
     Grip {
-        /// Before, N per finger; None when it was no number.
+        /// Before, N per finger; None when it was not a number.
         from_n: Option<f64>,
-        /// After, N per finger; None when it is no number.
+        /// After, N per finger; None when it is not a number.
         to_n: Option<f64>,
     },
     /// A finger went blind, froze or came back.
@@ -69,7 +69,7 @@ pub enum Event {
         /// What it is now.
         health: Health,
     },
-    /// A picture was kept.
+    /// A picture was saved.
     Picture {
         /// The slip it belongs to, 0 before any.
         slip: u32,
@@ -78,7 +78,7 @@ pub enum Event {
         /// Name of the file in the folder.
         file: String,
     },
-    /// What the loop itself had to say.
+    /// A note of the loop, in words.
     Note {
         /// In words.
         text: String,

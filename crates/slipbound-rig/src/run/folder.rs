@@ -48,7 +48,7 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Starts a run in a folder that is new or empty; any other is refused. Writes `run.toml`.
+    /// Starts a run in a folder that is new or empty; fails for any other. Writes `run.toml`.
     pub fn create(folder: &Path, info: &RunInfo) -> Result<Self, Error> {
         prepare_folder(folder)?;
         write_toml(folder.join("run.toml"), info.to_toml())?;
@@ -72,7 +72,7 @@ impl RunFolder {
         })
     }
 
-    /// Appends a cycle, and the events that it brings.
+    /// Appends a cycle and its events.
     pub fn cycle(&mut self, cycle: &Cycle) -> Result<(), Error> {
         self.cycle_with_slip(cycle, None)
     }
@@ -112,12 +112,12 @@ impl RunFolder {
         Ok(())
     }
 
-    /// An event that no cycle shows: a fault put in, a gripper lost.
+    /// Appends a note that does not follow from a cycle, for example an injected fault or a lost gripper.
     pub fn note(&mut self, time_ns: u64, text: &str) -> Result<(), Error> {
         self.event(time_ns, Event::Note { text: text.to_owned() })
     }
 
-    /// Writes the results and `report.html`; answers where that is. `ending`: None for a loop that was broken off.
+    /// Writes the results and `report.html`; returns its path. `ending`: None for a loop that was interrupted.
     pub fn finish(mut self, results: &[Row], ending: Option<Ending>) -> Result<PathBuf, Error> {
         let time_ns = self.cycles.last().map_or(0, |cycle| cycle.time_ns);
         if let Some(event) = self.log.end() {

@@ -1,4 +1,4 @@
-//! What a run is, said once, and the table of results.
+//! The description of a run, and the table of its results.
 
 use crate::rest_file::SavedRest;
 use serde::{Deserialize, Serialize};
@@ -9,25 +9,25 @@ use slipbound::sensor::Sensor;
 use slipbound::task::{TaskKind, TaskSettings};
 use std::sync::Arc;
 
-/// Grows when a reader of the old files could misread the new ones; new keys alone do not count.
+/// Incremented when a reader of old files could misread new ones; not for new keys alone.
 pub const FORMAT_VERSION: u32 = 2;
 
-/// What a run is, said once, in `run.toml`.
+/// The description of a run, as in `run.toml`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunInfo {
-    /// What the run is called: the name of the task, or `hold`.
+    /// Name of the run: the name of the task, or `hold`.
     pub name: String,
     /// The task.
     pub task: TaskKind,
     /// The scene, or the hardware, as the user named it.
     pub source: String,
-    /// What a simulation's chances were drawn from.
+    /// Seed of the simulation.
     pub seed: u64,
     /// Settings of controller and task.
     pub task_settings: TaskSettings,
     /// Settings of the monitors.
     pub monitor_settings: Settings,
-    /// What else decides how it goes: the gripper's address, a fault put in.
+    /// Further conditions: the gripper's address, injected faults.
     pub notes: toml::Table,
     /// The fingers, in the order of [`HandReport::health`](slipbound::hand::HandReport::health).
     pub fingers: Vec<FingerInfo>,
@@ -36,13 +36,13 @@ pub struct RunInfo {
 /// A finger of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FingerInfo {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// How it sits in the hand.
+    /// Its mounting in the hand.
     pub mounting: Mounting,
     /// Its facts.
     pub sensor: Sensor,
-    /// It at rest, where that was saved before; None where it is found among the first frames.
+    /// Its saved rest frame; None where it is found among the first frames.
     pub rest: Option<Arc<SavedRest>>,
 }
 
@@ -121,12 +121,12 @@ impl RunInfo {
 /// One line of the table of results.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Row {
-    /// What was measured.
+    /// Name of the measured quantity.
     pub name: String,
     /// Its value with its unit.
     pub value: String,
-    /// What it should be; empty where nothing was set.
+    /// Target; empty where there is none.
     pub target: String,
-    /// Whether it is what it should be; None where nothing was set.
+    /// Whether the target was met; None where there is none.
     pub ok: Option<bool>,
 }

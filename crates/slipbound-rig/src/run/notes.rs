@@ -1,11 +1,11 @@
-//! What a person should be told of a run beyond its cycles: faults, driver events, what the gripper refused.
+//! Messages about a run for its user: faults, driver events, refusals of the gripper.
 
 use slipbound::control::{CycleView, Fault};
 use slipbound::finger_pipeline::FingerView;
 use slipbound::monitor::RestKind;
 use slipbound::port::{Clock, Next};
 
-/// Beyond what cameras are told of.
+/// Limits beyond which cameras are reported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CameraLimits {
     /// A finger without a frame for longer, ns.
@@ -20,7 +20,7 @@ impl Default for CameraLimits {
     }
 }
 
-/// Folds what an observer is shown into lines, each told once.
+/// Folds the views of cycles into lines, each reported once.
 #[derive(Debug, Default)]
 pub struct RunNotes {
     limits: CameraLimits,
@@ -36,7 +36,7 @@ pub struct RunNotes {
 }
 
 impl RunNotes {
-    /// With other limits than the usual ones.
+    /// With these limits instead of the default ones.
     pub fn new(limits: CameraLimits) -> Self {
         RunNotes { limits, ..RunNotes::default() }
     }

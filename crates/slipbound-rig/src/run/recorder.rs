@@ -1,4 +1,4 @@
-//! Writes down a run as an observer of its loop.
+//! Records a run as an observer of its loop.
 
 use super::error::Error;
 use super::folder::RunFolder;
@@ -11,8 +11,8 @@ use slipbound::image::Rgb;
 use slipbound::task::Ending;
 use std::path::{Path, PathBuf};
 
-/// Keeps every cycle, the events they bring, what the fingers saw at each slip, and every frame where that is asked for.
-/// What cannot be written does not stop the loop: it is counted, and told at the end.
+/// Records every cycle, its events, a picture of each finger at each slip, and every frame if requested. A failure to
+/// write does not stop the loop: it is counted and reported at the end.
 pub struct RunRecorder {
     folder: RunFolder,
     overlays: Vec<Overlay>,
@@ -40,13 +40,13 @@ impl RunRecorder {
         })
     }
 
-    /// The same with other limits for what cameras are told of.
+    /// The same with these limits for reports about cameras.
     #[must_use]
     pub fn limited(self, limits: CameraLimits) -> Self {
         RunRecorder { notes: RunNotes::new(limits), ..self }
     }
 
-    /// Something that no cycle shows: why the loop was left, say.
+    /// Records a note that does not follow from a cycle, for example why the loop ended.
     pub fn note(&mut self, time_ns: u64, text: &str) {
         let written = self.folder.note(time_ns, text);
         self.count(written);
@@ -57,7 +57,7 @@ impl RunRecorder {
         (self.failed_count, self.first_failure.as_ref())
     }
 
-    /// Writes the results and the page; answers where that is. `ending`: None for a loop that was broken off.
+    /// Writes the results and the page; returns its path. `ending`: None for a loop that was interrupted.
     pub fn finish(self, results: &[Row], ending: Option<Ending>) -> Result<PathBuf, Error> {
         self.folder.finish(results, ending)
     }

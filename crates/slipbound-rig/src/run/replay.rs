@@ -1,5 +1,5 @@
-//! A recorded run once more, from its folder alone: the same loop over the recorded frames, and whether every command
-//! comes out the same.
+//! Replay of a recorded run from its folder alone: the same loop over the recorded frames, comparing every report and
+//! command.
 
 use super::error::Error;
 use super::folder::read;
@@ -24,7 +24,7 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::path::Path;
 
-/// Why a run could not be replayed, or where it went another way.
+/// Why a run could not be replayed, or where it differs.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
     /// The folder is not that of a recorded run.
@@ -61,12 +61,12 @@ pub enum ReplayError {
     },
 }
 
-/// A cycle as it was recorded and as it came out.
+/// A cycle as recorded and as replayed.
 #[derive(Debug)]
 pub struct Difference {
     /// As it was recorded.
     pub recorded: Cycle,
-    /// As it came out.
+    /// As replayed.
     pub replayed: Cycle,
 }
 
@@ -82,7 +82,7 @@ impl fmt::Display for Difference {
     }
 }
 
-/// What a replay that went the same way did.
+/// The result of a replay in which everything was the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Replayed {
     /// Cycles with a command.
@@ -159,7 +159,7 @@ impl Replay {
         Ok(Replay { control, cycles, waiting })
     }
 
-    /// Runs the loop over what was recorded; fails at the first command or report that differs.
+    /// Runs the loop over the recorded frames; fails at the first command or report that differs.
     pub fn run(mut self, observer: &mut dyn CycleObserver) -> Result<Replayed, ReplayError> {
         let mut next = 0;
         if self.cycles.is_empty() {

@@ -1,4 +1,4 @@
-//! What every live source counts and says about itself.
+//! What every live source counts and reports about itself.
 
 use super::Newest;
 use slipbound::port::FrameSource;
@@ -7,12 +7,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// A live source that has been opened.
 pub struct Camera {
-    /// Its frames. [`FrameSource::next`] waits for a tenth of a second at most and is silent then; it comes back by itself
-    /// when it was unplugged or cut off.
+    /// Its frames. [`FrameSource::next`] waits for a tenth of a second at most and is silent then; it reconnects by
+    /// itself after it was unplugged or cut off.
     pub source: Box<dyn FrameSource + Send>,
-    /// What was negotiated and locked, as words: name and value. It belongs into a recording.
+    /// The negotiated and locked settings, as names and values; stored in recordings.
     pub facts: Vec<(String, String)>,
-    /// What has become of its frames so far.
+    /// Counts of its frames so far.
     pub tally: Arc<CameraTally>,
 }
 
@@ -23,20 +23,20 @@ impl Camera {
     }
 }
 
-/// Counts what becomes of a camera's frames; shared between its thread and whoever wants to know.
+/// Counts the frames of a camera; shared between its thread and its readers.
 #[derive(Debug, Default)]
 pub struct CameraTally(Mutex<CameraCounts>);
 
-/// What has become of a camera's frames.
+/// Counts of a camera's frames.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CameraCounts {
     /// Whole frames received.
     pub frames_count: u64,
     /// Frames that could not be decoded whole. They are never judged.
     pub torn_count: u64,
-    /// Frames that the camera or its driver numbered and never handed over.
+    /// Frames that the camera or its driver numbered but did not deliver.
     pub missing_count: u64,
-    /// How often it was lost and came back.
+    /// How often it was lost and reconnected.
     pub returns_count: u64,
     /// Whether the frames carry time stamps of the camera or its driver.
     pub has_stamps: bool,

@@ -1,4 +1,4 @@
-//! What can go wrong with a source, one variant a cause.
+//! Errors of a source, one variant a cause.
 
 use slipbound::port::{SourceError, SourceErrorKind};
 use std::io;
@@ -13,7 +13,7 @@ pub enum Error {
         /// What was asked for.
         path: PathBuf,
     },
-    /// A pattern with a fault in it.
+    /// An invalid pattern.
     #[error("{pattern}: expected a file pattern (`*`, `?`, `[...]`), got a fault at sign {at}: {why}")]
     Pattern {
         /// The pattern.
@@ -28,7 +28,7 @@ pub enum Error {
     NoImages {
         /// The folder or pattern.
         path: PathBuf,
-        /// How many files of other kinds were passed over.
+        /// How many files of other kinds were ignored.
         others_count: usize,
     },
     /// Only pictures of a kind that cannot be read.
@@ -45,7 +45,7 @@ pub enum Error {
         /// How many.
         count: usize,
     },
-    /// The address of a live source that cannot be.
+    /// An invalid address of a live source.
     #[error("{uri}: expected {expected}")]
     Address {
         /// What was asked for.

@@ -1,4 +1,4 @@
-//! A source on a thread of its own, so that one that blocks never stalls the loop.
+//! A source on a thread of its own, so that a blocking source never stalls the loop.
 //!
 //! ```text
 //!   thread: source.next (may block)  --frame--> slot    the newest frame wins, what it replaces is counted
@@ -53,7 +53,7 @@ pub struct Newest {
     frames_count: Option<u64>,
 }
 
-/// Says whether a frame waits, from wherever the loop is driven.
+/// Tells the driver of the loop whether a frame is waiting.
 #[derive(Clone)]
 pub struct Arrivals(Arc<Shared>);
 
@@ -77,7 +77,7 @@ impl Arrivals {
 /// Longest wait of [`Awaited`].
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
 
-/// A [`Newest`] for a thread that has nothing else to do: `next` waits for a frame, for a tenth of a second at most.
+/// A blocking [`Newest`]: `next` waits for a frame, for a tenth of a second at most.
 pub struct Awaited(pub Newest);
 
 impl FrameSource for Awaited {
@@ -94,12 +94,12 @@ impl FrameSource for Awaited {
 }
 
 impl Newest {
-    /// The newest frame wins: for cameras.
+    /// For cameras: only the newest frame is kept.
     pub fn new(source: Box<dyn FrameSource + Send>) -> Self {
         Newest::with_room(source, None)
     }
 
-    /// Every frame is given in its order, at most `room_count` are read ahead: for recordings.
+    /// For recordings: every frame is delivered in order, at most `room_count` are read ahead.
     pub fn every_frame(source: Box<dyn FrameSource + Send>, room_count: usize) -> Self {
         Newest::with_room(source, Some(room_count.max(1)))
     }
@@ -112,7 +112,7 @@ impl Newest {
         Newest { shared, frames_count }
     }
 
-    /// Says whether a frame waits.
+    /// A handle that tells whether a frame is waiting.
     pub fn arrivals(&self) -> Arrivals {
         Arrivals(self.shared.clone())
     }

@@ -47,7 +47,7 @@ impl ReadAhead {
         self.ahead.iter()
     }
 
-    /// The failure that ended the reading ahead, for who finds nothing to judge before it.
+    /// Removes and returns the error that ended reading ahead.
     pub fn take_failure(&mut self) -> Option<SourceError> {
         self.failed.take()
     }

@@ -8,7 +8,7 @@ use crate::link::{Connector, TcpConnector};
 use slipbound::port::Wrist;
 use std::sync::Arc;
 
-/// Opens a wrist: connects, moves nothing. Waits at most some seconds for the first sign of life.
+/// Opens a wrist: connects, moves nothing. Waits a few seconds at most for the first valid message.
 pub fn open(address: &str) -> Result<Box<dyn Wrist + Send>, Error> {
     if address == "dry" {
         return Ok(Box::new(Dry::default()));

@@ -1,4 +1,4 @@
-//! A wrist's driver at a socket: the part that knows the clock.
+//! A wrist's driver on a socket: the part that reads the clock.
 
 use super::error::Error;
 use super::line::LineWrist;
@@ -14,14 +14,14 @@ const FIRST_STATE_NS: u64 = 2_000_000_000;
 /// Longest wait for the last pause to be sent, ns.
 const FAREWELL_NS: u64 = 50_000_000;
 
-/// A wrist on a link. A lost link is made again; the wrist pauses by itself meanwhile.
+/// A wrist on a link. A lost link is reconnected; the wrist pauses by itself meanwhile.
 pub struct Device {
     driver: LineWrist,
     connection: Connection,
 }
 
 impl Device {
-    /// A driver at a link that is already up; with a connector it is made again when it is lost.
+    /// A driver on a link that is already up; with a connector it is reconnected when it is lost.
     pub fn with_link(
         mut driver: LineWrist,
         link: Option<Box<dyn Link>>,

@@ -5,7 +5,7 @@ use crate::link::now_ns;
 use slipbound::plant::WristDrive;
 use slipbound::port::{Wrist, WristCommand, WristError, WristState};
 
-/// No wrist: takes every motion it could do, and computes where it would be.
+/// No wrist: accepts every valid motion and computes the resulting position.
 #[derive(Debug, Default)]
 pub struct Dry {
     drive: WristDrive,

@@ -1,10 +1,10 @@
-//! What can go wrong with a wrist, one variant a cause.
+//! Errors of a wrist, one variant a cause.
 
 use slipbound::port::{WristError, WristErrorKind};
 use std::io;
 
-/// A wrist that cannot be opened, or a motion that it did not take over. Whatever the cause, the last motion runs out
-/// and the wrist pauses. Every text names the address, what was expected and what was got.
+/// A wrist that cannot be opened, or a motion that it did not accept. Whatever the cause, the last motion expires and
+/// the wrist pauses. Every text names the address, what was expected and what was got.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// Not the address of a wrist.
@@ -74,7 +74,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// What a caller of the port can act on.
+    /// The kind of the error, for callers of the port.
     pub fn kind(&self) -> WristErrorKind {
         match self {
             Error::Address { .. } => WristErrorKind::Settings,

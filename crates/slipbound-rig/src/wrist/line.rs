@@ -55,7 +55,7 @@ impl LineWrist {
         self.state.is_some()
     }
 
-    /// Takes over a motion. An error means that it was not.
+    /// Accepts a motion. An error means that it was not accepted.
     pub fn command(&mut self, now_ns: u64, command: WristCommand) -> Result<(), Error> {
         let time_to_live_ms = command.time_to_live_ns as f64 * 1e-6;
         if command.time_to_live_ns > LONGEST_TIME_TO_LIVE_NS {

@@ -1,4 +1,4 @@
-//! What a calibration finds.
+//! The result of a calibration.
 
 use super::grid::MARGIN_PITCH;
 use crate::plane::Vec2;
@@ -11,11 +11,11 @@ pub struct GridMarker {
     pub node: [i32; 2],
     /// Where it was found in the camera image as delivered, px.
     pub camera_px: Vec2,
-    /// How far the map puts it from there, in pitches.
+    /// Distance from there to where the map puts the node, in pitches.
     pub residual_pitch: f64,
 }
 
-/// What was found.
+/// The result of a calibration.
 #[derive(Debug, Clone)]
 pub struct Calibration {
     /// The facts, checked; `bare_sharpness` is measured on the same frames, if they look untouched.

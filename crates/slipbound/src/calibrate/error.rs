@@ -1,4 +1,4 @@
-//! Why a finger is not calibrated, and the limits from which on it is not.
+//! Why a finger cannot be calibrated, and the limits of acceptance.
 
 use crate::image::SizePx;
 use crate::setting::SettingError;
@@ -25,7 +25,7 @@ pub(super) const FEWEST_FILLED: f64 = 0.5;
 /// A second grid in the gaps of the first is there when it has this share of as many spots.
 pub(super) const SECOND_GRID_RATIO: f64 = 0.5;
 
-/// Why there is no calibration.
+/// Why a finger cannot be calibrated.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CalibrationError {
     /// No frame was given, or all are dark.

@@ -1,4 +1,4 @@
-//! The one record of a cycle: what was seen, what was commanded, and, in simulation, what was true.
+//! The record of one cycle: what was measured, what was commanded and, in simulation, the ground truth.
 
 use crate::hand::HandReport;
 use crate::plant::PlantTruth;
@@ -6,15 +6,15 @@ use crate::port::{GripCommand, GripperState, WristCommand, WristState};
 use crate::task::Phase;
 use serde::{Deserialize, Serialize};
 
-/// How a cycle went.
+/// Result of a cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant)] // made once a cycle, never stored
 pub enum CycleOutcome {
-    /// The fingers are still being looked at unloaded; nothing was commanded.
+    /// The rest frames of the fingers are still being recorded; nothing was commanded.
     AtRest,
-    /// Gripper or wrist said nothing that could be worked with; nothing was commanded but a pause.
+    /// Gripper or wrist gave no usable state; nothing was commanded but a pause of the wrist.
     Waiting,
-    /// Commands went out.
+    /// Commands were sent.
     Commanded(Cycle),
     /// A source of frames has ended; nothing was commanded.
     SourceEnded,
@@ -40,35 +40,35 @@ fn is_zero(number: &f64) -> bool {
     *number == 0.0
 }
 
-/// What was seen and commanded in a cycle: one line of the `reports.jsonl` of a run.
+/// What was measured and commanded in a cycle: one line of the `reports.jsonl` of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Cycle {
     /// Time of the loop, ns.
     pub time_ns: u64,
-    /// What the fingers said together.
+    /// The fused report of all fingers.
     pub hand: HandReport,
-    /// What the gripper said before it was commanded.
+    /// State of the gripper before this cycle's command.
     pub gripper: GripperState,
-    /// The idle reading of its force, N per finger, which the loop takes out of that.
+    /// Idle reading of its force sensor, N per finger, which the loop subtracts.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub idle_force_n: f64,
-    /// What the wrist said before it was commanded.
+    /// State of the wrist before this cycle's command.
     pub wrist: WristState,
-    /// What the gripper was told.
+    /// Command sent to the gripper.
     pub grip_command: GripCommand,
-    /// What the task wanted of the wrist; while there is a `fault` it was paused instead.
+    /// Command of the task for the wrist; while there is a `fault` the wrist was paused instead.
     pub wrist_command: WristCommand,
-    /// What the task was doing.
+    /// Phase of the task.
     pub phase: Phase,
-    /// The slip margin the controller reckoned with, 0 to 1; None for a controller that has none.
+    /// The slip margin used by the controller, 0 to 1; None for a controller that uses none.
     pub margin: Option<f64>,
     /// Alarms of the controller so far.
     pub alarms_count: u32,
     /// Slips of the hand that have begun so far; when it rises, a slip begins in this cycle and this is its number.
     pub slips_count: u32,
-    /// What was true, where that is known.
+    /// Ground truth; None outside simulation.
     pub truth: Option<PlantTruth>,
-    /// Whether gripper or wrist had a fault: a lost link, a refusal, a force that does not follow.
+    /// Whether gripper or wrist had a fault: a lost link, a refusal, a force that does not follow its command.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fault: bool,
 }

@@ -1,4 +1,4 @@
-//! What ends a control loop before its task.
+//! Errors that end a control loop before its task has ended.
 
 use super::fault::Fault;
 use crate::image::ImageError;
@@ -7,7 +7,7 @@ use crate::port::SourceError;
 use crate::setting::SettingError;
 use std::fmt;
 
-/// Why the loop was left. Whatever the reason, the wrist was paused first and the gripper keeps its force.
+/// Why the loop ended early. Whatever the reason, the wrist was paused first and the gripper keeps its force.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum ControlError {
@@ -32,19 +32,19 @@ pub enum ControlError {
         /// Key, expected, got.
         source: SettingError,
     },
-    /// The first frames of a finger make no rest frame.
+    /// No rest frame could be made from the first frames of a finger.
     Rest {
         /// The finger.
         finger: String,
         /// Why.
         source: RestError,
     },
-    /// Something touches a finger that was to be seen unloaded.
+    /// Something touches a finger that was required to start unloaded.
     Touched {
         /// The finger.
         finger: String,
     },
-    /// The thread that runs a finger's monitor has broken down.
+    /// The thread that runs a finger's monitor has panicked.
     Monitor {
         /// The finger.
         finger: String,
@@ -53,10 +53,10 @@ pub enum ControlError {
     Fault {
         /// The fault.
         fault: Fault,
-        /// How long it was waited for, ns; 0 when the source ended meanwhile.
+        /// How long the loop waited for it to clear, ns; 0 when the source ended meanwhile.
         waited_ns: u64,
     },
-    /// Whoever drives the loop was told to stop.
+    /// The driver of the loop was asked to stop.
     Interrupted,
 }
 

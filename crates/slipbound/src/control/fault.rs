@@ -28,9 +28,9 @@ const SHORTFALL_FRACTION: f64 = 0.2;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FaultKind {
-    /// The gripper failed to be asked or commanded.
+    /// Polling or commanding the gripper failed.
     Gripper(GripperErrorKind),
-    /// The wrist failed to be asked or commanded.
+    /// Polling or commanding the wrist failed.
     Wrist(WristErrorKind),
     /// The gripper has stopped itself.
     GripperStopped,
@@ -40,12 +40,12 @@ pub enum FaultKind {
     ForceShortfall,
 }
 
-/// What gripper or wrist could not do.
+/// A fault of gripper or wrist.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
-    /// What a caller can act on.
+    /// The kind, for a caller to match on.
     pub kind: FaultKind,
-    /// In words: who, what was expected, what was got.
+    /// In words: which device, what was expected, what was got.
     pub text: Cow<'static, str>,
 }
 
@@ -75,7 +75,7 @@ impl Fault {
         Fault { kind: FaultKind::JawsUnknown, text: text.into() }
     }
 
-    /// Whether it is the same fault, told again with other numbers.
+    /// Whether it is the same fault, reported again with other numbers.
     pub fn is_like(&self, other: &Fault) -> bool {
         let words = |text: &'_ str| -> String { text.chars().filter(|c| !c.is_ascii_digit()).collect() };
         self.kind == other.kind && words(&self.text) == words(&other.text)

@@ -1,4 +1,4 @@
-//! The fifth port: whoever looks on. Recorder, terminal, browser view, ROS or Python hang here.
+//! The fifth port: observers of the loop. Recorder, terminal, browser view, ROS and Python attach here.
 
 use super::cycle::{Cycle, CycleOutcome};
 use super::fault::Fault;
@@ -6,38 +6,39 @@ use crate::finger_pipeline::FingerView;
 use crate::plant::PlantTruth;
 use crate::port::DriverEvent;
 
-/// What an observer is shown after a cycle. All of it is borrowed: what is to be kept is copied.
+/// What an observer receives after a cycle. All of it is borrowed: an observer copies what it keeps.
 #[derive(Debug, Clone, Copy)]
 pub struct CycleView<'a> {
     /// Time of the cycle, ns.
     pub now_ns: u64,
-    /// How it went; None when an error has ended the loop, which whoever drives it has.
+    /// Result of the cycle; None when an error has ended the loop: [`ControlLoop::cycle`](super::ControlLoop::cycle)
+    /// returns that error.
     pub outcome: Option<&'a CycleOutcome>,
     /// Every finger, in the order of [`HandReport::health`](crate::hand::HandReport::health).
     pub fingers: &'a [FingerView<'a>],
-    /// The fault of gripper or wrist that lasts, or has only just gone.
+    /// The fault of gripper or wrist that is present, or was present less than half a second ago.
     pub fault: Option<&'a Fault>,
-    /// The first lower force that the gripper refused; it holds on with the higher one.
+    /// The first lower force that the gripper refused, in words; it keeps the higher one.
     pub refused_lowering: Option<&'a str>,
-    /// What the gripper's driver did or met since the last cycle.
+    /// Events of the gripper's driver since the last cycle.
     pub driver_events: &'a [DriverEvent],
-    /// What is true, where somebody knows it: the loop does not, a simulation fills it in.
+    /// Ground truth, filled in by a simulation; None otherwise.
     pub truth: Option<&'a PlantTruth>,
 }
 
 impl CycleView<'_> {
-    /// The record of the cycle with the truth, if somebody knows it; None when nothing was commanded.
+    /// The record of the cycle, with the ground truth if there is one; None when nothing was commanded.
     pub fn cycle(&self) -> Option<Cycle> {
         let cycle = self.outcome?.commanded()?;
         Some(Cycle { truth: self.truth.copied(), ..*cycle })
     }
 }
 
-/// Looks on after every cycle. It cannot disturb the loop: what it fails to do it keeps to itself and tells when the
-/// run is over. An observer that may block (a disk, a terminal, a socket) belongs behind a queue to a thread of its
-/// own: `slipbound_rig::realtime::QueuedObserver`.
+/// Called after every cycle. It cannot disturb the loop: it keeps its own errors and reports them when the run is over.
+/// An observer that may block (a disk, a terminal, a socket) belongs behind a queue, on a thread of its own:
+/// `slipbound_rig::realtime::QueuedObserver`.
 pub trait CycleObserver {
-    /// A cycle is over.
+    /// A cycle has ended.
     fn after_cycle(&mut self, view: &CycleView<'_>);
 }
 

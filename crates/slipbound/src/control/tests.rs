@@ -116,7 +116,7 @@ fn a_lost_gripper_is_waited_for_with_the_wrist_paused_for_ten_seconds() {
 }
 
 #[test]
-fn a_force_that_does_not_follow_is_trouble_and_one_on_its_way_is_not() {
+fn a_force_that_does_not_follow_is_a_fault_and_one_on_its_way_is_not() {
     let mut shortfall = ForceShortfall::default();
     let state = |force_n| GripperState { force_n: Some(force_n), ..Scribe::default().poll_state() };
     let asked = holds(Phase::Waiting);
@@ -137,7 +137,7 @@ impl Scribe {
 
 /// With the wrist gone the loop does not wait: whoever fills the bottle does not wait either.
 #[test]
-fn a_lost_wrist_is_trouble_but_the_loop_goes_on() {
+fn a_lost_wrist_is_a_fault_but_the_loop_goes_on() {
     let (scribe, mut control) = (Scribe::default(), control(None));
     let mut lost = Scribe { is_wrist_lost: true, ..scribe.clone() };
     assert!(

@@ -17,7 +17,7 @@ pub struct RestFinder {
     looks: Vec<RestLook>,
 }
 
-/// A rest frame and where it is from.
+/// A rest frame and the frames it was made from.
 #[derive(Debug, Clone)]
 pub struct FoundRest {
     /// The rest frame; [`Rest::kind`] says whether something touched the finger already.
@@ -27,7 +27,7 @@ pub struct FoundRest {
 }
 
 impl RestFinder {
-    /// A finder for frames of `camera_px`. Fails when a setting or a fact of the sensor cannot be.
+    /// A finder for frames of `camera_px`. Fails when a setting or a fact of the sensor is invalid.
     pub fn new(sensor: &Sensor, settings: &Settings, camera_px: SizePx) -> Result<Self, SettingError> {
         Ok(RestFinder {
             builder: RestBuilder::new(sensor, settings, camera_px)?,
@@ -42,7 +42,7 @@ impl RestFinder {
         self.builder.sensor()
     }
 
-    /// Takes the next whole frame of the source. Frames beyond the window are passed over.
+    /// Takes the next whole frame of the source. Frames beyond the window are ignored.
     pub fn see(&mut self, frame: &FrameBuffer) -> Result<(), ImageError> {
         if self.is_full() {
             return Ok(());
@@ -58,7 +58,7 @@ impl RestFinder {
         self.frames.iter().map(|frame| frame.seq).zip(&self.looks)
     }
 
-    /// How sharp the picture of a finger that nothing touches is at most: see [`RestLook::sharpness`].
+    /// Upper limit of the sharpness of an untouched finger: see [`RestLook::sharpness`].
     pub fn bare_sharpness(&self) -> f64 {
         self.builder.bare_sharpness()
     }
@@ -82,8 +82,8 @@ impl RestFinder {
     }
 }
 
-/// The rest frame from frames that the user says show the finger at rest: all of them averaged; in contact when most look
-/// touched. A failure tells the place in `frames` of the one that cannot be used, where it is one of them.
+/// The rest frame from frames that the user says show the finger at rest: all of them averaged; in contact when most
+/// look touched. The error comes with the index in `frames` of the frame that cannot be used, if it is one of them.
 pub fn rest_from(mut builder: RestBuilder, frames: &[Frame<'_>]) -> Result<Rest, (Option<usize>, RestError)> {
     let touched_count = frames.iter().filter(|frame| builder.look(frame).touched).count();
     let kind = if 2 * touched_count > frames.len() { RestKind::InContact } else { RestKind::Unloaded };

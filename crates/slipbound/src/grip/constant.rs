@@ -1,11 +1,11 @@
-//! Holds with one force, whatever happens: what the others are measured against.
+//! Holds with one force, whatever happens: the baseline for the other controllers.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::GripperState;
 
-/// The starting force, always.
+/// Commands the starting force, always.
 #[derive(Debug, Clone)]
 pub struct Constant {
     force_n: f64,

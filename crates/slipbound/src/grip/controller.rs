@@ -1,17 +1,17 @@
-//! What a grip controller is, what it decides, and the limits every one keeps to.
+//! The trait of grip controllers, their decision, and the limits that hold for all of them.
 
 use crate::hand::HandReport;
 use crate::port::{GripCommand, GripperState};
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// What the arm may do while the grip is as it is.
+/// What the arm may do in the meantime.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ArmMotion {
-    /// It may go on.
+    /// It may move on.
     Go,
-    /// It stands still until the grip has caught up.
+    /// It stands still until the grip force has been reached.
     Pause,
 }
 
@@ -32,35 +32,36 @@ impl GripDecision {
     }
 }
 
-/// Decides how hard to hold.
+/// Decides the grip force.
 pub trait GripController {
-    /// The decision for this cycle. `now_ns` is the time of the loop in nanoseconds, which never goes back.
+    /// The decision for this cycle. `now_ns` is the time of the loop in nanoseconds and must not decrease.
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision;
 
-    /// How often it answered slip, or would have had it not been at its limit.
+    /// How often it reacted to slip, or would have if it had not been at its limit.
     fn alarms_count(&self) -> u32;
 
-    /// Whether it has been shown slip while it was at its largest force: it wants more than it may.
+    /// Whether slip was seen while it was at its largest force.
     fn wants_more(&self) -> bool;
 
-    /// The slip margin it reckons with, 0 to 1; None for a controller that has none.
+    /// The slip margin it uses, 0 to 1; None for a controller that uses none.
     fn margin(&self) -> Option<f64> {
         None
     }
 }
 
-/// What every controller keeps to.
+/// Force limits that hold for every controller.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct GripLimits {
-    /// Force per finger with which an object is taken, N. The paper starts at 10 N.
+    /// Force per finger with which an object is grasped, N. The paper starts at 10 N.
     pub start_n: f64,
     /// Least force while something is held, N per finger: 5 N is the least a WSG-50 holds with.
     pub least_n: f64,
     /// Largest force, N per finger: 60 N in the paper, less where the object would be crushed.
     pub most_n: f64,
-    /// Force per finger to go to when nothing can be seen any more, N; None keeps the force that is there.
+    /// Blind force: the force per finger to raise the grip to when no finger can be judged, N; None keeps the present
+    /// force.
     pub blind_force_n: Option<f64>,
     /// Time without any live finger after which the hand counts as blind, ns.
     pub blind_after_ns: u64,
@@ -74,19 +75,19 @@ impl Default for GripLimits {
 }
 
 impl GripLimits {
-    /// The same with other forces per finger, N: to take the object with, the least and the largest.
+    /// The same with other forces per finger, N: starting, least and largest force.
     #[must_use]
     pub const fn with_forces_n(self, start_n: f64, least_n: f64, most_n: f64) -> Self {
         GripLimits { start_n, least_n, most_n, ..self }
     }
 
-    /// The same with a force to go to when nothing can be seen any more, N per finger.
+    /// The same with this blind force, N per finger.
     #[must_use]
     pub const fn with_blind_force_n(self, blind_force_n: Option<f64>) -> Self {
         GripLimits { blind_force_n, ..self }
     }
 
-    /// Checks every limit; the error names the first one that cannot be.
+    /// Checks every limit; the error names the first invalid one.
     pub fn check(&self) -> Result<(), SettingError> {
         within("grip.least_n", self.least_n, 0.1, 1000.0)?;
         within("grip.most_n", self.most_n, self.least_n, 1000.0)?;

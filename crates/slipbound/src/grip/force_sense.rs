@@ -1,5 +1,5 @@
-//! What a gripper's force reading is worth: its bias learned while the jaws are open, its noise measured and averaged
-//! away, and, once it stands still near what has been commanded for a while, read as that.
+//! Correction of a gripper's force reading: its bias is learned while the jaws are open, its noise measured and
+//! averaged out, and a reading that has settled near a constant command is replaced by the commanded force.
 //!
 //! ```text
 //!   reading --- idle reading ---> / noise > --- both stand still, and within what the driver states? -> as commanded
@@ -7,8 +7,8 @@
 //!                                                '-----------------------------------------------> as averaged
 //! ```
 //!
-//! The loop, `gripper grasp`, `gripper release` and `check-hold` all go by it. A clean reading passes through as it is. Commands and faults rest on the result; the record of a run holds what the
-//! gripper said.
+//! The loop, `gripper grasp`, `gripper release` and `check-hold` all use it. A reading without bias and noise is not
+//! changed. Commands and faults are based on the result; the record of a run holds the raw reading.
 
 use crate::port::{GripperState, Jaws};
 
@@ -49,7 +49,7 @@ const EXACT_FRACTION: f64 = 0.05;
 /// Most idle readings that are averaged; from there on the oldest are forgotten.
 const IDLE_COUNT: u32 = 30;
 
-/// The reading of a gripper's force, corrected. One for a gripper and as long as the link to it is used.
+/// Corrects the force reading of a gripper. One per gripper and link.
 #[derive(Debug, Clone)]
 pub struct ForceSense {
     idle_n: f64,
@@ -91,8 +91,8 @@ impl Default for ForceSense {
 }
 
 impl ForceSense {
-    /// Before anything is commanded: learns the idle reading of open jaws, unless `may_touch`, and answers with the state
-    /// without it. Nothing else is remembered, so that a run begins alike when it is replayed.
+    /// Before anything is commanded: learns the idle reading of open jaws, unless `may_touch`, and returns the state
+    /// without it. Nothing else is remembered, so that a replayed run begins in the same state.
     pub fn rest(&mut self, state: &GripperState, may_touch: bool) -> GripperState {
         if !may_touch {
             self.learn_idle(state);
@@ -105,7 +105,7 @@ impl ForceSense {
         self.idle_n
     }
 
-    /// Takes this for the idle reading, N per finger, and learns no other.
+    /// Sets the idle reading, N per finger; it is not learned any more.
     pub fn set_idle(&mut self, idle_n: f64) {
         (self.idle_n, self.is_idle_set) = (idle_n, true);
     }
@@ -139,7 +139,7 @@ impl ForceSense {
         GripperState { force_n: Some(force_n.max(0.0)), ..*state }
     }
 
-    /// Whether the force stands still: the one notion of a settled force. True where none is measured.
+    /// Whether the force has settled. True where no force is measured.
     pub fn is_still(&self) -> bool {
         self.is_still
     }

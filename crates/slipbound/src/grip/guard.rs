@@ -1,5 +1,5 @@
-//! What no controller and no task may get past: forces stay in range, and a hand that sees nothing does not let go.
-//! Every force that is commanded comes out of here, whoever wanted it.
+//! Limits that no controller and no task can bypass: forces stay in range, and a blind hand does not let go. Every
+//! commanded force comes from here.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
@@ -23,18 +23,18 @@ impl std::fmt::Debug for Guard {
 }
 
 impl Guard {
-    /// Guards a controller by limits that were checked.
+    /// Guards a controller with limits that were checked.
     pub fn new(inner: Box<dyn GripController + Send>, limits: GripLimits) -> Self {
         Guard { inner, limits, force_n: limits.start_n, seen_ns: None, blind: false }
     }
 
-    /// Whether no finger has been live for longer than the limit.
+    /// Whether no finger has been live for longer than [`GripLimits::blind_after_ns`](crate::grip::GripLimits).
     pub fn is_blind(&self) -> bool {
         self.blind
     }
 
-    /// Holds with a force that a task wants instead of the controller's: the same limits hold, and without a live finger,
-    /// or with the object gone, the force stays or rises all the same.
+    /// Holds with a force set by the task instead of the controller. The same limits apply, and without a live finger,
+    /// or after the object was lost, the force does not fall.
     pub fn hold(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState, force_n: f64) -> GripDecision {
         let wanted = GripDecision { force_n, arm: ArmMotion::Go };
         self.kept(now_ns, hand, gripper).unwrap_or_else(|| self.limited(wanted))
@@ -72,7 +72,7 @@ impl Guard {
         GripDecision { force_n: self.force_n, arm: wanted.arm }
     }
 
-    /// The limits it keeps.
+    /// Its limits.
     pub fn limits(&self) -> &GripLimits {
         &self.limits
     }

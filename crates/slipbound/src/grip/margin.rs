@@ -1,5 +1,5 @@
-//! Ours: holds a slip margin. The grip follows the load in proportion, lets go slowly when it is safe, and is bounded
-//! by a floor, a largest force and a rate.
+//! Our controller: holds a slip margin. The grip is proportional to the load, is reduced slowly when that is safe, and
+//! is bounded by a floor, a largest force and a rate.
 //!
 //! ```text
 //!   used         f = 1 - margin, the largest among the fingers: load over the load at which the object slides
@@ -8,16 +8,17 @@
 //!                        what is held beyond 1.5 times the wanted force faster: it decays with the rate `release_excess_per_s`
 //! ```
 //!
-//! On something slippery a jump of the load takes more force, and the gripper more time: there the target is lower. The friction is the
-//! monitor's; where it is not known the contact is taken to be slippery.
+//! On a slippery object a step of the load needs a larger change of force, for which the gripper needs more time: there
+//! the target is lower. The friction is the monitor's estimate; where it is unknown the contact is assumed to be
+//! slippery.
 //!
-//! A finger that touches but cannot be judged while it is loaded is a reason to grip harder, slowly and by so much at most: see
+//! When a loaded finger in contact gives no margin, the grip is raised, slowly and up to a limit: see
 //! [`MarginSettings::unsure_n_per_s`].
 //!
-//! f is the estimate of the monitor (step 5). The force f P at which the object would slide is averaged over
-//! [`MarginSettings::average_ns`]; above [`MarginSettings::urgent_fraction`] a single frame counts. It needs the stiffness of the gel (see
-//! [`Shear`](crate::sensor::Shear)) and the grip force; without the first the law is refused, without the second the
-//! grip stays.
+//! f is the monitor's estimate (step 5). The force f P at which the object would slide is averaged over
+//! [`MarginSettings::average_ns`]; above [`MarginSettings::urgent_fraction`] a single frame counts. It needs the
+//! stiffness of the gel (see [`Shear`](crate::sensor::Shear)) and the grip force; without the first the controller is
+//! refused, without the second the grip stays constant.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
@@ -48,26 +49,27 @@ const FRICTION: (f64, f64) = (0.3, 0.9);
 pub struct MarginSettings {
     /// Shear stiffness of the gel, MPa/mm; 0 takes that of the sensor file.
     pub stiffness_mpa_per_mm: f64,
-    /// Used fraction to hold from a friction coefficient of 0.9 on, 0 to 1.
+    /// Target used fraction for a friction coefficient of 0.9 or more, 0 to 1.
     pub target_fraction: f64,
-    /// Used fraction to hold down from a friction coefficient of 0.3 and where none is known, at most the other; even in between.
+    /// Target used fraction for a friction coefficient of 0.3 or less, or an unknown one; at most `target_fraction`;
+    /// linear in between.
     pub slippery_target_fraction: f64,
     /// Used fraction above which a single frame counts, not the average.
     pub urgent_fraction: f64,
-    /// Time over which the least force that holds is averaged, ns.
+    /// Averaging time of the least force that holds, ns.
     pub average_ns: u64,
-    /// Below target less this the grip is let go slowly.
+    /// The grip is reduced while the used fraction is below the target by more than this.
     pub slack_fraction: f64,
     /// Fastest rise, N per finger and second.
     pub raise_n_per_s: f64,
-    /// Rate of letting go, N per finger and second; 0 never lets go.
+    /// Rate at which the grip is reduced, N per finger and second; 0: never.
     pub release_n_per_s: f64,
-    /// Rate at which what is held beyond 1.5 times the wanted force decays, 1/s, where that is faster: a cap that breaks loose leaves many
-    /// times the force that it needs. 0: always the rate above.
+    /// Decay rate, 1/s, of the force beyond 1.5 times the wanted one, where that is faster than `release_n_per_s`: after
+    /// a cap has broken loose the grip is many times larger than needed. 0: always `release_n_per_s`.
     pub release_excess_per_s: f64,
-    /// Rate of rise while a contact that was last seen loaded gives no margin, N per finger and second; 0 waits.
+    /// Rate of rise while a contact that was loaded when last judged gives no margin, N per finger and second; 0 waits.
     pub unsure_n_per_s: f64,
-    /// So much more than the grip at which that began is the most of it, as a share.
+    /// Limit of that rise, as a fraction of the grip at which it began.
     pub unsure_most_fraction: f64,
 }
 
@@ -96,7 +98,7 @@ impl MarginSettings {
         MarginSettings { stiffness_mpa_per_mm, ..self }
     }
 
-    /// Checks every setting but whether there is a stiffness; the error names the first one that cannot be.
+    /// Checks every setting except whether there is a stiffness; the error names the first invalid one.
     pub fn check(&self) -> Result<(), SettingError> {
         within("margin.stiffness_mpa_per_mm", self.stiffness_mpa_per_mm, 0.0, 100.0)?;
         within("margin.target_fraction", self.target_fraction, 0.05, 0.95)?;
@@ -128,7 +130,7 @@ impl MarginSettings {
         (self.release_n_per_s * seconds).max(excess_n * (1.0 - libm::exp(-self.release_excess_per_s * seconds)))
     }
 
-    /// The same with the stiffness of the finger where the settings have none. Refused when nobody knows it.
+    /// The same with the stiffness of the finger where the settings have none. Fails when neither has one.
     pub fn for_finger(&self, of_finger_mpa_per_mm: Option<f64>) -> Result<Self, SettingError> {
         let of_finger = of_finger_mpa_per_mm.unwrap_or(0.0);
         let stiffness_mpa_per_mm = if self.stiffness_mpa_per_mm > 0.0 { self.stiffness_mpa_per_mm } else { of_finger };
@@ -163,7 +165,7 @@ pub struct Margin {
 }
 
 impl Margin {
-    /// Starts with the starting force of the limits. Refuses settings that cannot be.
+    /// Starts with the starting force of the limits. Fails for invalid settings.
     pub fn new(settings: MarginSettings, limits: &GripLimits) -> Result<Self, SettingError> {
         let settings = settings.for_finger(None)?;
         settings.check()?;

@@ -22,11 +22,12 @@ use serde::{Deserialize, Serialize};
 pub struct OnSlipSettings {
     /// Force per finger added at each slip, N: 10 in the paper. Negative for laying down: each slip loosens the grip.
     pub step_n: f64,
-    /// Time after a step in which slip is still the same slip, ns.
+    /// Time after a step in which further slip counts as the same slip, ns.
     pub hold_off_ns: u64,
-    /// Time the force has to stand before the arm goes on, ns. The reference is taken anew meanwhile.
+    /// Time for which the force must be settled before the arm moves on, ns. Meanwhile the monitor takes a new
+    /// reference.
     pub settle_ns: u64,
-    /// Longest pause for one step, ns: a gripper that never reports its force does not stop the arm for ever.
+    /// Longest pause for one step, ns, so that a gripper that never reports its force does not stop the arm forever.
     pub longest_pause_ns: u64,
 }
 
@@ -42,13 +43,13 @@ impl Default for OnSlipSettings {
 }
 
 impl OnSlipSettings {
-    /// The same with another step, N per finger.
+    /// The same with this step, N per finger.
     #[must_use]
     pub const fn with_step_n(self, step_n: f64) -> Self {
         OnSlipSettings { step_n, ..self }
     }
 
-    /// Checks every setting; the error names the first one that cannot be.
+    /// Checks every setting; the error names the first invalid one.
     pub fn check(&self) -> Result<(), SettingError> {
         within("on_slip.step_n", self.step_n, -1000.0, 1000.0)?;
         within("on_slip.hold_off_ns", self.hold_off_ns as f64, 0.0, 10e9)?;

@@ -30,7 +30,7 @@ use crate::monitor::report::{Estimate, Estimates, Marker};
 use crate::plane::{RigidMotion, Vec2};
 use crate::port::GripSample;
 use crate::sensor::Sensor;
-use field::{Given, Learned, Point};
+use field::{FieldFacts, Learned, Point};
 use friction::{Friction, Shown, half_width_px, sunk};
 use last_motion::{Carried, LastMotion};
 use load::Load;
@@ -243,7 +243,7 @@ impl Estimator {
         let force_px3 = self.load.force_px3(self.grip_n);
         let reference = &self.reference;
         let moment_px4 = self.load.moment_px4(markers, middle, |m| reference.under_load(m, growth));
-        let given = Given {
+        let facts = FieldFacts {
             pitch_px: self.pitch_px,
             area_px2,
             skirt_px: self.skirt_px,
@@ -254,7 +254,7 @@ impl Estimator {
             before: self.window.oldest().copied(),
             stiffest_px2: self.stiffest_px2,
         };
-        let learned = field::features(&mut self.points, &motion, &given, &mut self.stretches, &mut self.scratch);
+        let learned = field::features(&mut self.points, &motion, &facts, &mut self.stretches, &mut self.scratch);
         self.stiffest_px2 = self.stiffest_px2.max(learned.secant_px2.unwrap_or(0.0));
         if let Some(sample) = self.window.newest_mut() {
             sample.rigid_px = learned.rigid_px;

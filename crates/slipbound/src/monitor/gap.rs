@@ -1,4 +1,4 @@
-//! Missing frames: on a regular grid of markers a pitch of motion that nobody saw looks like none.
+//! Missing frames: on a regular grid, an unobserved motion by one pitch cannot be distinguished from none.
 
 /// Frames are missing when the next comes later than this and ...
 const LEAST_GAP_NS: u64 = 100_000_000;

@@ -1,4 +1,4 @@
-//! What one frame says: plain data, `Copy`, nothing in it from our own clock.
+//! The report on one frame: plain data, `Copy`, nothing in it from our own clock.
 
 use crate::image::SizePx;
 use crate::plane::Vec2;
@@ -12,14 +12,14 @@ use std::fmt;
 pub enum SlipState {
     /// Nothing touches the finger.
     NoContact,
-    /// Something touches, but the patch is too small or too weak, or holds too few markers, to tell.
+    /// Something touches, but the contact is too small or too weak, or has too few markers, for a verdict.
     Unsure,
     /// The contact moves as one rigid body.
     Stick,
-    /// Part of the contact lags behind the rigid body: it has begun to slip.
+    /// Part of the contact lags behind the rigid motion: it has begun to slip.
     Incipient,
-    /// The whole contact slides: its imprint goes on over a gel that is no longer carried along; see
-    /// [`EvidenceReport::slides`](super::EvidenceReport). Tasks say it, too, from the load.
+    /// The whole contact slides: its imprint moves over a gel that is no longer dragged along; see
+    /// [`EvidenceReport::slides`](super::EvidenceReport). Tasks conclude it from the load, too.
     Gross,
     /// The frame could not be judged; the reason says why.
     Unjudged,
@@ -42,16 +42,17 @@ pub enum Reason {
     },
     /// The frame did not arrive whole.
     Torn,
-    /// Frames were missed before this one or a little earlier, and the markers may have moved by a pitch meanwhile: which is which is
-    /// not clear yet. Ends when the markers tell, or when nothing touches.
+    /// Frames were missed before this one or a little earlier, and the markers may have moved by a pitch meanwhile, so
+    /// that their identity is not clear yet. Ends when the markers are identified again, or when contact is lost.
     Gap {
         /// Time since the last frame before the gap, ns; None where frames carry no times.
         since_ns: Option<u64>,
     },
-    /// Fewer than half of the markers at rest are in sight.
+    /// Fewer than half of the markers at rest were found.
     MarkersLost,
-    /// The markers at rest do not stand the sensor's pitch apart, in rows and columns: this is another finger, or its picture is mirrored in
-    /// another way than the sensor file says. See [`RestSettings::check_spacing`](super::RestSettings).
+    /// The markers at rest do not stand the sensor's pitch apart, in rows and columns: this is another finger, or its
+    /// picture is mirrored differently from what the sensor file says. See
+    /// [`RestSettings::check_spacing`](super::RestSettings).
     MarkerSpacing {
         /// The sensor's pitch in the rectified image, px.
         expected_px: f64,
@@ -60,7 +61,7 @@ pub enum Reason {
         /// The flip with which they would stand a pitch apart, and their distance then, px; None when no flip does.
         fitting: Option<(Flip, f64)>,
     },
-    /// The patch is too small, too weak or holds too few markers: see [`ContactReport::quality`].
+    /// The contact is too small, too weak or has too few markers: see [`ContactReport::quality`].
     ContactQuality,
 }
 
@@ -103,14 +104,14 @@ pub struct ContactReport {
     pub area_px2: f64,
     /// Area on the gel; None where the finger's pitch in mm is unknown.
     pub area_mm2: Option<f64>,
-    /// 0 to 1: whether the patch is large and strong enough to trust the verdict. The smaller of two shares, each
-    /// at most 1: markers in contact over [`ContactSettings::full_markers_count`](super::ContactSettings), and
-    /// strength of the imprint (smooth gel: from 0 at the change that counts as contact to 1 at twice that; fabric: the
-    /// share of edge pixels, 1 at one in five).
+    /// 0 to 1: whether the contact is large and strong enough to trust the verdict. The smaller of two shares, each at
+    /// most 1: markers in contact over [`ContactSettings::full_markers_count`](super::ContactSettings), and strength of
+    /// the imprint (smooth gel: from 0 at the change that counts as contact to 1 at twice that; fabric: the share of
+    /// edge pixels, 1 at one in five).
     pub quality: f64,
 }
 
-/// How many markers are where.
+/// Counts of markers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct MarkerCounts {
     /// Spots in this frame that lie on a marker of the rest frame. Other spots that look like markers (glare, dirt) do
@@ -118,7 +119,8 @@ pub struct MarkerCounts {
     pub detected: u32,
     /// Markers of the rest frame found again.
     pub matched: u32,
-    /// Markers of the rest frame not found; they are coasted and return under their own number.
+    /// Markers of the rest frame not found; their positions are extrapolated, and they keep their number when found
+    /// again.
     pub lost: u32,
     /// Markers in the inner contact region, from which the rigid motion is fitted.
     pub inner: u32,
@@ -139,8 +141,8 @@ pub struct MotionReport {
     pub icr_px: Option<Vec2>,
 }
 
-/// How far the object has dragged the gel since rest: the least-squares rigid motion of all markers in contact.
-/// Unlike the motion of the inner region it counts from the rest frame and is not begun anew after a slip.
+/// How far the object has dragged the gel since rest: the least-squares rigid motion of all markers in contact. Unlike
+/// the motion of the inner region it counts from the rest frame and is not reset after a slip.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ShearReport {
     /// Mean displacement of the markers in contact, px.
@@ -162,8 +164,8 @@ pub struct Estimate {
     pub age_frames: u32,
 }
 
-/// What is estimated of a contact (step 5). Each is None where it cannot be known: without contact, before the finger
-/// has been squeezed, or where grip force, shear stiffness or pitch in mm are unknown.
+/// Estimates of a contact (step 5). Each is None where it cannot be known: without contact, before the finger has been
+/// squeezed, or where grip force, shear stiffness or pitch in mm are unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Estimates {
     /// Area that sticks over area in contact, 0 to 1.
@@ -178,23 +180,24 @@ pub struct Estimates {
     pub friction: Option<Estimate>,
 }
 
-/// What a frame says of sliding, whatever the slip field says.
+/// Evidence of sliding in a frame, independent of the slip field.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct EvidenceReport {
     /// Number of the frame that it counts from.
     pub reference_seq: u64,
-    /// Fall of the displacement from its greatest since the reference, as a share of that: 0 where the gel is carried
-    /// along, to 1 where it has sprung back. Of the 90th percentile over all markers.
+    /// Decrease of the displacement from its largest value since the reference, as a fraction of that: 0 where the gel
+    /// is dragged along, 1 where it has sprung back. Of the 90th percentile over all markers.
     pub relaxation: f64,
-    /// Mean displacement of the inner third of the markers that are carried along over that of the outer third; None
-    /// before any is.
+    /// Mean displacement of the inner third of the markers that are dragged along, divided by that of the outer third;
+    /// None before any is.
     pub centre_rim_ratio: Option<f64>,
-    /// 1 - correlation of the imprint with that of the reference, both in gel coordinates: 0 where the imprint is carried
-    /// along with the markers, 1 where nothing of it is left in its place. None where no imprint shows.
+    /// 1 - correlation of the imprint with that of the reference, both in gel coordinates: 0 where the imprint moves
+    /// with the markers, 1 where nothing of it is left in place. None where no imprint is visible.
     pub imprint_change: Option<f64>,
     /// Age of the imprint's part of the evidence in frames.
     pub imprint_age_frames: u32,
-    /// Over 1 where the object slides: of the greatest value that each of the three has had since the reference. 0 to 2.
+    /// Over 1 where the object slides; computed from the largest value that each of the three has had since the
+    /// reference. 0 to 2.
     pub slide_score: f64,
     /// How far the imprint has moved over the gel since the reference, rectified px; it is the motion of the object.
     pub slide_px: Vec2,
@@ -202,29 +205,29 @@ pub struct EvidenceReport {
     pub slide_rad: f64,
     /// Whether the object slides as a whole now.
     pub slides: bool,
-    /// Speed of that slide pitches a second; None while nothing slides, where frames have no
-    /// time, and where the imprint jumps further than can be followed.
+    /// Speed of that slide in pitches per second; None while nothing slides, where frames have no time, and where the
+    /// imprint jumps further than can be followed.
     pub slide_pitch_per_s: Option<f64>,
     /// The same in mm/s; None also where the pitch in mm is unknown.
     pub slide_mm_per_s: Option<f64>,
 }
 
-/// What kind of motion slips.
+/// Kind of slip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SlipKind {
     /// The object shifts over the gel.
     Translation,
-    /// The object turns on the gel.
+    /// The object rotates on the gel.
     Rotation,
     /// Both, neither below a third of the motion at the rim.
     Both,
 }
 
-/// The slip field in short (step 4).
+/// Summary of the slip field (step 4).
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SlipSummary {
-    /// Markers in contact whose measured displacement leaves the rigid one by more than the threshold.
+    /// Markers in contact whose measured displacement differs from the rigid one by more than the threshold.
     pub markers_over: u32,
     /// The fewest of them that mean slip.
     pub markers_needed: u32,
@@ -234,19 +237,19 @@ pub struct SlipSummary {
     pub max_pitch: f64,
     /// The same on the gel; None where the pitch in mm is unknown.
     pub max_mm: Option<f64>,
-    /// What kind of motion it is; None while nothing slips.
+    /// Kind of slip; None while nothing slips.
     pub kind: Option<SlipKind>,
-    /// Direction in which the OBJECT slides over the gel (against the slip field), radians, 0 along x, positive
-    /// from x to y; None while nothing slips or when the object only turns.
+    /// Direction in which the OBJECT slides over the gel (against the slip field), radians, 0 along x, positive from x
+    /// to y; None while nothing slips or when the object only rotates.
     pub direction_rad: Option<f64>,
 }
 
-/// The verdict on one frame and what it rests on.
+/// The verdict on one frame and the measurements behind it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SlipReport {
-    /// The source's number of the frame.
+    /// Number of the frame, from its source.
     pub seq: u64,
-    /// The source's time of the frame.
+    /// Time of the frame in nanoseconds, from its source.
     pub time_ns: Option<u64>,
     /// The verdict.
     pub state: SlipState,
@@ -258,7 +261,7 @@ pub struct SlipReport {
     pub markers: MarkerCounts,
     /// Number of the frame that displacement is judged against; 0 and the rest frame before the first slip.
     pub reference_seq: u64,
-    /// Grip force per finger in newtons, as the caller gave it.
+    /// Grip force per finger in newtons, as passed by the caller.
     pub grip_n: Option<f64>,
     /// Step 3; None when too few markers are in contact.
     pub motion: Option<MotionReport>,
@@ -269,25 +272,25 @@ pub struct SlipReport {
     /// Step 5.
     #[serde(flatten)]
     pub estimates: Estimates,
-    /// Evidence of sliding that does not rest on the slip field; None without contact, and where it is not used.
+    /// Evidence of sliding that does not depend on the slip field; None without contact, and where it is not used.
     pub evidence: Option<EvidenceReport>,
 }
 
-/// One marker as it is known after a frame.
+/// One marker after a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Marker {
-    /// Its number: the place in the rest frame, in reading order. Never changes.
+    /// Its number: its index in the rest frame, in reading order. Never changes.
     pub id: u32,
     /// Position in the rest frame, rectified px.
     pub rest: Vec2,
     /// Position in the reference frame, rectified px.
     pub reference: Vec2,
-    /// Position now, rectified px; where it is expected when it is not matched.
+    /// Position now, rectified px; the expected one when it is not matched.
     pub now: Vec2,
     /// Whether it was found in this frame.
     pub matched: bool,
-    /// Whether it lies whole in view. One that the border of the image cuts keeps its number and is placed by its
-    /// neighbours, but says nothing about slip.
+    /// Whether it is completely in view. A marker cut by the image border keeps its number and is positioned by its
+    /// neighbours, but does not count for slip.
     pub whole: bool,
     /// Whether it was found in the reference frame; a marker that was not has no displacement since then.
     pub in_reference: bool,
@@ -302,7 +305,7 @@ pub struct Marker {
 }
 
 impl Marker {
-    /// A marker that stands where it stood in the rest frame, px.
+    /// A marker at its position in the rest frame, px.
     pub(crate) const fn at_rest(id: u32, rest: Vec2) -> Self {
         Marker {
             id,

@@ -1,4 +1,4 @@
-//! The rest frame: what the monitor knows of the finger before anything moves, and how it is chosen.
+//! The rest frame: the unloaded finger, from which displacement counts, and how it is chosen.
 
 use crate::image::SizePx;
 use crate::monitor::cell_map::CellMap;
@@ -56,7 +56,7 @@ impl RestSettings {
     }
 }
 
-/// What the finger was doing in the rest frame.
+/// Whether the finger was in contact in the rest frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RestKind {
@@ -67,7 +67,7 @@ pub enum RestKind {
     InContact,
 }
 
-/// Why there is no rest frame.
+/// Why no rest frame could be made.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RestError {
     /// No frame was stationary and bright enough.
@@ -130,12 +130,12 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// What the finger was doing.
+    /// Whether the finger was in contact.
     pub fn kind(&self) -> RestKind {
         self.kind
     }
 
-    /// Size of the camera's frames that it was made from, and of those that can be judged against it.
+    /// Size of the camera frames that it was made from; frames of other sizes cannot be judged against it.
     pub fn size(&self) -> SizePx {
         self.size
     }
@@ -160,7 +160,7 @@ impl Rest {
         self.markers.len()
     }
 
-    /// Whether it is of this finger and for such a monitor: what was loaded may be of another one, or damaged.
+    /// Checks that it belongs to this finger and these settings: a loaded file may be of another finger, or damaged.
     pub(super) fn check(&self, sensor: &Sensor, needs_flat: bool) -> Result<(), SettingError> {
         let (rectified_px, cell_px) = (sensor.rectified_px(), CellMap::cell_px(sensor));
         let cells_count = (rectified_px.width / cell_px) * (rectified_px.height / cell_px);

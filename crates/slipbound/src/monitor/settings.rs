@@ -39,7 +39,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The paper as written. Where the default differs, ARCHITECTURE.md says why ("Deviations from the paper").
+    /// The paper as written. Where the default differs, docs/deviations.md says why.
     pub fn paper() -> Self {
         Settings {
             rest: RestSettings { average_count: 1, ..RestSettings::default() },
@@ -64,7 +64,7 @@ impl Settings {
         }
     }
 
-    /// The same with what `change` sets otherwise.
+    /// The same with the changes that `change` makes.
     #[must_use]
     pub fn with(mut self, change: impl FnOnce(&mut Settings)) -> Self {
         change(&mut self);

@@ -22,7 +22,7 @@ pub enum RigidField {
     SmallAngle,
 }
 
-/// What raises the alarm.
+/// The rule that raises the alarm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SlipRule {
@@ -37,7 +37,7 @@ pub enum SlipRule {
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct SlipSettings {
-    /// What raises the alarm.
+    /// The rule that raises the alarm.
     pub rule: SlipRule,
     /// Rule `margin`: incipient slip begins at this margin (1: no load, 0: the object slides) or below.
     pub alarm_margin_fraction: f64,

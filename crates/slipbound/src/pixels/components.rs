@@ -132,9 +132,9 @@ impl Components {
         Some(largest)
     }
 
-    /// Clears the pieces of fewer than `min_area_px` pixels.
-    pub fn remove_small(&mut self, mask: &mut Mask, min_area_px: usize) {
-        self.retain(mask, |c| c.area_px2 >= min_area_px);
+    /// Clears the pieces of fewer than `min_area_px2` pixels.
+    pub fn remove_small(&mut self, mask: &mut Mask, min_area_px2: usize) {
+        self.retain(mask, |c| c.area_px2 >= min_area_px2);
     }
 
     /// Clears the pieces of fewer than `least_area_px2` pixels, and those that `other` fills less than by `least_fraction` of the share by which
@@ -392,10 +392,10 @@ mod tests {
                 });
                 prop_assert_eq!(filled.get(x as isize, y as isize), !open);
             }
-            let min_area_px = 4;
-            components.remove_small(&mut mask, min_area_px);
+            let min_area_px2 = 4;
+            components.remove_small(&mut mask, min_area_px2);
             for i in 0..size.area() {
-                let keep = numbers[i] != 0 && found[numbers[i] - 1].area_px2 >= min_area_px;
+                let keep = numbers[i] != 0 && found[numbers[i] - 1].area_px2 >= min_area_px2;
                 prop_assert_eq!(mask.get((i % width) as isize, (i / width) as isize), keep);
             }
         }

@@ -11,14 +11,14 @@
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// What is true of a gripper's jaws. The default is a WSG-50 as estimated in the literature; none of it is measured
-/// on one of ours.
+/// Parameters of a gripper's jaws. The default is a WSG-50 from the literature; nothing of it was measured on a device
+/// of ours.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JawSettings {
     /// Widest opening, mm.
     pub stroke_mm: f64,
-    /// Speed of the jaws off the object, mm/s.
+    /// Speed of the jaws when they do not touch the object, mm/s.
     pub speed_mm_per_s: f64,
     /// Time until a command takes effect, ns.
     pub delay_ns: u64,
@@ -47,7 +47,7 @@ impl Default for JawSettings {
 }
 
 impl JawSettings {
-    /// Checks every setting; the error names the first one that cannot be.
+    /// Checks every setting; the error names the first invalid one.
     pub fn check(&self) -> Result<(), SettingError> {
         within("jaws.stroke_mm", self.stroke_mm, 1.0, 1000.0)?;
         within("jaws.speed_mm_per_s", self.speed_mm_per_s, 0.1, 1000.0)?;
@@ -59,24 +59,24 @@ impl JawSettings {
     }
 }
 
-/// What jaws are told.
+/// A command for the jaws.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum JawCommand {
-    /// Close, and hold what is there with this force per finger.
+    /// Close, and hold the object with this force per finger.
     Grasp {
         /// Force per finger, N.
         force_n: f64,
     },
-    /// Move off the object to this opening.
+    /// Open to this opening.
     MoveTo {
         /// Opening, mm.
         opening_mm: f64,
     },
-    /// Stay: the opening off the object, the force on it.
+    /// Keep the opening, or the force if an object is held.
     Stay,
 }
 
-/// Jaws in motion.
+/// The state of moving jaws.
 #[derive(Debug, Clone)]
 pub struct JawDrive {
     settings: JawSettings,
@@ -103,13 +103,13 @@ impl JawDrive {
         })
     }
 
-    /// What is true of the jaws.
+    /// The parameters of the jaws.
     pub fn settings(&self) -> &JawSettings {
         &self.settings
     }
 
-    /// Takes a command; it takes effect after the delay. Force is rounded to what the gripper can resolve and kept
-    /// between its least and its most; a force that is no number leaves the jaws as they are.
+    /// Accepts a command, which takes effect after the delay. The force is rounded to the gripper's resolution and
+    /// limited to its range; a force that is not a number is ignored.
     pub fn command(&mut self, command: JawCommand) {
         let s = &self.settings;
         let command = match command {
@@ -134,7 +134,7 @@ impl JawDrive {
         }
     }
 
-    /// Lets time pass up to `now_ns`, with an object of this width between the jaws (None: nothing).
+    /// Advances the time to `now_ns`, with an object of this width in mm between the jaws (None: nothing).
     pub fn advance_to(&mut self, now_ns: u64, width_mm: Option<f64>) {
         while let Some((due_ns, command)) = self.waiting[0].filter(|(due_ns, _)| *due_ns <= now_ns) {
             self.run_to(due_ns, width_mm);
@@ -197,7 +197,7 @@ impl JawDrive {
         self.touches
     }
 
-    /// Force per finger that the jaws now go for, N; None when they do not grasp.
+    /// Target force per finger, N; None when the jaws do not grasp.
     pub fn target_n(&self) -> Option<f64> {
         match self.running {
             JawCommand::Grasp { force_n } => Some(force_n),

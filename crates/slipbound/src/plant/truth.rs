@@ -1,8 +1,8 @@
-//! What is true in a cycle, where a simulation knows it: what scores are made from and a run folder keeps.
+//! Ground truth of a cycle in simulation: the basis of scores, kept in the run folder.
 
 use serde::{Deserialize, Serialize};
 
-/// What a simulation knows of a cycle. None where it means nothing for the task.
+/// Ground truth of a cycle. A field is None where it has no meaning for the task.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct PlantTruth {

@@ -1,4 +1,4 @@
-//! A wrist that keeps the promise of its port: no motion goes further or longer than its command allows.
+//! A wrist as its port requires: no motion goes further or longer than its command allows.
 
 use crate::port::{LONGEST_TIME_TO_LIVE_NS, WristCommand, WristMotion, WristState};
 
@@ -8,7 +8,7 @@ const FASTEST_RAD_PER_S: f64 = 0.7;
 /// Fastest lowering or lifting a command may ask for, mm/s.
 const FASTEST_MM_PER_S: f64 = 100.0;
 
-/// A wrist in motion. Starts and stops at once: the arm's own acceleration is not modelled.
+/// The state of a wrist. It starts and stops at once: acceleration is not modelled.
 #[derive(Debug, Clone)]
 pub struct WristDrive {
     now_ns: u64,
@@ -38,8 +38,8 @@ impl WristDrive {
         WristDrive { now_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, running: None }
     }
 
-    /// Takes a command. False when it is refused, for a number in it is not finite, a bound is negative or a rate is
-    /// beyond what the wrist can do: it then pauses.
+    /// Accepts a command. False when it is refused because a number in it is not finite, a bound is negative or a rate
+    /// exceeds the limit of the wrist, which then pauses.
     pub fn command(&mut self, command: WristCommand) -> bool {
         self.running = None;
         let (turns, rate_per_s, left, fastest) = match command.motion {
@@ -55,7 +55,7 @@ impl WristDrive {
         true
     }
 
-    /// Lets time pass up to `now_ns`.
+    /// Advances the time to `now_ns`.
     pub fn advance_to(&mut self, now_ns: u64) {
         let from_ns = self.now_ns;
         self.now_ns = from_ns.max(now_ns);
@@ -74,7 +74,7 @@ impl WristDrive {
         }
     }
 
-    /// Where it is.
+    /// Its present state.
     pub fn state(&self) -> WristState {
         WristState {
             time_ns: self.now_ns,

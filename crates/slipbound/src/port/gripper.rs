@@ -1,42 +1,42 @@
-//! The gripper: what it is told, what it says.
+//! The gripper: its commands, its state, its errors.
 
 use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What kind of failure a [`GripperError`] is: what a caller can act on.
+/// The kind of a [`GripperError`], for a caller to match on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum GripperErrorKind {
     /// The address or the settings cannot be used: nothing was sent.
     Settings,
-    /// The link is lost, or nothing comes through it. It is made again; the gripper keeps its force.
+    /// The link is lost, or no data arrives. The driver reconnects; the gripper keeps its force.
     Link,
     /// The gripper did not answer in time.
     Unanswered,
-    /// The gripper answered that it does not do this.
+    /// The gripper rejected the command.
     Refused,
-    /// A lower force was asked for while something is held, and this gripper has not been shown to hold on through
-    /// that. It keeps the higher force: no fault of the grasp.
+    /// A lower force was requested while an object is held, and this gripper has not been shown to keep its grip while
+    /// the force is lowered. It keeps the higher force; the loop does not count this as a fault.
     Lowering,
-    /// A force that is not a number, or another value no gripper can take.
+    /// A force that is not a number, or another invalid value.
     Value,
     /// It has stopped itself and must be acknowledged.
     Stopped,
     /// It must be homed or activated first.
     NotHomed,
-    /// Too little is known of its state yet; the same call may succeed a moment later.
+    /// Its state is not known yet; the same call may succeed a moment later.
     NotReady,
     /// Anything else.
     Other,
 }
 
-/// A failure of a gripper: its kind, and a text that names the address, what was expected and what was got. Whatever
-/// the kind, the force stays where it was.
+/// An error of a gripper: its kind, and a text that names the address, what was expected and what was got. Whatever the
+/// kind, the force is unchanged.
 #[derive(Debug)]
 pub struct GripperError {
-    /// What a caller can act on.
+    /// The kind, for a caller to match on.
     pub kind: GripperErrorKind,
     source: Box<dyn std::error::Error + Send + Sync>,
 }
@@ -66,25 +66,25 @@ impl std::error::Error for GripperError {
     }
 }
 
-/// Something a gripper's driver did or met that is worth a line in the log of a run.
+/// An event in a gripper's driver, for the log of a run.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum DriverEvent {
-    /// The link is there.
+    /// The link is up.
     Linked,
-    /// The link is gone.
+    /// The link is down.
     Unlinked {
         /// Why.
         why: String,
     },
-    /// A force outside the configured range was brought inside.
+    /// A force outside the configured range was clamped to it.
     Clamped {
-        /// What was asked for, N per finger.
+        /// Requested force, N per finger.
         asked_n: f64,
-        /// What is sent, N per finger.
+        /// Force sent, N per finger.
         given_n: f64,
     },
-    /// How a change of force reaches the jaws.
+    /// By which command of the protocol the force is changed.
     ForcePath {
         /// In words.
         path: &'static str,
@@ -96,12 +96,12 @@ pub enum DriverEvent {
     },
     /// A fast stop was acknowledged by the driver itself, as its settings allow.
     Acknowledged,
-    /// Bytes that were no message.
+    /// Bytes that are no valid message were skipped.
     Garbled {
         /// How many in a row.
         bytes_count: usize,
     },
-    /// A command was taken over by a gripper that is not there.
+    /// A command was accepted by a dry gripper, which has no hardware.
     Dry {
         /// The command.
         command: GripCommand,
@@ -128,18 +128,18 @@ impl fmt::Display for DriverEvent {
     }
 }
 
-/// What a gripper says of its force at the time of a frame.
+/// The gripper's force at the time of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripSample {
     /// Normal force per finger in newtons.
     pub force_n: f64,
 }
 
-/// What the gripper is told.
+/// A command for the gripper.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "jaws")]
 pub enum GripCommand {
-    /// Close on the object, or go on holding it.
+    /// Close on the object, or keep holding it.
     Hold {
         /// Normal force per finger in newtons.
         force_n: f64,
@@ -149,7 +149,7 @@ pub enum GripCommand {
 }
 
 impl GripCommand {
-    /// The force per finger asked for, N; None for a release.
+    /// The requested force per finger, N; None for a release.
     pub const fn force_n(&self) -> Option<f64> {
         match *self {
             GripCommand::Hold { force_n } => Some(force_n),
@@ -158,74 +158,74 @@ impl GripCommand {
     }
 }
 
-/// What the jaws are doing, as far as the gripper knows.
+/// State of the jaws, as far as the gripper knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Jaws {
-    /// Not known: not homed, or the gripper does not say.
+    /// Unknown: not homed, or not reported by the gripper.
     Unknown,
     /// Open, or opening.
     Open,
-    /// On the way to the object.
+    /// Closing on the object.
     Closing,
-    /// Something is held.
+    /// An object is held.
     Holding,
-    /// Closed, with nothing between them.
+    /// Closed with no object between them.
     Nothing,
-    /// What was held is gone.
+    /// The object that was held is lost.
     Lost,
     /// The gripper has stopped itself and must be acknowledged.
     Stopped,
 }
 
-/// What a gripper says.
+/// The state reported by a gripper.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripperState {
     /// Time of this state on the clock of the loop, in nanoseconds.
     pub time_ns: u64,
-    /// Measured normal force per finger in newtons, as it reads: a sensor with a bias says a force, also below 0, with
-    /// nothing between the jaws. None where the gripper cannot measure it.
+    /// Measured normal force per finger in newtons, uncorrected: a sensor with a bias reads a force, possibly below 0,
+    /// with nothing between the jaws. None where the gripper cannot measure it.
     pub force_n: Option<f64>,
-    /// How far that may be off, N per finger, as the driver states it; None where it does not say.
+    /// Error bound of that force, N per finger, as stated by the driver; None where it states none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub force_error_n: Option<f64>,
-    /// The force per finger it last took over as its target, in newtons; None before the first.
+    /// The last accepted target force per finger in newtons; None before the first.
     pub target_n: Option<f64>,
-    /// Distance between the fingertips in mm; None where it does not say.
+    /// Distance between the fingertips in mm; None where it is not reported.
     pub opening_mm: Option<f64>,
-    /// What the jaws are doing.
+    /// State of the jaws.
     pub jaws: Jaws,
 }
 
 impl GripperState {
-    /// The force per finger as well as it is known, N: measured, else the target it took over.
+    /// The best known force per finger, N: the measured one, else the accepted target.
     pub fn pressed_n(&self) -> Option<f64> {
         self.force_n.or(self.target_n)
     }
 }
 
-/// A parallel gripper. Neither call waits for the jaws.
+/// A parallel gripper. No call waits for the jaws to move.
 ///
 /// ```
 #[doc = include_str!("../../examples/my_gripper.rs")]
 /// ```
 pub trait Gripper {
-    /// Takes over a command. An error means that it was not taken over: the force stays where it was.
+    /// Accepts a command. An error means that it was not accepted: the force stays where it was.
     fn command(&mut self, command: GripCommand) -> Result<(), GripperError>;
 
-    /// The newest state.
+    /// The newest state. An error means that the state is not known, for example because the link is lost.
     fn poll(&mut self) -> Result<GripperState, GripperError>;
 
     /// Sends and receives what is due on the link, where there is one, without waiting: to be called every few ms
     /// between two cycles of the loop.
     fn poll_io(&mut self) {}
 
-    /// Whether a command taken over is still on its way to the gripper.
+    /// Whether an accepted command has not been confirmed by the gripper yet.
     fn is_busy(&self) -> bool {
         false
     }
 
-    /// The next thing worth a line in the log of a run, oldest first; None when all have been told.
+    /// Removes and returns the oldest driver event; None when there is none.
     fn next_event(&mut self) -> Option<DriverEvent> {
         None
     }

@@ -1,22 +1,22 @@
-//! What can go wrong with a source of frames.
+//! Errors of a source of frames.
 
 use crate::image::ImageError;
 use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What kind of failure a [`SourceError`] is: what a caller can act on.
+/// The kind of a [`SourceError`], for a caller to match on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum SourceErrorKind {
-    /// It cannot be used as it was asked for: nothing is there, or a pattern or a setting cannot be.
+    /// The request is invalid: the file or device does not exist, or a pattern or a setting is invalid.
     Settings,
     /// The operating system cannot read it.
     Unreadable,
-    /// What it holds is not what it should be, and what comes after cannot be read either.
+    /// The data is malformed, and what follows cannot be read either.
     Format,
-    /// The camera is gone.
+    /// The camera was disconnected.
     Disconnected,
     /// A program that is needed to read it is not installed, or cannot be started.
     Unsupported,
@@ -24,10 +24,10 @@ pub enum SourceErrorKind {
     Other,
 }
 
-/// A failure of a source: its kind, and a text that names the file or device, what was expected and what was got.
+/// An error of a source: its kind, and a text that names the file or device, what was expected and what was got.
 #[derive(Debug)]
 pub struct SourceError {
-    /// What a caller can act on.
+    /// The kind, for a caller to match on.
     pub kind: SourceErrorKind,
     /// The file or device; None where the source has no name.
     pub file: Option<String>,
@@ -40,7 +40,7 @@ impl SourceError {
         SourceError { kind, file: None, source: source.into() }
     }
 
-    /// The same error with the file or device it is from. Its text stays: it should name it already.
+    /// The same error with its file or device. The text is not changed: it should name the file already.
     #[must_use]
     pub fn of_file(self, file: impl fmt::Display) -> Self {
         SourceError { file: Some(file.to_string()), ..self }

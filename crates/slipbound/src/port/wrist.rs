@@ -1,28 +1,28 @@
-//! The wrist: whatever turns, lowers or lifts the hand. Every motion is bounded and must be renewed.
+//! The wrist, which turns, lowers or lifts the hand. Every motion is bounded and must be renewed.
 
 use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What kind of failure a [`WristError`] is: what a caller can act on.
+/// The kind of a [`WristError`], for a caller to match on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum WristErrorKind {
     /// The address cannot be used: nothing was sent.
     Settings,
-    /// The link is lost, or nothing comes through it. The wrist pauses by itself.
+    /// The link is lost, or no data arrives. The wrist pauses by itself.
     Link,
-    /// The wrist answered that it does not do this, or a number in the command cannot be.
+    /// The wrist rejected the command, or a number in it is invalid.
     Refused,
     /// Anything else.
     Other,
 }
 
-/// A failure of a wrist: its kind, and a text that names the address, what was expected and what was got.
+/// An error of a wrist: its kind, and a text that names the address, what was expected and what was got.
 #[derive(Debug)]
 pub struct WristError {
-    /// What a caller can act on.
+    /// The kind, for a caller to match on.
     pub kind: WristErrorKind,
     source: Box<dyn std::error::Error + Send + Sync>,
 }
@@ -55,7 +55,7 @@ impl std::error::Error for WristError {
 /// Longest time a motion may go on without being renewed, in nanoseconds: 200 ms.
 pub const LONGEST_TIME_TO_LIVE_NS: u64 = 200_000_000;
 
-/// A motion of the hand, in the hand frame (see ARCHITECTURE.md).
+/// A motion of the hand, in the hand frame of [`crate::hand`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "motion")]
 pub enum WristMotion {
@@ -63,7 +63,8 @@ pub enum WristMotion {
     Turn {
         /// Rate in rad/s, positive from y to z of the hand frame.
         rate_rad_per_s: f64,
-        /// Angle after which it stops by itself, in rad from where this command found it; never negative.
+        /// Angle after which it stops by itself, in rad from the angle at which the command was accepted; never
+        /// negative.
         most_rad: f64,
     },
     /// Moves along gravity.
@@ -77,7 +78,7 @@ pub enum WristMotion {
     Pause,
 }
 
-/// A motion and how long it may go on without being renewed.
+/// A motion and its time to live.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WristCommand {
     /// The motion.
@@ -88,13 +89,13 @@ pub struct WristCommand {
 }
 
 impl WristCommand {
-    /// A motion that lives as long as it may.
+    /// A motion with the longest time to live.
     pub const fn new(motion: WristMotion) -> Self {
         WristCommand { motion, time_to_live_ns: LONGEST_TIME_TO_LIVE_NS }
     }
 }
 
-/// What a wrist says.
+/// The state reported by a wrist.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WristState {
     /// Time of this state on the clock of the loop, in nanoseconds.
@@ -107,9 +108,9 @@ pub struct WristState {
     pub moving: bool,
 }
 
-/// The arm behind the hand. Neither call waits for the motion.
+/// The arm that carries the hand. No call waits for a motion to end.
 pub trait Wrist {
-    /// Takes over a motion. An error means that it was not taken over: the last one runs out and the wrist pauses.
+    /// Accepts a motion. An error means that it was not accepted: the last one expires and the wrist pauses.
     fn command(&mut self, command: WristCommand) -> Result<(), WristError>;
 
     /// The newest state.

@@ -1,4 +1,4 @@
-//! How the camera's view of the gel becomes the rectified image: a homography, and what a homography cannot do.
+//! How the camera's view of the gel becomes the rectified image: a homography and an optional lens distortion.
 //!
 //! ```text
 //!   rectified --crop--> plane p --distortion--> p + d(p) --homography^-1--> upright camera image
@@ -31,8 +31,8 @@ pub(crate) const MOST_TERMS: usize = 21;
 /// A displacement of the plane of the gel: a polynomial of degree 3 or 5 in (u, v) = (p - centre) / span, for x and
 /// for y in plane px. Terms in the order 1, u, v, u2, uv, v2, u3, u2v, uv2, v3, and so on.
 ///
-/// It holds where u and v are within -1..1, the box of the markers; beyond, it goes straight on, for there a
-/// polynomial would soon fold.
+/// It holds where u and v are within -1..1, the box of the markers; beyond, it is continued linearly, because a
+/// polynomial would soon fold there.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "DistortionFile", into = "DistortionFile")]
 pub struct Distortion {
@@ -174,8 +174,8 @@ impl Rectification {
         move |p| self.upright_with(&inverse, p)
     }
 
-    /// Which point of the plane of the gel lies at a place of the upright camera image. None where the distortion
-    /// leaves no such point near the homography's.
+    /// The point of the plane of the gel that lies at a point of the upright camera image. None where the distortion
+    /// has no such point near that of the homography.
     pub fn plane_from_upright(&self, upright: Vec2) -> Option<Vec2> {
         let bent = self.homography.apply(upright);
         let Some(d) = &self.distortion else { return bent.is_finite().then_some(bent) };

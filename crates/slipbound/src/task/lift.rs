@@ -1,4 +1,4 @@
-//! Lifting and holding: raise what was taken, then hold it for a time, whatever is poured into it or pulls at it.
+//! Lifting and holding: raise the object, then hold it for a time, whatever is poured into it or pulls at it.
 
 use super::grasp::{Grasp, Grasped};
 use super::step::{Ending, Missing, Observation, PAUSE, Phase, Task, TaskStep, lower};
@@ -32,7 +32,7 @@ impl Default for LiftSettings {
 }
 
 impl LiftSettings {
-    /// Checks every setting; the error names the first one that cannot be.
+    /// Checks every setting; the error names the first invalid one.
     pub fn check(&self) -> Result<(), SettingError> {
         within("lift.lift_mm", self.lift_mm, 0.0, 1000.0)?;
         within("lift.rate_mm_per_s", self.rate_mm_per_s, 0.1, 100.0)?;
@@ -58,7 +58,7 @@ pub struct Lift {
 }
 
 impl Lift {
-    /// An object is between the open jaws. Refuses settings that cannot be.
+    /// Starts with the object between the open jaws. Fails for invalid settings.
     pub fn new(settings: LiftSettings, grip: Guard) -> Result<Self, SettingError> {
         settings.check()?;
         let last = GripDecision { force_n: grip.limits().start_n, arm: ArmMotion::Pause };

@@ -27,18 +27,18 @@ pub struct PlaceSettings {
     pub laying_mm_per_s: f64,
     /// Furthest lowering, mm.
     pub most_mm: f64,
-    /// Turn of the object in the fingers that means it touches, rad, beside any slip.
+    /// Rotation of the object in the fingers that means it touches the ground, rad; any slip means that, too.
     pub touch_rad: f64,
-    /// Push of the ground against the fingers, beyond that while it is laid down, that means that it lies, N per finger.
+    /// Increase of the force of the ground on the fingers that means that the ground carries the object, N per finger.
     /// Needs the stiffness of the gels.
     pub carried_n: f64,
     /// The same as a displacement of the gels against gravity, mm, where their stiffness is unknown.
     pub carried_mm: f64,
-    /// Time for the looser grip to stand before that push is counted, ns.
+    /// Time for which the looser grip must be settled before that force is evaluated, ns.
     pub loosen_ns: u64,
     /// Force per finger while it is laid down, N; not below the least of the grip.
     pub laying_n: f64,
-    /// Where the object may slide before it touches: nowhere. Pivoting is what tells of the touch.
+    /// Where the object may slide before it touches: nowhere. Pivoting indicates the touch.
     pub allowed: Allowed,
 }
 
@@ -59,7 +59,7 @@ impl Default for PlaceSettings {
 }
 
 impl PlaceSettings {
-    /// Checks every setting; the error names the first one that cannot be.
+    /// Checks every setting; the error names the first invalid one.
     pub fn check(&self) -> Result<(), SettingError> {
         within("place.rate_mm_per_s", self.rate_mm_per_s, 0.5, 100.0)?;
         within("place.laying_mm_per_s", self.laying_mm_per_s, 0.5, 100.0)?;
@@ -98,7 +98,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// A tool is between the open jaws. Refuses settings that cannot be. `stiffness_mpa_per_mm` is that of the gels
+    /// Starts with a tool between the open jaws. Fails for invalid settings. `stiffness_mpa_per_mm` is that of the gels
     /// against shear, None where it is unknown.
     pub fn new(settings: PlaceSettings, grip: Guard, stiffness_mpa_per_mm: Option<f64>) -> Result<Self, SettingError> {
         settings.check()?;

@@ -37,11 +37,11 @@ pub struct ScrewSettings {
     pub most_rad: f64,
     /// Turn over which the shear has to stay flat, rad: 8 deg, 2 mm at the rim of a bottle cap. Below `most_rad`.
     pub flat_window_rad: f64,
-    /// Growth of the shear over that turn, as a share of itself, that still is flat.
+    /// Growth of the shear over that turn, as a fraction of the shear, that still counts as flat.
     pub flat_fraction: f64,
     /// Where the cap may slide in the fingers: along the thread, for the wrist does not follow it down.
     pub allowed: Allowed,
-    /// When the fingers are sliding round the cap.
+    /// When the fingers are considered to slide around the cap.
     pub slide: SlideSettings,
 }
 
@@ -60,7 +60,7 @@ impl Default for ScrewSettings {
 }
 
 impl ScrewSettings {
-    /// Checks every setting; the error names the first one that cannot be.
+    /// Checks every setting; the error names the first invalid one.
     pub fn check(&self) -> Result<(), SettingError> {
         within("screw.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, FASTEST_RAD_PER_S)?;
         within("screw.most_rad", self.most_rad, 0.01, 100.0)?;
@@ -78,8 +78,8 @@ pub struct Screw {
 }
 
 impl Screw {
-    /// A cap is between the open jaws. Refuses settings that cannot be.
-    /// `stiffness_mpa_per_mm` is that of the gels against shear, None where it is unknown.
+    /// Starts with a cap between the open jaws. Fails for invalid settings. `stiffness_mpa_per_mm` is that of the gels
+    /// against shear, None where it is unknown.
     pub fn new(settings: ScrewSettings, grip: Guard, stiffness_mpa_per_mm: Option<f64>) -> Result<Self, SettingError> {
         settings.check()?;
         let way = (settings.rate_rad_per_s, settings.most_rad);

@@ -1,4 +1,4 @@
-//! Everything a task is run with, as one file holds it.
+//! All settings of a task, as in one TOML file.
 
 use super::lift::{Lift, LiftSettings};
 use super::place::{Place, PlaceSettings};
@@ -9,7 +9,7 @@ use crate::grip::{GripLimits, Guard, Law, MarginSettings, OnSlipSettings};
 use crate::setting::{SettingError, named};
 use serde::{Deserialize, Serialize};
 
-/// Which task.
+/// The tasks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TaskKind {
@@ -23,16 +23,16 @@ pub enum TaskKind {
     Lift,
 }
 
-/// Which controller.
+/// The controllers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ControllerKind {
-    /// One force.
+    /// A constant force.
     Constant,
     /// A step at each incipient slip; tasks end on evidence.
     #[default]
     OnSlip,
-    /// The paper to the letter: the same, but screwing ends at incipient slip at the largest force.
+    /// Exactly as in the paper: the same, but screwing ends at incipient slip at the largest force.
     Paper,
     /// Holds a slip margin.
     Margin,
@@ -51,14 +51,14 @@ const CONTROLLERS: [(ControllerKind, &str); 4] = [
 named!(TaskKind, "task", TASKS);
 named!(ControllerKind, "controller", CONTROLLERS);
 
-/// Everything a task is run with.
+/// All settings of a task.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct TaskSettings {
-    /// Which controller.
+    /// The controllers.
     pub controller: ControllerKind,
-    /// What every controller keeps to.
+    /// Force limits of every controller.
     pub grip: GripLimits,
     /// The controllers `on_slip` and `paper`.
     pub on_slip: OnSlipSettings,
@@ -81,13 +81,13 @@ impl TaskSettings {
         TaskSettings { controller, ..self }
     }
 
-    /// The same with other limits of the force.
+    /// The same with these force limits.
     #[must_use]
     pub const fn with_grip(self, grip: GripLimits) -> Self {
         TaskSettings { grip, ..self }
     }
 
-    /// Checks everything that does not depend on the finger; the error names the first key that cannot be.
+    /// Checks everything that does not depend on the finger; the error names the first invalid key.
     pub fn check(&self) -> Result<(), SettingError> {
         self.grip.check()?;
         self.on_slip.check()?;
@@ -114,8 +114,8 @@ impl TaskSettings {
         self.task_with(kind, law.controller(&self.grip)?, stiffness_mpa_per_mm)
     }
 
-    /// The same with a controller of one's own behind its guard, `Guard::new(Box::new(controller), settings.grip)`;
-    /// those of the settings are passed over.
+    /// The same with a controller of one's own behind its guard, `Guard::new(Box::new(controller), settings.grip)`; the
+    /// controller and the limits in the settings are ignored.
     pub fn task_with(
         &self,
         kind: TaskKind,

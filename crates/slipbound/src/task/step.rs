@@ -1,47 +1,47 @@
-//! What a task is shown in a cycle and what it answers.
+//! The input and output of a task in one cycle.
 
 use crate::grip::Guard;
 use crate::hand::HandReport;
 use crate::port::{GripCommand, GripperState, WristCommand, WristMotion, WristState};
 use serde::{Deserialize, Serialize};
 
-/// What a task is shown.
+/// The input of a task in one cycle.
 #[derive(Debug, Clone, Copy)]
 pub struct Observation<'a> {
-    /// Time of the loop, ns; never goes back.
+    /// Time of the loop, ns; never decreases.
     pub now_ns: u64,
-    /// What the fingers say.
+    /// The fused report of the fingers.
     pub hand: &'a HandReport,
-    /// What the gripper says.
+    /// State of the gripper.
     pub gripper: &'a GripperState,
-    /// What the wrist says.
+    /// State of the wrist.
     pub wrist: &'a WristState,
 }
 
-/// What a task wants.
+/// The output of a task in one cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TaskStep {
-    /// For the gripper.
+    /// Command for the gripper.
     pub grip: GripCommand,
-    /// For the wrist.
+    /// Command for the wrist.
     pub wrist: WristCommand,
-    /// What it is doing.
+    /// Phase of the task.
     pub phase: Phase,
 }
 
-/// What a task is doing.
+/// Phase of a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "phase", content = "ending")]
 pub enum Phase {
-    /// Taking hold of the object.
+    /// Grasping the object.
     Grasping,
     /// At work; the wrist moves.
     Working,
     /// At work; the wrist waits for the grip.
     Waiting,
-    /// Letting go.
+    /// Releasing the object.
     Releasing,
-    /// Over.
+    /// The task has ended.
     Ended(Ending),
 }
 
@@ -49,36 +49,36 @@ pub enum Phase {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
-    /// Screw: at the largest force the fingers were turned on and the shear of the gels did not grow: the cap no
-    /// longer follows and carries all the torque there is.
+    /// Screw: at the largest force the fingers were turned further and the shear of the gels did not grow: the cap no
+    /// longer follows and takes all the torque that the fingers can exert.
     Tight,
     /// Screw, the paper's literal law: incipient slip at the largest force.
     SlipAtMost,
-    /// Unscrew: the torque fell and stayed down while the fingers were turned on.
+    /// Unscrew: the torque fell and stayed low while the fingers were turned further.
     Opened,
-    /// Unscrew: at the largest force the fingers slide over the cap.
+    /// Unscrew: at the largest force the fingers slide around the cap.
     Stuck,
-    /// Place: the ground carries the object, and it was let go.
+    /// Place: the ground carries the object, and it was released.
     Placed,
-    /// Lift: held to the end of the time.
+    /// Lift: held for the whole time.
     Held,
-    /// Nothing was found between the fingers.
+    /// No object was found between the fingers.
     NothingHeld,
-    /// What was held is gone.
+    /// The object that was held is lost.
     Lost,
-    /// Place: the gripper did not take the looser grip that laying down needs; the object is held on.
+    /// Place: the gripper did not accept the looser grip that laying down needs; the object is still held.
     GripStays,
-    /// The wrist has gone as far as it may, and nothing above was seen.
+    /// The wrist has reached its limit before any of the above.
     Limit,
 }
 
 impl Ending {
-    /// Whether this is what the task is for.
+    /// Whether the task has succeeded.
     pub const fn is_success(self) -> bool {
         matches!(self, Ending::Tight | Ending::SlipAtMost | Ending::Opened | Ending::Placed | Ending::Held)
     }
 
-    /// The evidence in a sentence.
+    /// The evidence, as a sentence.
     pub const fn evidence(self) -> &'static str {
         match self {
             Ending::Tight => "at the largest force the cap no longer follows and the shear of the gels no longer grows",
@@ -95,18 +95,18 @@ impl Ending {
     }
 }
 
-/// What a task that is still taking hold waits for.
+/// What a task that is still grasping waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Missing {
-    /// A finger that can be judged.
+    /// A finger that is live.
     Sight,
-    /// The gripper's word that it holds something.
+    /// The gripper to report that it holds an object.
     Hold,
-    /// The fingers' contact.
+    /// Contact at the fingers.
     Contact,
-    /// A grip that stands.
+    /// A settled grip.
     Rest,
 }
 
@@ -122,12 +122,12 @@ impl Missing {
     }
 }
 
-/// A task. It never fails: a hand that sees nothing is answered with a wrist that waits and a grip that stays.
+/// A task. It never fails: while the hand is blind the wrist waits and the grip is kept.
 pub trait Task {
-    /// What to do now.
+    /// The commands for this cycle.
     fn step(&mut self, observation: &Observation<'_>) -> TaskStep;
 
-    /// The controller that holds the object.
+    /// The controller that holds the object, inside its guard.
     fn grip(&self) -> &Guard;
 
     /// What it waits for before its work can begin; None once it has begun, and before the first step.

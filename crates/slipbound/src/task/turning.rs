@@ -14,17 +14,17 @@ use serde::{Deserialize, Serialize};
 /// Fastest turn, rad/s: a little over 60 deg/s.
 pub(super) const FASTEST_RAD_PER_S: f64 = 1.1;
 
-/// When fingers that turn are sliding round a cap though no slip was seen begin: a slide in steady state moves no
-/// marker. Then the shear stays flat while they turn, under a load that friction could just carry.
+/// When turning fingers are considered to slide around a cap although no onset of slip was seen: steady sliding moves
+/// no marker. Then the shear stays flat while they turn, under a load that friction could just carry.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct SlideSettings {
     /// Turn over which the shear stays flat, rad: 8 deg, 2 mm at the rim of a bottle cap.
     pub window_rad: f64,
-    /// Growth of the shear over that turn, as a share of itself, that still is flat.
+    /// Growth of the shear over that turn, as a fraction of the shear, that still counts as flat.
     pub flat_fraction: f64,
-    /// Least load over grip force; below it a flat shear is a cap that runs.
+    /// Least ratio of load to grip force; below it a flat shear means a cap that turns freely.
     pub least_mu: f64,
 }
 

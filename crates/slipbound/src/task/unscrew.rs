@@ -26,13 +26,13 @@ pub struct UnscrewSettings {
     pub most_rad: f64,
     /// Turn over which the torque has to stay well below its peak, rad.
     pub open_rad: f64,
-    /// A peak of shear below this was no resistance, mm.
+    /// A peak of shear below this does not count as resistance of the cap, mm.
     pub least_peak_mm: f64,
     /// At the largest force: turn over which the shear stays flat when the fingers slide, rad.
     pub stuck_rad: f64,
     /// Where the cap may slide in the fingers: along the thread.
     pub allowed: Allowed,
-    /// When the fingers are sliding round the cap.
+    /// When the fingers are considered to slide around the cap.
     pub slide: SlideSettings,
 }
 
@@ -51,7 +51,7 @@ impl Default for UnscrewSettings {
 }
 
 impl UnscrewSettings {
-    /// Checks every setting; the error names the first one that cannot be.
+    /// Checks every setting; the error names the first invalid one.
     pub fn check(&self) -> Result<(), SettingError> {
         within("unscrew.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, FASTEST_RAD_PER_S)?;
         within("unscrew.most_rad", self.most_rad, 0.01, 100.0)?;
@@ -70,8 +70,8 @@ pub struct Unscrew {
 }
 
 impl Unscrew {
-    /// A cap is between the open jaws. Refuses settings that cannot be.
-    /// `stiffness_mpa_per_mm` is that of the gels against shear, None where it is unknown.
+    /// Starts with a cap between the open jaws. Fails for invalid settings. `stiffness_mpa_per_mm` is that of the gels
+    /// against shear, None where it is unknown.
     pub fn new(
         settings: UnscrewSettings,
         grip: Guard,

@@ -1,4 +1,4 @@
-//! Reports of whole courses on made-up fingers, to the last bit, as tables beside this file: an arithmetic slip anywhere
+//! Reports of whole motion profiles on made-up fingers, to the last bit, as tables beside this file: an arithmetic slip anywhere
 //! between picture and report shows there. A change that is meant is written anew by
 //!
 //! ```text
@@ -8,14 +8,14 @@
 //! Look at the difference before you commit it: the columns say what has changed. Where only the checksums did, it is
 //! something below the last digit or without a column (a marker, a feature).
 
-mod course;
+mod motion_profile;
 #[path = "../picture/mod.rs"]
 mod picture;
 #[path = "../snapshot/mod.rs"]
 mod snapshot;
 mod table;
 
-use course::{Arrives, Course, Pose};
+use motion_profile::{Arrives, MotionProfile, Pose};
 use picture::{Painter, frame};
 use slipbound::image::{Frame, SizePx};
 use slipbound::monitor::{RestBuilder, RestLook, Settings, SlipMonitor, SlipRule};
@@ -62,18 +62,18 @@ impl Finger {
         self
     }
 
-    /// The table of a course.
-    fn table(&self, course: &Course) -> String {
+    /// The table of a profile.
+    fn table(&self, profile: &MotionProfile) -> String {
         let (mut monitor, mut text) = self.at_rest();
         let mut sum = Checksum::new();
         text += &table::titles();
         let (mut seq, mut last_state, mut last_picture) = (100, None, Vec::new());
-        for (i, moment) in course.moments.iter().enumerate() {
-            seq += if let Arrives::After(missed) = moment.arrives { 1 + missed } else { 1 };
+        for (i, step) in profile.steps.iter().enumerate() {
+            seq += if let Arrives::After(missed) = step.arrives { 1 + missed } else { 1 };
             let time_ns = self.has_times.then_some(seq * FRAME_NS);
             let mut size = SIZE;
-            let mut rgb = course::picture(&self.painter, &moment.pose, self.shows_contact, seq);
-            match moment.arrives {
+            let mut rgb = motion_profile::picture(&self.painter, &step.pose, self.shows_contact, seq);
+            match step.arrives {
                 Arrives::Dark => rgb.iter_mut().for_each(|value| *value /= 40),
                 Arrives::Cropped => {
                     size = SizePx::new(SIZE.width, SIZE.height - 1);
@@ -82,16 +82,16 @@ impl Finger {
                 Arrives::Again => rgb.clone_from(&last_picture),
                 _ => {}
             }
-            let grip = self.knows_grip.then_some(GripSample { force_n: moment.pose.grip_n + 0.01 * (seq % 7) as f64 });
-            let report = match moment.arrives {
+            let grip = self.knows_grip.then_some(GripSample { force_n: step.pose.grip_n + 0.01 * (seq % 7) as f64 });
+            let report = match step.arrives {
                 Arrives::Torn => monitor.torn(seq, time_ns),
                 _ => monitor.step(&Frame { pixels: frame(&rgb, size, seq).pixels, seq, time_ns }, grip),
             };
             last_picture = rgb;
             table::add(&mut sum, &report, &monitor);
-            if i % 4 == 3 || last_state.replace(report.state) != Some(report.state) || i + 1 == course.moments.len() {
+            if i % 4 == 3 || last_state.replace(report.state) != Some(report.state) || i + 1 == profile.steps.len() {
                 table::add_regions(&mut sum, &monitor);
-                text += &table::row(moment, &report, &sum);
+                text += &table::row(step, &report, &sum);
             }
         }
         text
@@ -100,7 +100,8 @@ impl Finger {
     /// Its monitor after the first frames, and what was said of them.
     fn at_rest(&self) -> (SlipMonitor, String) {
         let mut builder = RestBuilder::new(&self.painter.sensor, &self.settings, SIZE).expect("valid");
-        let shown = |(i, pose): (usize, &Pose)| course::picture(&self.painter, pose, self.shows_contact, i as u64);
+        let shown =
+            |(i, pose): (usize, &Pose)| motion_profile::picture(&self.painter, pose, self.shows_contact, i as u64);
         let pictures: Vec<Vec<u8>> = self.first.iter().enumerate().map(shown).collect();
         let look = |(i, rgb): (usize, &Vec<u8>)| builder.look(&frame(rgb, SIZE, i as u64));
         let looks: Vec<RestLook> = pictures.iter().enumerate().map(look).collect();
@@ -134,8 +135,8 @@ impl Finger {
 
 /// Pressed, sheared, turned, gripped harder, rolled, until the rim lags and the object slides; then all that goes wrong
 /// with frames, and contacts of other sizes.
-fn whole_course() -> Course {
-    pressed(Course::from(Pose::OPEN).stay("open", 4))
+fn whole_profile() -> MotionProfile {
+    pressed(MotionProfile::from(Pose::OPEN).stay("open", 4))
         .go("shear", 10, |p| (p.object, p.lag) = (Vec2::new(4.0, 1.6), 0.15))
         .go("turn", 8, |p| (p.turn_rad, p.lag) = (0.055, 0.25))
         .go("regrip", 6, |p| p.grip_n = 15.0)
@@ -159,13 +160,13 @@ fn whole_course() -> Course {
         .go("open", 4, |p| *p = Pose { light: p.light, ..Pose::OPEN })
 }
 
-fn pressed(course: Course) -> Course {
-    course.go("press", 6, |p| (p.press, p.size, p.grip_n) = (1.0, 1.0, 10.0)).stay("settle", 9)
+fn pressed(profile: MotionProfile) -> MotionProfile {
+    profile.go("press", 6, |p| (p.press, p.size, p.grip_n) = (1.0, 1.0, 10.0)).stay("settle", 9)
 }
 
 /// Sheared, turned and slid.
-fn short_course(course: Course) -> Course {
-    course
+fn short_profile(profile: MotionProfile) -> MotionProfile {
+    profile
         .go("shear", 8, |p| (p.object, p.lag) = (Vec2::new(-3.0, 3.5), 0.2))
         .go("turn", 6, |p| (p.turn_rad, p.lag) = (-0.05, 0.5))
         .go("slide", 10, |p| (p.object, p.slid, p.lag) = (Vec2::new(-12.0, 14.0), Vec2::new(-8.0, 9.5), 0.9))
@@ -175,12 +176,12 @@ fn short_course(course: Course) -> Course {
 
 #[test]
 fn a_smooth_gel_whose_grip_is_known() {
-    snapshot::check("reports/smooth.txt", &Finger::new(Skin::Smooth, 1).table(&whole_course()));
+    snapshot::check("reports/smooth.txt", &Finger::new(Skin::Smooth, 1).table(&whole_profile()));
 }
 
 #[test]
 fn a_fabric_skin_whose_grip_is_known() {
-    snapshot::check("reports/fabric.txt", &Finger::new(Skin::Fabric, 2).table(&whole_course()));
+    snapshot::check("reports/fabric.txt", &Finger::new(Skin::Fabric, 2).table(&whole_profile()));
 }
 
 /// Seen askance and mirrored both ways, with a damaged corner; neither grip nor pitch in mm nor times are known.
@@ -193,13 +194,13 @@ fn a_rectified_finger_of_which_little_is_known() {
         sensor.defects_px = vec![[0, 0, 40, 30]];
     });
     (finger.knows_grip, finger.has_times) = (false, false);
-    snapshot::check("reports/rectified.txt", &finger.table(&whole_course()));
+    snapshot::check("reports/rectified.txt", &finger.table(&whole_profile()));
 }
 
 #[test]
 fn the_paper_as_written() {
     let finger = Finger { settings: Settings::paper(), ..Finger::new(Skin::Fabric, 4) };
-    snapshot::check("reports/paper.txt", &finger.table(&whole_course()));
+    snapshot::check("reports/paper.txt", &finger.table(&whole_profile()));
 }
 
 #[test]
@@ -207,8 +208,8 @@ fn bright_markers_judged_by_the_markers_alone() {
     let mut finger = Finger::new(Skin::Smooth, 5).with_sensor(|sensor| sensor.polarity = Polarity::Bright);
     finger.painter.contrast_levels = -60.0;
     finger.settings = Settings::default().with(|s| s.slip.rule = SlipRule::Markers);
-    let course = short_course(pressed(Course::from(Pose::OPEN).stay("open", 2)));
-    snapshot::check("reports/bright.txt", &finger.table(&course));
+    let profile = short_profile(pressed(MotionProfile::from(Pose::OPEN).stay("open", 2)));
+    snapshot::check("reports/bright.txt", &finger.table(&profile));
 }
 
 #[test]
@@ -221,8 +222,8 @@ fn fingers_that_are_touched_when_they_are_first_seen() {
         let finger = Finger { first: vec![held; 4], ..Finger::with_pitch(pitch_px, skin, 6) };
         let finger =
             finger.with_sensor(|sensor| sensor.bare_sharpness = Some(if skin == Skin::Smooth { 3.0 } else { 0.1 }));
-        let course = short_course(Course::from(held).stay("held", 4));
-        snapshot::check(name, &finger.table(&pressed(course)));
+        let profile = short_profile(MotionProfile::from(held).stay("held", 4));
+        snapshot::check(name, &finger.table(&pressed(profile)));
     }
 }
 
@@ -230,23 +231,23 @@ fn fingers_that_are_touched_when_they_are_first_seen() {
 #[test]
 fn a_contact_that_only_displacement_shows() {
     let finger = Finger { shows_contact: false, first: vec![Pose::OPEN; 3], ..Finger::new(Skin::Smooth, 7) };
-    let course = Course::from(Pose { press: 1.0, size: 2.0, ..Pose::OPEN }).stay("flat", 3);
-    snapshot::check("reports/displaced.txt", &finger.table(&short_course(course)));
+    let profile = MotionProfile::from(Pose { press: 1.0, size: 2.0, ..Pose::OPEN }).stay("flat", 3);
+    snapshot::check("reports/displaced.txt", &finger.table(&short_profile(profile)));
 }
 
 /// Contacts of two markers and of some more: the fewest that say anything.
 #[test]
 fn contacts_of_few_markers() {
     let finger = Finger { first: vec![Pose::OPEN; 3], ..Finger::with_pitch(38.0, Skin::Smooth, 8) };
-    let mut course = Course::from(Pose::OPEN).stay("open", 2);
+    let mut profile = MotionProfile::from(Pose::OPEN).stay("open", 2);
     for (size, x) in [(0.2, 0.0), (0.24, 12.0), (0.28, -9.0), (0.34, 6.0)] {
         let at = Pose { size, rolled: Vec2::new(x, 0.5 * x), ..Pose::OPEN };
-        course = course
+        profile = profile
             .go("press", 2, |p| *p = Pose { press: 1.0, grip_n: 6.0, ..at })
             .stay("settle", 8)
             .go("shear", 4, |p| p.object = Vec2::new(7.0, -3.0))
             .go("slide", 6, |p| (p.object, p.slid) = (Vec2::new(21.0, -9.0), Vec2::new(14.0, -6.0)))
             .go("open", 2, |p| *p = at);
     }
-    snapshot::check("reports/few.txt", &finger.table(&course));
+    snapshot::check("reports/few.txt", &finger.table(&profile));
 }

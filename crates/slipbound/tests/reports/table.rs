@@ -1,6 +1,6 @@
 //! A report as a row, and a checksum of all that has no room there.
 
-use crate::course::Moment;
+use crate::motion_profile::ProfileStep;
 use crate::snapshot::Checksum;
 use slipbound::monitor::{Estimate, SlipMonitor, SlipReport};
 use slipbound::plane::Vec2;
@@ -42,7 +42,7 @@ pub fn add_regions(sum: &mut Checksum, monitor: &SlipMonitor) {
     }
 }
 
-pub fn row(moment: &Moment, report: &SlipReport, sum: &Checksum) -> String {
+pub fn row(step: &ProfileStep, report: &SlipReport, sum: &Checksum) -> String {
     let state = serde_json::to_value(report.state).expect("data");
     let motion = |motion: Option<(Vec2, f64)>| {
         motion.map_or(format!("{:>24}", "-"), |(p, rad)| format!("{:8.3} {:6.3} {:8.3}", p.x, p.y, 1e3 * rad))
@@ -64,7 +64,7 @@ pub fn row(moment: &Moment, report: &SlipReport, sum: &Checksum) -> String {
     let (markers, contact) = (&report.markers, &report.contact);
     format!(
         "{:<8} {:3} {:<9} {:5} {:.3}  {:3} {:3}  {:3}   {}  {} | {:>2}/{:<2} {:6.4} {way:>6} | {} {} {} {load} | {evidence} {}{reason}\n",
-        moment.part,
+        step.part,
         report.seq,
         state.as_str().unwrap_or("?"),
         contact.area_px2,

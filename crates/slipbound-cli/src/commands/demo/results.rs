@@ -1,6 +1,6 @@
 //! What the report says of a simulated run.
 
-use slipbound::task::TaskSettings;
+use slipbound::task::{TaskKind, TaskSettings};
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::score::{RunScore, most_ground_n};
 use slipbound_rig::run::{Row, ending_name};
@@ -14,13 +14,15 @@ pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<R
         ok,
     };
     let mut rows = Vec::new();
-    let right = scene.task_name().parse().ok().map(|task| run.succeeded(task));
+    let right = Some(run.succeeded(scene.task()));
     let ending = run.ending.map_or("not before the end of the scene".into(), ending_name);
     rows.push(row("ended", ending, "", right));
     if let Some(fraction) = run.torque_fraction(scene.mean_mu()) {
         let value = format!("{:.0} N mm, {:.0} %", run.torque_n_mm, 100.0 * fraction);
-        match scene.task_name() {
-            "screw" => rows.push(row("largest torque on the cap", value, "90 % of 2 mu 60 N R", Some(fraction >= 0.9))),
+        match scene.task() {
+            TaskKind::Screw => {
+                rows.push(row("largest torque on the cap", value, "90 % of 2 mu 60 N R", Some(fraction >= 0.9)))
+            }
             _ => rows.push(row("largest torque on the cap", value, "", None)),
         }
     }

@@ -12,6 +12,7 @@ use crate::loopback::{WorldFrame, world};
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::{Context, anyhow};
+use slipbound::hand::Side;
 use slipbound::task::TaskKind;
 use slipbound_lab::hand::{HandScene, HandTruth, SimHand};
 use slipbound_rig::emulator::{CameraServer, Faults, Server};
@@ -25,21 +26,19 @@ use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-/// Names of the fingers.
-const NAMES: [&str; 2] = ["left", "right"];
 /// Longest wait for the world, between two looks for Ctrl-C.
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// The arguments of `slipbound emulate hand`.
 #[derive(Debug, clap::Args)]
 pub struct Hand {
-    /// What lies between the jaws, and what it does
+    /// The task, which determines the object between the jaws
     #[arg(long, default_value = "screw", value_parser = TaskKind::NAMES)]
     task: String,
     /// Which gripper, as wsg50 or robotiq?most_n=40
     #[arg(long, default_value = "wsg50", value_name = "GRIPPER?KEY=VALUE")]
     gripper: EmulatedGripper,
-    /// What noise and disturbances are drawn from
+    /// Seed of noise and disturbances
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Set a parameter of the scene, as mu=0.6; may be given several times
@@ -51,7 +50,7 @@ pub struct Hand {
     /// Folder for the sensor file of every finger, hand.toml, and a script `try.sh`; files of these names are replaced
     #[arg(short, long, value_name = "FOLDER", default_value = "slipbound-hand")]
     output: PathBuf,
-    /// What goes wrong with the gripper, joined by commas (see `slipbound emulate --help`)
+    /// Faults of the gripper, joined by commas (see `slipbound emulate --help`)
     #[arg(long, value_name = "FAULTS", default_value = "", hide_default_value = true)]
     fail: Faults,
 }
@@ -76,11 +75,14 @@ impl Hand {
             cameras.push(CameraServer::new(bind()?).context("cannot listen")?);
         }
         let stop = interruption::listen()?;
-        let urls: Vec<String> =
-            cameras.iter().zip(NAMES).map(|(camera, name)| format!("http://{}/{name}", camera.address())).collect();
+        let urls: Vec<String> = cameras
+            .iter()
+            .zip(Side::NAMES)
+            .map(|(camera, name)| format!("http://{}/{name}", camera.address()))
+            .collect();
         self.write_files(&hand, &urls, &gripper, &wrist)?;
         let mut terminal = Terminal::with_status();
-        NAMES.iter().zip(&urls).try_for_each(|(name, url)| terminal.say(&format!("{name}: {url}")))?;
+        Side::NAMES.iter().zip(&urls).try_for_each(|(name, url)| terminal.say(&format!("{name}: {url}")))?;
         terminal.say(&format!("gripper: {gripper}"))?;
         terminal.say(&format!("wrist: {wrist}"))?;
         terminal.say(&format!("{scene}; sensor files, hand.toml and try.sh are in {}", self.output.display()))?;
@@ -124,7 +126,7 @@ impl Hand {
         let folder = &self.output;
         fs::create_dir_all(folder).map_err(|e| Failure::work(format!("{}: cannot write", folder.display()), e))?;
         let mut hand_file = String::from("name = \"simulated hand\"\n");
-        for (finger, name) in NAMES.iter().enumerate().take(urls.len()) {
+        for (finger, name) in Side::NAMES.iter().enumerate().take(urls.len()) {
             let mut sensor = hand.sensor(finger);
             let serial = format!("simulated-{name}");
             sensor.serial = Some(serial.clone());

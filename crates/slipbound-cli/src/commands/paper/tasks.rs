@@ -3,7 +3,7 @@
 use crate::outcome::Failure;
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::monitor::Settings;
-use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, TaskSettings};
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::lockstep::LockStep;
 use slipbound_rig::run::ending_name;
@@ -44,7 +44,7 @@ const SHOWN: [Shown; 3] = [
 
 /// What is kept of a run.
 #[derive(Debug, Default)]
-struct Course {
+struct RunCurves {
     force_n: Vec<(f64, f64)>,
     angle_deg: Vec<(f64, f64)>,
     ground_n: Vec<(f64, f64)>,
@@ -52,7 +52,7 @@ struct Course {
     slips_count: u32,
 }
 
-impl CycleObserver for Course {
+impl CycleObserver for RunCurves {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
         let Some(cycle) = view.cycle() else { return };
         let time_s = cycle.time_ns as f64 * 1e-9;
@@ -73,10 +73,10 @@ fn chart(
     y_label: &str,
     points: &[(f64, f64)],
     least_most: f64,
-    course: &Course,
+    curves: &RunCurves,
     colour: usize,
 ) -> Chart {
-    let end_s = course.force_n.last().map_or(1.0, |point| point.0);
+    let end_s = curves.force_n.last().map_or(1.0, |point| point.0);
     let (low, high) =
         points.iter().fold((0.0f64, least_most), |(low, high), point| (low.min(point.1), high.max(point.1)));
     Chart {
@@ -86,7 +86,7 @@ fn chart(
         x: (0.0, end_s),
         y: (low, 1.05 * high),
         series: vec![Series { name: y_label.into(), points: points.to_vec(), draw: Draw::Line, colour }],
-        lines_at: course.slips_s.clone(),
+        lines_at: curves.slips_s.clone(),
     }
 }
 
@@ -96,26 +96,26 @@ pub fn all(seed: u64, stop: &AtomicBool) -> Result<Vec<Part>, Failure> {
     let mut parts = vec![Part::Text("Dashed: incipient slips, as the hand saw them.".into())];
     for shown in SHOWN {
         let scene = HandScene::parse(&format!("{}?seed={seed}", shown.scene)).map_err(Failure::arguments)?;
-        let task: TaskKind = scene.task_name().parse().map_err(Failure::arguments)?;
+        let task = scene.task();
         let settings = TaskSettings::default().with_controller(shown.controller);
         let mut run = LockStep::new(&scene, &settings, &Settings::default(), None).map_err(Failure::arguments)?;
-        let mut course = Course::default();
-        let ran = run.run(&|| stop.load(Ordering::Relaxed), &mut course);
+        let mut curves = RunCurves::default();
+        let ran = run.run(&|| stop.load(Ordering::Relaxed), &mut curves);
         ran.map_err(|error| Failure::work(&scene, error))?;
         let score = run.score();
         parts.push(Part::Chart(chart(
             format!("{}: grip force", shown.title),
             "force per finger, N",
-            &course.force_n,
+            &curves.force_n,
             MOST_N,
-            &course,
+            &curves,
             1,
         )));
         for (what, unit, points) in
-            [("cap angle", "angle, deg", &course.angle_deg), ("ground", "force on the ground, N", &course.ground_n)]
+            [("cap angle", "angle, deg", &curves.angle_deg), ("ground", "force on the ground, N", &curves.ground_n)]
         {
             if !points.is_empty() {
-                parts.push(Part::Chart(chart(format!("{}: {what}", shown.title), unit, points, 1.0, &course, 2)));
+                parts.push(Part::Chart(chart(format!("{}: {what}", shown.title), unit, points, 1.0, &curves, 2)));
             }
         }
         rows.push(vec![
@@ -123,7 +123,7 @@ pub fn all(seed: u64, stop: &AtomicBool) -> Result<Vec<Part>, Failure> {
             settings.controller.to_string(),
             score.ending.map_or("not ended".into(), ending_name),
             if score.succeeded(task) { "yes" } else { "no" }.into(),
-            course.slips_s.len().to_string(),
+            curves.slips_s.len().to_string(),
             format!("{:.0} N", score.most_n),
             shown.published.into(),
         ]);

@@ -53,10 +53,10 @@ pub struct Watch {
     /// Record every frame as it comes, with its report: `watch FILE.mcap` judges it again
     #[arg(long, value_name = "FILE.mcap")]
     pub(super) record: Option<PathBuf>,
-    /// A camera without a frame for longer is told of
+    /// Report a camera that gives no frame for longer
     #[arg(long, value_name = "MS", default_value_t = 300)]
     pub(super) max_silence_ms: u64,
-    /// What the finger is called in the report
+    /// Name of the finger in the report
     #[arg(long, value_name = "NAME", default_value = "finger")]
     pub(super) finger: String,
 }

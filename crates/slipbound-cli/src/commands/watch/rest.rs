@@ -52,14 +52,14 @@ pub fn find(
         let (size, source) = (window.size, &args.source);
         return Err(Failure::Arguments(anyhow!("{argument}: expected {size} as the frames of {source}, got {got}")));
     }
-    let saved = given.as_ref().and_then(Given::finger);
+    let saved = given.as_ref().and_then(RestInput::finger);
     let (sensor, note) = sensor_for(window.size, saved)?;
     let (rest, origin) = match (&args.rest, given) {
-        (Some(_), Some(Given::Saved(saved, file))) => {
+        (Some(_), Some(RestInput::Saved(saved, file))) => {
             saved.check(&sensor, settings, &file).map_err(refused)?;
             (saved.rest, RestOrigin { kind: RestOriginKind::Given, frames: None })
         }
-        (Some(argument), Some(Given::Frames(frames))) => {
+        (Some(argument), Some(RestInput::Frames(frames))) => {
             let builder = RestBuilder::new(&sensor, settings, window.size).map_err(|e| window.refused(&sensor, e))?;
             (build_given(args, argument, &frames, builder)?, origin_given(argument))
         }
@@ -76,26 +76,26 @@ pub fn find(
 }
 
 /// What the user named as the finger at rest.
-enum Given {
+enum RestInput {
     /// Frames.
     Frames(Vec<FrameBuffer>),
     /// A rest frame that was saved, and the name of its file.
     Saved(Box<SavedRest>, String),
 }
 
-impl Given {
+impl RestInput {
     fn sizes(&self) -> Vec<SizePx> {
         match self {
-            Given::Frames(frames) => frames.iter().map(|frame| frame.size).collect(),
-            Given::Saved(saved, _) => vec![saved.rest.size()],
+            RestInput::Frames(frames) => frames.iter().map(|frame| frame.size).collect(),
+            RestInput::Saved(saved, _) => vec![saved.rest.size()],
         }
     }
 
     /// Whose it is, as far as its file says, and the file.
     fn finger(&self) -> Option<(&Sensor, &str)> {
         match self {
-            Given::Frames(_) => None,
-            Given::Saved(saved, file) => Some((&saved.made_of.sensor, file)),
+            RestInput::Frames(_) => None,
+            RestInput::Saved(saved, file) => Some((&saved.made_of.sensor, file)),
         }
     }
 }
@@ -128,14 +128,14 @@ fn origin_given(argument: &RestArgument) -> RestOrigin {
 }
 
 /// What the user named; None where it is what comes first.
-fn given(args: &Watch, argument: &RestArgument) -> Option<Result<Given, Failure>> {
+fn given(args: &Watch, argument: &RestArgument) -> Option<Result<RestInput, Failure>> {
     match argument {
         RestArgument::File(path) if is_rest(path) => {
             let saved = SavedRest::read(path).map_err(refused);
-            Some(saved.map(|saved| Given::Saved(Box::new(saved), path.display().to_string())))
+            Some(saved.map(|saved| RestInput::Saved(Box::new(saved), path.display().to_string())))
         }
-        RestArgument::File(path) => Some(image(path).map(Given::Frames)),
-        RestArgument::Frames(range) => Some(frames(&args.source, range).map(Given::Frames)),
+        RestArgument::File(path) => Some(image(path).map(RestInput::Frames)),
+        RestArgument::Frames(range) => Some(frames(&args.source, range).map(RestInput::Frames)),
         RestArgument::Live(_) => None,
     }
 }

@@ -18,9 +18,9 @@ const ACTIVATION_MM_PER_S: f64 = 150.0;
 /// Fault: overcurrent; stands for every cause for which the gripper stops itself.
 const STOPPED: u8 = 0xE;
 
-/// What the jaws are told. Speed and force are the gripper's numbers.
+/// The motion that the outputs command. Speed and force are the gripper's numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Told {
+enum Motion {
     Stay,
     /// To close, and to open again at the end.
     Activate {
@@ -45,7 +45,7 @@ pub(super) struct Gripper {
     pub outputs: [u8; 6],
     pub activation: u8,
     pub fault: u8,
-    told: Told,
+    motion: Motion,
     /// Whether activation has closed the jaws.
     has_closed: bool,
     /// Width of what is between the jaws, mm.
@@ -70,7 +70,7 @@ impl Gripper {
             outputs: [bit::ACTIVATE, 0, 0, 0, 0, 0],
             activation: ACTIVATED,
             fault: 0,
-            told: Told::Stay,
+            motion: Motion::Stay,
             has_closed: false,
             between_mm: None,
         }
@@ -95,7 +95,7 @@ impl Gripper {
     pub fn advance_to(&mut self, now_ns: u64, plant: &mut dyn Plant) {
         self.between_mm = self.jaws.between_mm(plant);
         self.jaws.advance_to(now_ns, plant);
-        if let Told::Activate { opens } = self.told {
+        if let Motion::Activate { opens } = self.motion {
             // What is in the way ends the closing stroke.
             self.has_closed |= !opens && (self.jaws.is_there() || self.jaws.is_blocked());
             if opens && self.jaws.is_there() {
@@ -109,37 +109,37 @@ impl Gripper {
         self.activation == ACTIVATED && self.outputs[0] & bit::GO_TO != 0
     }
 
-    fn wanted(&self) -> Told {
+    fn wanted(&self) -> Motion {
         let [.., position, speed, force] = self.outputs;
         if self.fault != 0 {
-            return Told::Stay;
+            return Motion::Stay;
         }
         match self.activation {
-            ACTIVATING => Told::Activate { opens: self.has_closed },
-            _ if !self.goes() => Told::Stay,
-            _ if self.between_mm > Some(self.scales.opening_of_count(position)) => Told::Grip { speed, force },
-            _ => Told::To { position, speed },
+            ACTIVATING => Motion::Activate { opens: self.has_closed },
+            _ if !self.goes() => Motion::Stay,
+            _ if self.between_mm > Some(self.scales.opening_of_count(position)) => Motion::Grip { speed, force },
+            _ => Motion::To { position, speed },
         }
     }
 
     /// Tells the jaws what is now wanted, where it is new.
     fn steer(&mut self) {
         let wanted = self.wanted();
-        if wanted == self.told {
+        if wanted == self.motion {
             return;
         }
-        self.told = wanted;
+        self.motion = wanted;
         match wanted {
-            Told::Stay => self.jaws.stay(),
-            Told::Activate { opens } => {
+            Motion::Stay => self.jaws.stay(),
+            Motion::Activate { opens } => {
                 self.jaws.set_speed(ACTIVATION_MM_PER_S);
                 self.jaws.move_to(if opens { STROKE_MM } else { 0.0 });
             }
-            Told::To { position, speed } => {
+            Motion::To { position, speed } => {
                 self.jaws.set_speed(speed_of_count(speed));
                 self.jaws.move_to(self.scales.opening_of_count(position));
             }
-            Told::Grip { speed, force } => {
+            Motion::Grip { speed, force } => {
                 self.jaws.set_speed(speed_of_count(speed));
                 self.jaws.grasp(read_table(&self.scales.force_table, 0, f64::from(force)));
             }
@@ -148,10 +148,10 @@ impl Gripper {
 
     /// gOBJ. The manual: to be ignored without gGTO; its examples then have 0.
     pub fn object(&self) -> u8 {
-        match self.told {
+        match self.motion {
             _ if !self.goes() => object::MOVING,
-            Told::To { .. } if self.jaws.is_there() => object::THERE,
-            Told::Grip { .. } | Told::Stay if self.jaws.touches() => object::CONTACT_CLOSING,
+            Motion::To { .. } if self.jaws.is_there() => object::THERE,
+            Motion::Grip { .. } | Motion::Stay if self.jaws.touches() => object::CONTACT_CLOSING,
             _ => object::MOVING,
         }
     }

@@ -56,8 +56,8 @@ fn weighted(points: &[Point], weight: impl Fn(&Point) -> f64) -> Option<RigidMot
     crate::monitor::motion::fit_weighted(points.iter().map(|p| (p.rest, p.rest + p.displacement - p.joined, weight(p))))
 }
 
-/// What the features need beside the points.
-pub(super) struct Given {
+/// Facts of a frame that the features need beside the points.
+pub(super) struct FieldFacts {
     pub pitch_px: f64,
     /// Area of the contact, px2.
     pub area_px2: f64,
@@ -101,11 +101,11 @@ pub(super) const FLOOR_PITCH: f64 = 0.02 / 1.5;
 pub(super) fn features(
     points: &mut [Point],
     motion: &RigidMotion,
-    given: &Given,
+    facts: &FieldFacts,
     stretches: &mut Stretches,
     scratch: &mut [f64],
 ) -> Learned {
-    let (n, p) = (points.len() as f64, given.pitch_px);
+    let (n, p) = (points.len() as f64, facts.pitch_px);
     let floor = FLOOR_PITCH * p;
     points.sort_unstable_by(|a, b| a.radius.total_cmp(&b.radius));
     let mean = |of: &dyn Fn(&Point) -> f64, points: &[Point]| points.iter().map(of).sum::<f64>() / points.len() as f64;
@@ -123,14 +123,14 @@ pub(super) fn features(
     let largest_radius = points.last().map_or(1.0, |q| q.radius).max(1e-6);
     let along: f64 = points.iter().map(|q| (q.displacement - q.joined).dot(q.rigid)).sum();
 
-    let load_px3 = libm::hypot(given.force_px3.length(), given.moment_px4 / arm_px);
+    let load_px3 = libm::hypot(facts.force_px3.length(), facts.moment_px4 / arm_px);
     // About the middle of the contact: the motion is stated there.
-    let work = given.force_px3.dot(motion.translation) + given.moment_px4 * motion.rotation_rad;
-    let patch_px2 = given.area_px2 + given.skirt_px * 2.0 * (std::f64::consts::PI * given.area_px2.max(1.0)).sqrt();
+    let work = facts.force_px3.dot(motion.translation) + facts.moment_px4 * motion.rotation_rad;
+    let patch_px2 = facts.area_px2 + facts.skirt_px * 2.0 * (std::f64::consts::PI * facts.area_px2.max(1.0)).sqrt();
     let moves = rigid_px > 0.02 * p;
     let secant_px2 = moves.then(|| work / (rigid_px * rigid_px));
-    let stiffest_px2 = given.stiffest_px2.max(secant_px2.unwrap_or(0.0));
-    let added_rigid = given.before.map_or(0.0, |s| rigid_px - s.rigid_px);
+    let stiffest_px2 = facts.stiffest_px2.max(secant_px2.unwrap_or(0.0));
+    let added_rigid = facts.before.map_or(0.0, |s| rigid_px - s.rigid_px);
     let tangent_px2 = stretches.see(load_px3, rigid_px, LEAST_MOVE_FLOORS * floor);
 
     let (mut narrow, mut wide) = spread(points);
@@ -145,7 +145,7 @@ pub(super) fn features(
         xy / xx.max(1e-9)
     };
     let turn_px = motion.rotation_rad.abs() * arm_px;
-    let (low, high) = given.inside;
+    let (low, high) = facts.inside;
     let cut = share(&|q| q.rest.x < low.x || q.rest.y < low.y || q.rest.x > high.x || q.rest.y > high.y);
     let sticking = mean(
         &|q| {
@@ -167,8 +167,8 @@ pub(super) fn features(
 
     let mean_moved = points.iter().fold(Vec2::ZERO, |sum, q| sum + (q.displacement - q.joined)) / n;
     let slip_rms = (points.iter().map(|q| q.residual().length_squared()).sum::<f64>() / n).sqrt();
-    let per_grip = given.stiffness_over_grip_per_px3.unwrap_or(0.0) / SCALE_MU;
-    let area = per_grip * given.area_px2;
+    let per_grip = facts.stiffness_over_grip_per_px3.unwrap_or(0.0) / SCALE_MU;
+    let area = per_grip * facts.area_px2;
     Learned {
         features: [
             mean(&slip, points) / (mean_rigid + floor),

@@ -1,4 +1,5 @@
-//! Friction of a contact, gathered over its frames: the object and the gel stay the same, what a frame tells of them does not.
+//! Friction of a contact, accumulated over its frames: the friction stays the same, the information in a frame does
+//! not.
 //!
 //! ```text
 //!   a frame:  log mu = log (load / (grip x sunk)) - log used, by trees of its own (said.rs)

@@ -1,5 +1,5 @@
-//! A contact that stands still shows markers that stand still, whether its load is held or it slides on over the gel. What it used and what
-//! stuck when it last moved is known better, and goes on with the load.
+//! In a contact at rest the markers do not move, whether the load is held or the object slides on over the gel. The
+//! estimates made while the contact last moved are better than new ones, and are continued with the load.
 //!
 //! ```text
 //!   motion or load has changed by a twentieth, in whatever time:  used, stick <- trees

@@ -1,6 +1,6 @@
 //! The parts of step 5 on fields made by hand; against simulated physics: `slipbound-lab/tests/estimates.rs`.
 
-use super::field::{Given, Point, features, fit};
+use super::field::{FieldFacts, Point, features, fit};
 use super::window::{Sample, Stretches, Window};
 use super::*;
 use crate::sensor::Shear;
@@ -221,7 +221,7 @@ fn a_patch_at_the_border_is_called_cut() {
     let point =
         |i: u32| Point { id: i, rest: Vec2::new(f64::from(i) * 10.0, 5.0), radius: f64::from(i), ..Point::default() };
     let mut points: Vec<Point> = (0..10).map(point).collect();
-    let given = Given {
+    let facts = FieldFacts {
         pitch_px: 30.0,
         area_px2: 900.0,
         skirt_px: 38.0,
@@ -233,7 +233,7 @@ fn a_patch_at_the_border_is_called_cut() {
         stiffest_px2: 0.0,
     };
     let still = RigidMotion { reference: Vec2::ZERO, translation: Vec2::ZERO, rotation_rad: 0.0 };
-    let learned = features(&mut points, &still, &given, &mut Stretches::default(), &mut [0.0; 10]);
+    let learned = features(&mut points, &still, &facts, &mut Stretches::default(), &mut [0.0; 10]);
     let cut = FEATURE_NAMES.iter().position(|name| *name == "cut").expect("named");
     assert!((learned.features[cut] - 0.3).abs() < 1e-12, "{:?}", learned.features);
     assert!(learned.features.iter().all(|value| value.is_finite()));

@@ -22,7 +22,7 @@ pub(super) struct ThresholdFinder {
     join: Element,
     grow: Element,
     around: Element,
-    least_area_px: usize,
+    least_area_px2: usize,
     spots: Vec<Spot>,
 }
 
@@ -39,7 +39,7 @@ impl ThresholdFinder {
             join: Element::rect(side(2.0), side(2.0)),
             grow: Element::rect(side(5.0), side(5.0)),
             around: Element::ellipse(side(45.0), side(45.0)),
-            least_area_px: (9.0 * (pitch_px / 15.2) * (pitch_px / 15.2)).round() as usize,
+            least_area_px2: (9.0 * (pitch_px / 15.2) * (pitch_px / 15.2)).round() as usize,
             spots: Vec::with_capacity(size.area() / 4 + size.width + size.height),
         }
     }
@@ -66,7 +66,7 @@ impl ThresholdFinder {
         self.morphology.dilate(&self.work, &self.grow, &mut self.mask);
         self.spots.clear();
         for blob in self.components.label(&self.mask) {
-            if blob.area_px2 >= self.least_area_px {
+            if blob.area_px2 >= self.least_area_px2 {
                 self.spots
                     .push(Spot { position: Vec2::new(blob.centroid_px.x, blob.centroid_px.y), response_levels: 1.0 });
             }

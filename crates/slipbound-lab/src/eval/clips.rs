@@ -1,23 +1,60 @@
-//! Recorded clips in folders, with labels: what every detector sees of them, frame by frame.
+//! Recorded clips in folders, with labels, and the answers of every detector to their frames.
 //!
 //! ```text
 //!   FOLDER/clip/...     --frames--> monitor (ours, the paper's) --> detectors --> Seen
 //!   FOLDER/labels.csv   --truth, for scoring alone-----------------------------> tables
 //! ```
 
-use anyhow::{Context, anyhow};
+use crate::eval::error::EvalError;
+use crate::rivals::{Detector, Entry, Inputs};
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::monitor::{EvidenceReport, EvidenceSettings, Rest, RestBuilder, RestKind, SlipMonitor, SlipState};
-use slipbound::port::{FrameBuffer, Next, SourceError, SourceErrorKind};
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use slipbound::sensor::Sensor;
-use slipbound_lab::eval::EvalError;
-use slipbound_lab::rivals::{Detector, Entry, Inputs};
-use slipbound_rig::source;
 use std::collections::BTreeMap;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
-/// What labels.csv says of a clip.
+/// Opens a recording by its path.
+pub type OpenSource = fn(&str) -> Result<Box<dyn FrameSource + Send>, SourceError>;
+
+/// Why a folder of clips cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ClipsError {
+    /// The folder cannot be read.
+    #[error("{path}: expected a folder of clips")]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// There are no folders in it.
+    #[error("{path}: expected folders with clips, got none")]
+    Empty {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// labels.csv cannot be read.
+    #[error("{path}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// labels.csv is not as expected.
+    #[error("{path}: {problem}")]
+    Labels {
+        /// The file.
+        path: PathBuf,
+        /// What was expected and got.
+        problem: String,
+    },
+}
+
+/// The label of a clip in labels.csv.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Label {
     /// What was held.
@@ -30,36 +67,40 @@ pub struct Label {
 #[derive(Debug, Clone)]
 pub struct Clips {
     folder: PathBuf,
-    /// Names of the clips, in the order of the alphabet: labels have no say in it.
+    open: OpenSource,
+    /// Names of the clips, in alphabetical order, whatever their labels.
     pub names: Vec<String>,
     /// Labels by clip; empty without labels.csv.
     pub labels: BTreeMap<String, Label>,
 }
 
 impl Clips {
-    /// Reads a folder: each folder in it is a clip; `labels.csv`, where there is one, has the name of the clip in its
-    /// first column, and columns `object` and `slip`.
-    pub fn open(folder: &Path) -> anyhow::Result<Self> {
-        let shown = folder.display();
-        let entries = fs::read_dir(folder).with_context(|| format!("{shown}: expected a folder of clips"))?;
+    /// Reads a folder: each folder in it is a clip, to be read by `open`; `labels.csv`, where there is one, has the name
+    /// of the clip in its first column, and columns `object` and `slip`.
+    pub fn open(folder: &Path, open: OpenSource) -> Result<Self, ClipsError> {
+        let path = || folder.to_owned();
+        let entries = fs::read_dir(folder).map_err(|source| ClipsError::Folder { path: path(), source })?;
         let mut names = Vec::new();
         for entry in entries {
-            let entry = entry.with_context(|| shown.to_string())?;
+            let entry = entry.map_err(|source| ClipsError::Read { path: path(), source })?;
             if entry.path().is_dir() {
                 names.push(entry.file_name().to_string_lossy().into_owned());
             }
         }
         if names.is_empty() {
-            return Err(anyhow!("{shown}: expected folders with clips, got none"));
+            return Err(ClipsError::Empty { path: path() });
         }
         names.sort();
         let file = folder.join("labels.csv");
         let labels = match file.exists() {
-            true => labels(&fs::read_to_string(&file).with_context(|| file.display().to_string())?)
-                .with_context(|| file.display().to_string())?,
+            true => {
+                let text = fs::read_to_string(&file);
+                let text = text.map_err(|source| ClipsError::Read { path: file.clone(), source })?;
+                labels(&text).map_err(|problem| ClipsError::Labels { path: file, problem })?
+            }
             false => BTreeMap::new(),
         };
-        Ok(Clips { folder: folder.to_owned(), names, labels })
+        Ok(Clips { folder: folder.to_owned(), open, names, labels })
     }
 
     /// Folder of a clip.
@@ -67,13 +108,25 @@ impl Clips {
         self.folder.join(name)
     }
 
-    /// Whether a clip's object slipped; None where nobody says.
+    /// Shows a recording to detectors, in the order of `entries`; the answers by detector, then by frame; none for a
+    /// detector whose monitor cannot be made for the recording.
+    pub fn watch(
+        &self,
+        path: &Path,
+        sensor: &Sensor,
+        rest_from: RestFrom,
+        entries: &[&'static Entry],
+    ) -> Result<Vec<Vec<Seen>>, EvalError> {
+        watch(self.open, &path.display().to_string(), sensor, rest_from, entries)
+    }
+
+    /// Whether a clip's object slipped; None without a label.
     pub fn truth(&self, name: &str) -> Option<bool> {
         self.labels.get(name).map(|label| label.slips)
     }
 }
 
-/// What is held, as far as the name of a clip alone tells it: its words up to the first that is a number.
+/// The object that is held, from the name of a clip: its words up to the first that is a number.
 pub fn object_of_name(name: &str) -> &str {
     let is_number = |word: &str| !word.is_empty() && word.bytes().all(|b| b.is_ascii_digit());
     let mut end = 0;
@@ -86,12 +139,12 @@ pub fn object_of_name(name: &str) -> &str {
     name
 }
 
-fn labels(text: &str) -> anyhow::Result<BTreeMap<String, Label>> {
+fn labels(text: &str) -> Result<BTreeMap<String, Label>, String> {
     let mut lines = text.lines().filter(|line| !line.trim().is_empty());
     let columns: Vec<&str> = lines.next().unwrap_or_default().split(',').map(str::trim).collect();
     let place = |name: &str| {
         let found = columns.iter().position(|column| *column == name);
-        found.ok_or_else(|| anyhow!("expected a column {name}, got {}", columns.join(", ")))
+        found.ok_or_else(|| format!("expected a column {name}, got {}", columns.join(", ")))
     };
     let (object, slip) = (place("object")?, place("slip")?);
     let mut labels = BTreeMap::new();
@@ -100,7 +153,7 @@ fn labels(text: &str) -> anyhow::Result<BTreeMap<String, Label>> {
         let slips = match cells.get(slip) {
             Some(&"1") => true,
             Some(&"0") => false,
-            other => return Err(anyhow!("slip: expected 0 or 1, got {other:?} in `{line}`")),
+            other => return Err(format!("slip: expected 0 or 1, got {other:?} in `{line}`")),
         };
         let object = cells.get(object).copied().unwrap_or_default().to_owned();
         labels.insert(cells[0].to_owned(), Label { object, slips });
@@ -108,7 +161,7 @@ fn labels(text: &str) -> anyhow::Result<BTreeMap<String, Label>> {
     Ok(labels)
 }
 
-/// What a detector said of a frame.
+/// The answer of a detector to a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Seen {
     /// Number of the frame.
@@ -132,9 +185,9 @@ pub enum RestFrom {
     FirstFrames,
 }
 
-/// Shows a recording to detectors, in the order of `entries`. A detector whose monitor cannot be made for it has seen
-/// nothing.
-pub fn watch(
+/// See [`Clips::watch`].
+fn watch(
+    open: OpenSource,
     uri: &str,
     sensor: &Sensor,
     rest_from: RestFrom,
@@ -147,10 +200,10 @@ pub fn watch(
         if !entries.iter().any(|entry| is_asked(entry)) {
             continue;
         }
-        let Some(mut monitor) = monitor(uri, sensor, rest_from, inputs)? else { continue };
+        let Some(mut monitor) = monitor(open, uri, sensor, rest_from, inputs)? else { continue };
         let mut detectors: Vec<(usize, Box<dyn Detector>)> =
             entries.iter().enumerate().filter(|(_, e)| is_asked(e)).map(|(n, e)| (n, e.make())).collect();
-        let mut frames = source::open(uri).map_err(boxed)?;
+        let mut frames = open(uri).map_err(EvalError::Source)?;
         let mut buffer = FrameBuffer::default();
         loop {
             let report = match frames.next(&mut buffer)? {
@@ -175,9 +228,15 @@ pub fn watch(
 }
 
 /// A monitor for a recording; None where its rest frame cannot be used.
-fn monitor(uri: &str, sensor: &Sensor, from: RestFrom, inputs: Inputs) -> Result<Option<SlipMonitor>, EvalError> {
+fn monitor(
+    open: OpenSource,
+    uri: &str,
+    sensor: &Sensor,
+    from: RestFrom,
+    inputs: Inputs,
+) -> Result<Option<SlipMonitor>, EvalError> {
     let settings = inputs.settings();
-    let mut frames = source::open(uri).map_err(boxed)?;
+    let mut frames = open(uri).map_err(EvalError::Source)?;
     let mut buffer = FrameBuffer::default();
     let mut finder: Option<RestFinder> = None;
     let rest: Option<Rest> = loop {
@@ -202,13 +261,9 @@ fn monitor(uri: &str, sensor: &Sensor, from: RestFrom, inputs: Inputs) -> Result
     rest.map(|rest| Ok(SlipMonitor::new(sensor, &settings, rest)?)).transpose()
 }
 
-/// What went wrong, in its own words.
+/// An error of another kind, by its own text.
 pub(super) fn other(problem: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> EvalError {
     EvalError::Source(SourceError::new(SourceErrorKind::Other, problem))
-}
-
-fn boxed(error: source::Error) -> EvalError {
-    EvalError::Source(error.into())
 }
 
 /// The greatest value that each part of the evidence has had over the frames that count.
@@ -273,7 +328,7 @@ mod tests {
         let read = labels("clip,object,opening,slip\na_1,cup,3,1\n\nb_2,pen,4,0\n").expect("labels");
         assert_eq!(read["a_1"], Label { object: "cup".into(), slips: true });
         assert!(!read["b_2"].slips);
-        let error = labels("clip,slip\na,1\n").expect_err("no objects").to_string();
+        let error = labels("clip,slip\na,1\n").expect_err("no objects");
         assert_eq!(error, "expected a column object, got clip, slip");
         assert!(labels("clip,object,slip\na,b,yes\n").is_err());
     }

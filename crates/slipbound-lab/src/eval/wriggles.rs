@@ -7,12 +7,16 @@
 //!
 //! The length of a clip tells its label (whoever loses the object stops recording), so every clip is seen for the same time.
 
-use super::clips::{Clips, RestFrom, Seen, judged, object_of_name, other, watch};
+use super::clips::{Clips, RestFrom, Seen, judged, object_of_name, other};
+use super::error::EvalError;
 use super::lifts::row;
+use super::protocol::Protocol;
+use super::record::TrialRecord;
+use super::statistics::share_of;
+use super::table::{Cell, Table};
+use crate::rivals::{DETECTORS, Entry};
 use slipbound::monitor::EvidenceSettings;
 use slipbound::sensor::Sensor;
-use slipbound_lab::eval::{Cell, EvalError, Protocol, Table, TrialRecord, share_of};
-use slipbound_lab::rivals::{DETECTORS, Entry};
 use std::path::Path;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -23,7 +27,7 @@ const AFTER_CONTACT_FRAMES: u64 = 13;
 /// Frames in a row with contact that begin it.
 const CONTACT_FRAMES_COUNT: usize = 4;
 
-/// The protocol.
+/// The protocol `wriggles`.
 #[derive(Debug)]
 pub struct Wriggles {
     clips: Clips,
@@ -63,7 +67,10 @@ impl Wriggles {
                 let n = next.fetch_add(1, Ordering::Relaxed);
                 let Some(name) = names.get(n) else { return mine };
                 let path = self.clips.path(name);
-                mine.push((n, grasp(&path, &self.sensor, detectors).map_err(|e| format!("{}: {e}", path.display()))));
+                mine.push((
+                    n,
+                    grasp(&self.clips, &path, &self.sensor, detectors).map_err(|e| format!("{}: {e}", path.display())),
+                ));
             }
         };
         let jobs = std::thread::available_parallelism().map_or(1, usize::from);
@@ -80,7 +87,7 @@ impl Wriggles {
 }
 
 /// Shows both fingers' recordings of a grasp to the detectors.
-fn grasp(folder: &Path, sensor: &Sensor, detectors: &[&'static Entry]) -> Result<Grasp, EvalError> {
+fn grasp(clips: &Clips, folder: &Path, sensor: &Sensor, detectors: &[&'static Entry]) -> Result<Grasp, EvalError> {
     let boxed = |error: std::io::Error| other(error);
     let mut videos = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(boxed)? {
@@ -92,7 +99,7 @@ fn grasp(folder: &Path, sensor: &Sensor, detectors: &[&'static Entry]) -> Result
     videos.sort();
     let mut fingers = Vec::new();
     for video in &videos {
-        fingers.push(watch(&video.display().to_string(), sensor, RestFrom::FirstFrames, detectors)?);
+        fingers.push(clips.watch(video, sensor, RestFrom::FirstFrames, detectors)?);
     }
     let start = fingers.iter().filter_map(|finger| contact(finger)).min();
     let length = fingers.iter().flat_map(|finger| finger.first()).map(Vec::len).min().unwrap_or(0);

@@ -69,23 +69,23 @@ pub enum Arrives {
     After(u64),
 }
 
-/// A frame of the course.
+/// A frame of the profile.
 #[derive(Clone, Copy)]
-pub struct Moment {
+pub struct ProfileStep {
     pub part: &'static str,
     pub pose: Pose,
     pub arrives: Arrives,
 }
 
-/// Moments in their order.
-pub struct Course {
-    pub moments: Vec<Moment>,
+/// The steps in their order.
+pub struct MotionProfile {
+    pub steps: Vec<ProfileStep>,
     pose: Pose,
 }
 
-impl Course {
+impl MotionProfile {
     pub fn from(pose: Pose) -> Self {
-        Course { moments: Vec::new(), pose }
+        MotionProfile { steps: Vec::new(), pose }
     }
 
     /// Goes on to another pose in so many frames.
@@ -94,7 +94,7 @@ impl Course {
         change(&mut to);
         for i in 1..=frames {
             let pose = from.towards(to, i as f64 / frames as f64);
-            self.moments.push(Moment { part, pose, arrives: Arrives::Whole });
+            self.steps.push(ProfileStep { part, pose, arrives: Arrives::Whole });
         }
         self.pose = to;
         self
@@ -106,7 +106,7 @@ impl Course {
 
     /// A frame of the pose as it is, to which this happens.
     pub fn meet(mut self, part: &'static str, arrives: Arrives) -> Self {
-        self.moments.push(Moment { part, pose: self.pose, arrives });
+        self.steps.push(ProfileStep { part, pose: self.pose, arrives });
         self
     }
 }

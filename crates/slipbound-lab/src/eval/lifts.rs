@@ -8,17 +8,21 @@
 //!
 //! Nothing but the frames enters a verdict: no name, no label, no opening of the gripper.
 
-use super::clips::{Clips, Latch, RestFrom, judged, object_of_name, other, watch};
+use super::clips::{Clips, Latch, RestFrom, Seen, judged, object_of_name, other};
+use super::error::EvalError;
+use super::protocol::Protocol;
+use super::record::TrialRecord;
+use super::statistics::{auc, median, share_of};
+use super::table::{Cell, Table};
+use crate::rivals::{DETECTORS, Entry, named};
 use slipbound::monitor::{EvidenceScale, EvidenceSettings};
 use slipbound::sensor::Sensor;
-use slipbound_lab::eval::{Cell, EvalError, Protocol, Table, TrialRecord, auc, share_of};
-use slipbound_lab::rivals::{DETECTORS, Entry, named};
 use std::sync::OnceLock;
 
 /// Frames before this one give no score: markers first move at index 5 to 7.
 const SCORED_FROM_FRAME: u64 = 5;
 
-/// The protocol.
+/// The protocol `lifts`.
 #[derive(Debug)]
 pub struct Lifts {
     clips: Clips,
@@ -44,7 +48,7 @@ fn fit<'a>(examples: impl Iterator<Item = Example<'a>> + Clone) -> Option<Eviden
     let scale = |value: fn(&Latch) -> f64| {
         let of = |slips: bool| {
             let some: Vec<f64> = examples.clone().filter(|e| e.slips == slips).map(|e| value(&e.latch)).collect();
-            slipbound_lab::eval::median(&some).value
+            median(&some).value
         };
         Some(EvidenceScale { held: of(false)?, slid: of(true)? })
     };
@@ -99,9 +103,8 @@ impl Lifts {
     }
 
     /// What the detectors saw in the frames that count.
-    fn watch(&self, name: &str, detectors: &[&'static Entry]) -> Result<Vec<Vec<super::clips::Seen>>, EvalError> {
-        let uri = self.clips.path(name).display().to_string();
-        let mut seen = watch(&uri, &self.sensor, RestFrom::FirstFrame, detectors)?;
+    fn watch(&self, name: &str, detectors: &[&'static Entry]) -> Result<Vec<Vec<Seen>>, EvalError> {
+        let mut seen = self.clips.watch(&self.clips.path(name), &self.sensor, RestFrom::FirstFrame, detectors)?;
         seen.iter_mut().for_each(|frames| frames.retain(|frame| frame.frame >= SCORED_FROM_FRAME));
         Ok(seen)
     }
@@ -120,7 +123,7 @@ impl Protocol for Lifts {
         let name = &self.clips.names[number as usize];
         let scale = self.scale(name)?;
         let seen = self.watch(name, detectors)?;
-        let record = |(entry, seen): (&&'static Entry, &Vec<super::clips::Seen>)| {
+        let record = |(entry, seen): (&&'static Entry, &Vec<Seen>)| {
             let (score, first_alarm_frame, latch) = judged(entry, seen, &scale);
             let record = TrialRecord {
                 number,

@@ -1,5 +1,5 @@
 use super::*;
-use slipbound_lab::random::Random;
+use crate::random::Random;
 
 /// Clips of four objects whose evidence tells slipped from held, with some overlap.
 fn clips(random: &mut Random) -> Vec<Example<'static>> {
