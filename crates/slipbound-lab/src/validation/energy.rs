@@ -86,8 +86,8 @@ pub fn energy_cycle() -> Vec<Row> {
         let lost = [4, 8, 16, 32].map(|substeps| (substeps, lost_fraction(shape, aside, substeps)));
         for (substeps, lost) in lost {
             let case = format!("energy lost over heat, {name}, {substeps} steps a frame");
-            // Bars at 16 and finer; the coarser ones are stated, and must not run away.
-            rows.push(Row::deviation(case, lost, if substeps < 16 { 0.02 } else { 0.005 }));
+            // The bar is for 16 and finer; the coarser ones are as they are, and less than what p grad g makes on the flattest.
+            rows.push(Row::deviation(case, lost, if substeps < 16 { 0.007 } else { 0.005 }));
         }
         let order = 0.5 * libm::log2((lost[1].1 / lost[3].1).abs());
         rows.push(Row::at_least(format!("energy lost, {name}: order in the step, 8 to 32"), 0.8, order));
@@ -116,8 +116,8 @@ pub fn sliding_heat() -> Vec<Row> {
             let case = format!(
                 "steady sliding, {name}, {force_n} N, {substeps_count} steps a frame: heat against wrench x way"
             );
-            // The bar at 16; what is shipped is stated, and must not run away.
-            rows.push(Row::relative(case, due, heat, "N mm", if substeps_count < 16 { 0.02 } else { 5e-3 }));
+            // The bar is for 16; what is shipped is as it is.
+            rows.push(Row::relative(case, due, heat, "N mm", if substeps_count < 16 { 0.01 } else { 5e-3 }));
         }
     }
     rows
