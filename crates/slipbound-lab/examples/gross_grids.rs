@@ -13,14 +13,17 @@ fn loads(scene: &str) -> Result<[Option<f64>; 2], Failure> {
     let mut world = World::new(&Trial::parse(scene)?)?;
     let mut by_work = None;
     while let Some(truth) = world.advance()? {
-        let slides = truth.friction_used_fraction.is_some_and(|used| used >= slipbound_lab::contact::GROSS_FRICTION_FRACTION);
+        let slides =
+            truth.friction_used_fraction.is_some_and(|used| used >= slipbound_lab::contact::GROSS_FRICTION_FRACTION);
         by_work = by_work.or(truth.load.filter(|_| slides));
     }
     Ok([world.gross().map(|gross| gross.load), by_work])
 }
 
 fn main() -> Result<(), Failure> {
-    println!("| object | ramp, s | world, 64 x 48 | 96 x 72 | apart | 99 % alone, 64 x 48 | 96 x 72 |\n|---|---|---|---|---|---|---|");
+    println!(
+        "| object | ramp, s | world, 64 x 48 | 96 x 72 | apart | 99 % alone, 64 x 48 | 96 x 72 |\n|---|---|---|---|---|---|---|"
+    );
     let told = |load: Option<f64>| load.map_or("-".into(), |load| format!("{load:.3}"));
     for object in OBJECTS.iter().map(|object| object.name) {
         for ramp_s in [1, 2] {
@@ -28,7 +31,8 @@ fn main() -> Result<(), Failure> {
                 loads(&format!("ramp?object={object}&ramp_s={ramp_s}&grid={grid}&direction_deg=20&seed=1"))
             };
             let ([fast, fast_work], [fine, fine_work]) = (of("fast")?, of("standard")?);
-            let apart = fast.zip(fine).map_or("-".into(), |(fast, fine)| format!("{:.1} %", 100.0 * (fast / fine - 1.0)));
+            let apart =
+                fast.zip(fine).map_or("-".into(), |(fast, fine)| format!("{:.1} %", 100.0 * (fast / fine - 1.0)));
             println!(
                 "| {object} | {ramp_s} | {} | {} | {apart} | {} | {} |",
                 told(fast),
