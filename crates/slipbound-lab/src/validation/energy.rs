@@ -86,8 +86,8 @@ pub fn energy_cycle() -> Vec<Row> {
         let lost = [4, 8, 16, 32].map(|substeps| (substeps, lost_fraction(shape, aside, substeps)));
         for (substeps, lost) in lost {
             let case = format!("energy lost over heat, {name}, {substeps} steps a frame");
-            // Bars at 16 and finer; the coarser ones are stated, and must not run away.
-            rows.push(Row::deviation(case, lost, if substeps < 16 { 0.02 } else { 0.005 }));
+            // The bar is for 16 and finer; the coarser ones are as they are, and less than what p grad g makes on the flattest.
+            rows.push(Row::deviation(case, lost, if substeps < 16 { 0.007 } else { 0.005 }));
         }
         let order = 0.5 * libm::log2((lost[1].1 / lost[3].1).abs());
         rows.push(Row::at_least(format!("energy lost, {name}: order in the step, 8 to 32"), 0.8, order));
@@ -95,45 +95,55 @@ pub fn energy_cycle() -> Vec<Row> {
     rows
 }
 
-/// Steady sliding at 4 mm/s and 16 steps a frame: the heat is the wrench along the way, less what the gel stores
-/// meanwhile.
+/// Steady sliding at 4 mm/s, at 16 steps a frame and at the 4 that are shipped: the heat is the wrench along the way, less
+/// what the gel stores meanwhile.
 pub fn sliding_heat() -> Vec<Row> {
     let place = Pose { position_mm: Vec2::new(-6.0, -6.0), turn_rad: 0.0 };
-    let settings = exact(FingerSettings { shape_in_object: place, substep_s: 1.0 / 480.0, ..FingerSettings::fast() });
     let (along, across) = (Vec2::new(1.0, 0.0), Vec2::new(0.0, 1.0));
-    [
-        ("sphere", "sphere", along, 5.0),
-        ("sphere", "sphere", along, 20.0),
-        ("sphere", "sphere", along, 45.0),
-        ("cap along its axis", "cap", along, FORCE_N),
-        ("cap across its axis", "cap", across, FORCE_N),
-        ("flat 20 x 15", "flat", along, FORCE_N),
-    ]
-    .into_iter()
-    .map(|(name, shape, aside, force_n)| {
-        let legs = vec![
-            Leg::press(force_n, 0.25),
-            Leg::shear(8.0 * aside.x, 8.0 * aside.y, 2.0),
-            Leg::shear(4.0 * aside.x, 4.0 * aside.y, 1.0),
-        ];
-        let path = Path::new(legs).expect("a sound path");
-        let mut finger = start(settings, shape);
-        let (mut work, mut heat, mut stored) = (0.0, 0.0, 0.0);
-        for command in path.commands(settings.substep_s) {
-            let before = *finger.truth();
-            let after = *finger.step(&command).expect("a sound command");
-            if after.time_s > 2.25 + 1e-6 {
-                work += work_n_mm(&before, &after);
-                heat += after.dissipated_n_mm;
-            } else {
-                stored = stored_n_mm(&finger);
-            }
+    let mut rows = Vec::new();
+    for substeps_count in [16, 4] {
+        let substep_s = 1.0 / (30.0 * f64::from(substeps_count));
+        let settings = exact(FingerSettings { shape_in_object: place, substep_s, ..FingerSettings::fast() });
+        for (name, shape, aside, force_n) in [
+            ("sphere", "sphere", along, 5.0),
+            ("sphere", "sphere", along, 20.0),
+            ("sphere", "sphere", along, 45.0),
+            ("cap along its axis", "cap", along, FORCE_N),
+            ("cap across its axis", "cap", across, FORCE_N),
+            ("flat 20 x 15", "flat", along, FORCE_N),
+        ] {
+            let (due, heat) = slid_n_mm(settings, shape, aside, force_n);
+            let case = format!(
+                "steady sliding, {name}, {force_n} N, {substeps_count} steps a frame: heat against wrench x way"
+            );
+            // The bar is for 16; what is shipped is as it is.
+            rows.push(Row::relative(case, due, heat, "N mm", if substeps_count < 16 { 0.01 } else { 5e-3 }));
         }
-        let due = work - (stored_n_mm(&finger) - stored);
-        let case = format!("steady sliding, {name}, {force_n} N: heat against wrench x way");
-        Row::relative(case, due, heat, "N mm", 5e-3)
-    })
-    .collect()
+    }
+    rows
+}
+
+/// Work in N mm put in while an object slides by its last 4 of 12 mm, less what the gel stores meanwhile; and the heat.
+fn slid_n_mm(settings: FingerSettings, shape: &str, aside: Vec2, force_n: f64) -> (f64, f64) {
+    let legs = vec![
+        Leg::press(force_n, 0.25),
+        Leg::shear(8.0 * aside.x, 8.0 * aside.y, 2.0),
+        Leg::shear(4.0 * aside.x, 4.0 * aside.y, 1.0),
+    ];
+    let path = Path::new(legs).expect("a sound path");
+    let mut finger = start(settings, shape);
+    let (mut work, mut heat, mut stored) = (0.0, 0.0, 0.0);
+    for command in path.commands(settings.substep_s) {
+        let before = *finger.truth();
+        let after = *finger.step(&command).expect("a sound command");
+        if after.time_s > 2.25 + 1e-6 {
+            work += work_n_mm(&before, &after);
+            heat += after.dissipated_n_mm;
+        } else {
+            stored = stored_n_mm(&finger);
+        }
+    }
+    (work - (stored_n_mm(&finger) - stored), heat)
 }
 
 /// A face inclined along x with sharp sides: its lowest point is at the side of least x.
