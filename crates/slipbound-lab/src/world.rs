@@ -98,7 +98,7 @@ impl World {
         let rest_frames = trial.number("rest_frames") as u64;
         let moving_frames = (profile.path.seconds_s() * FRAME_RATE_HZ as f64 - 1e-9).ceil() as u64;
         let mut world = World {
-            gross: GrossWatch::new(profile.load_from_s, profile.pull != Pull::None),
+            gross: GrossWatch::new(profile.load_from_s, profile.pull != Pull::None, profile.may_bend()),
             frames_count: rest_frames + moving_frames,
             codec: Codec::new(size, trial.number("jpeg_quality") as u8),
             rgb: vec![0; 3 * size.area()],

@@ -21,6 +21,17 @@ pub struct LoadProfile {
     pub along: (Vec2, f64),
 }
 
+impl LoadProfile {
+    /// Whether the object may run on a bend: it is moved, or pulled, and turned at once.
+    pub fn may_bend(&self) -> bool {
+        match self.pull {
+            Pull::Ramp { twist_fraction, .. } => twist_fraction != 0.0 && twist_fraction.abs() < 1.0,
+            Pull::Weight { .. } => false,
+            Pull::None => self.along.0 != Vec2::ZERO && self.along.1 != 0.0,
+        }
+    }
+}
+
 /// Load on an object that is not guided.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Pull {

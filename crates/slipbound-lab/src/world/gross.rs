@@ -6,7 +6,7 @@ use slipbound::plane::Vec2;
 
 /// The first substep of gross slip, as [`GROSS_FRICTION_FRACTION`](crate::contact::GROSS_FRICTION_FRACTION) defines it; on a bend,
 /// where friction lags behind the motion and never does all the work it could, the first of two frames in which hardly a cell
-/// sticks, or the one in which an object that is pulled runs off. Only substeps after the load has begun count: the first cells of a
+/// sticks; and at the latest the substep in which an object that is pulled runs off. Only substeps after the load has begun count: the first cells of a
 /// press may slip without anything sliding.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gross {
@@ -34,6 +34,7 @@ const RIM_MM: f64 = 5.0;
 pub(super) struct GrossWatch {
     load_from_s: Option<f64>,
     pulled: bool,
+    may_bend: bool,
     /// Where it was in the substeps of the last frame, the oldest first.
     poses: [Pose; RUNS_OFF_SUBSTEPS],
     /// Since when hardly a cell has stuck, and for how many substeps.
@@ -43,11 +44,12 @@ pub(super) struct GrossWatch {
 }
 
 impl GrossWatch {
-    /// `pulled`: whether the object goes where its load takes it.
-    pub fn new(load_from_s: Option<f64>, pulled: bool) -> Self {
+    /// `pulled`: whether the object goes where its load takes it. `may_bend`: whether on a bend.
+    pub fn new(load_from_s: Option<f64>, pulled: bool, may_bend: bool) -> Self {
         GrossWatch {
             load_from_s,
             pulled,
+            may_bend,
             poses: Default::default(),
             sticks_hardly: None,
             found: None,
@@ -78,7 +80,7 @@ impl GrossWatch {
         let rim_mm = shift_mm + RIM_MM * (truth.pose.turn_rad - began.turn_rad).abs();
         let runs_off = self.pulled && rim_mm >= RUNS_OFF_MM;
         let now = Gross { time_s, load, pose: truth.pose };
-        let sticks_hardly = truth.stick_ratio.is_some_and(|stick_ratio| stick_ratio <= STICKS_HARDLY);
+        let sticks_hardly = self.may_bend && truth.stick_ratio.is_some_and(|stick_ratio| stick_ratio <= STICKS_HARDLY);
         self.sticks_hardly =
             sticks_hardly.then(|| self.sticks_hardly.map_or((now, 1), |(since, count)| (since, count + 1)));
         let since = self.sticks_hardly.filter(|(_, count)| *count >= STICKS_HARDLY_SUBSTEPS).map(|(since, _)| since);
