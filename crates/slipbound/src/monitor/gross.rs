@@ -36,13 +36,13 @@ pub const SLIDE_FEATURES_COUNT: usize = OTHERS_COUNT + OF_WINDOW_COUNT * WINDOWS
 /// shares by which load and grip force have grown.
 pub type SlideFeatures = [f64; SLIDE_FEATURES_COUNT];
 
-/// Probability from which it slides, and down to which it goes on. On objects left out one frame of .99 is false in 10 of 1,039 trials and in time
-/// in 608 of 809; of .98 in 15 and 642.
+/// Probability from which it slides, and down to which it goes on. On objects left out one frame of .99 is false in 8 of 1,040 trials and in
+/// time in 596 of 810; one of .98 in 15 and 637.
 const BEGINS: f64 = 0.99;
 const GOES_ON: f64 = 0.15;
 
 /// Where the grip force is known, less used friction than this begins no slide: the estimate is seldom off by half, and a sudden press moves
-/// an imprint over the gel as a slide does. With the trees before these it delayed 5 of the 809
+/// an imprint over the gel as a slide does. With earlier trees it delayed 5 of 809
 /// slides of the training split by more than two frames.
 const LEAST_USED: f64 = 0.5;
 
