@@ -84,7 +84,7 @@ impl Default for MarginSettings {
             slack_fraction: 0.05,
             raise_n_per_s: 120.0,
             release_n_per_s: 5.0,
-            release_excess_per_s: 12.0,
+            release_excess_per_s: 4.0,
             unsure_n_per_s: 10.0,
             unsure_most_fraction: 0.5,
         }
