@@ -146,6 +146,11 @@ impl<'a, const CHANNELS: usize> Interleaved<'a, CHANNELS> {
     pub fn row(&self, y: usize) -> &'a [u8] {
         &self.bytes[y * self.stride..][..self.size.width * CHANNELS]
     }
+
+    /// The bytes from row `y` on, with whatever follows it in memory.
+    pub(crate) fn from_row(&self, y: usize) -> &'a [u8] {
+        &self.bytes[y * self.stride..]
+    }
 }
 
 impl Rgb<'_> {
