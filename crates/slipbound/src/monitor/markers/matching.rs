@@ -436,35 +436,21 @@ fn middle_of(steps: &[Vec2], part: impl Fn(&Vec2) -> f64) -> f64 {
     let mut nine = [i64::MAX; NEIGHBOURS + 1];
     nine[..below].fill(i64::MIN);
     nine[below..].iter_mut().zip(steps).for_each(|(out, step)| *out = ordered(part(step)));
-    // Puts the two at these places in order; the last exchange leaves the middle in place 4 (Paeth's network).
-    for (i, k) in MIDDLE_OF_NINE {
-        (nine[i], nine[k]) = (nine[i].min(nine[k]), nine[i].max(nine[k]));
-    }
+    // Paeth's network: the last exchange leaves the middle in place 4.
+    let n = &mut nine;
+    (order::<1, 2>(n), order::<4, 5>(n), order::<7, 8>(n), order::<0, 1>(n), order::<3, 4>(n), order::<6, 7>(n));
+    (order::<1, 2>(n), order::<4, 5>(n), order::<7, 8>(n), order::<0, 3>(n), order::<5, 8>(n), order::<4, 7>(n));
+    (order::<3, 6>(n), order::<1, 4>(n), order::<2, 5>(n), order::<4, 7>(n), order::<4, 2>(n), order::<6, 4>(n));
+    order::<4, 2>(n);
     f64::from_bits(ordered_bits(nine[4]) as u64)
 }
 
-/// Exchanges after which the middle of nine is in the middle.
-const MIDDLE_OF_NINE: [(usize, usize); 19] = [
-    (1, 2),
-    (4, 5),
-    (7, 8),
-    (0, 1),
-    (3, 4),
-    (6, 7),
-    (1, 2),
-    (4, 5),
-    (7, 8),
-    (0, 3),
-    (5, 8),
-    (4, 7),
-    (3, 6),
-    (1, 4),
-    (2, 5),
-    (4, 7),
-    (4, 2),
-    (6, 4),
-    (4, 2),
-];
+/// Exchanges the values at two places where the first is the greater.
+#[inline(always)]
+fn order<const FIRST: usize, const SECOND: usize>(nine: &mut [i64; NEIGHBOURS + 1]) {
+    let (a, b) = (nine[FIRST], nine[SECOND]);
+    (nine[FIRST], nine[SECOND]) = (a.min(b), a.max(b));
+}
 
 /// A whole number in the order of [`f64::total_cmp`], and back.
 fn ordered(v: f64) -> i64 {
