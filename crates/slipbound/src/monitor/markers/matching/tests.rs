@@ -93,14 +93,15 @@ fn what_the_neighbours_said_before_holds_only_while_they_stand() {
     matching.predict(markers.iter().map(|m| place(m).unwrap_or(m.rest)));
     matching.assign(0.5);
     matching.settle_with_neighbours(&markers);
-    assert!(matching.match_of[22] == NO_SPOT && matching.match_of[55] == NO_SPOT);
+    let lost: Vec<usize> = (0..markers.len()).filter(|&i| matching.match_of[i] == NO_SPOT).collect();
+    assert_eq!(lost, [22, 47, 55]);
     let mut kept_count = 0;
     for i in (0..markers.len()).filter(|&i| matching.match_of[i] != NO_SPOT) {
         let says = matching.predicted_by_neighbours(&markers, i);
         assert_eq!(matching.said_by_neighbours(&markers, i), says, "marker {i}");
         kept_count += u32::from(matching.said[i] == says);
     }
-    assert!((40..66).contains(&kept_count), "{kept_count} of them kept what was said");
+    assert!((30..60).contains(&kept_count), "{kept_count} of them kept what was said");
 }
 
 #[test]
