@@ -148,7 +148,7 @@ impl<'a, const CHANNELS: usize> Interleaved<'a, CHANNELS> {
     }
 
     /// The bytes from row `y` on, with whatever follows it in memory.
-    pub(crate) fn from_row(&self, y: usize) -> &'a [u8] {
+    pub(crate) fn bytes_from(&self, y: usize) -> &'a [u8] {
         &self.bytes[y * self.stride..]
     }
 }

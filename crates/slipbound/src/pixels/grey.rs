@@ -32,7 +32,7 @@ pub fn grey_from_rgb(src: Rgb<'_>, weights: &GreyWeights, flip: Flip, out: &mut 
     let weights_65536ths = src.order().rgb(weights.rgb_65536ths); // integers: the order of a sum changes no bit
     let products = Products::new(weights_65536ths);
     for (y, out) in out.chunks_exact_mut(size.width).enumerate() {
-        let row = src.from_row(if rows_turned { size.height - 1 - y } else { y });
+        let row = src.bytes_from(if rows_turned { size.height - 1 - y } else { y });
         grey_row(row, &products, out);
         if columns_turned {
             out.reverse();

@@ -430,6 +430,7 @@ impl Matching {
 }
 
 /// The value with half of them below it, the upper of two; of at most nine.
+#[rustfmt::skip]
 fn middle_of(steps: &[Vec2], part: impl Fn(&Vec2) -> f64) -> f64 {
     // As many below all and above all as keep it in the middle of nine.
     let below = 4 - steps.len() / 2;
@@ -438,9 +439,9 @@ fn middle_of(steps: &[Vec2], part: impl Fn(&Vec2) -> f64) -> f64 {
     nine[below..].iter_mut().zip(steps).for_each(|(out, step)| *out = ordered(part(step)));
     // Paeth's network: the last exchange leaves the middle in place 4.
     let n = &mut nine;
-    (order::<1, 2>(n), order::<4, 5>(n), order::<7, 8>(n), order::<0, 1>(n), order::<3, 4>(n), order::<6, 7>(n));
-    (order::<1, 2>(n), order::<4, 5>(n), order::<7, 8>(n), order::<0, 3>(n), order::<5, 8>(n), order::<4, 7>(n));
-    (order::<3, 6>(n), order::<1, 4>(n), order::<2, 5>(n), order::<4, 7>(n), order::<4, 2>(n), order::<6, 4>(n));
+    order::<1, 2>(n); order::<4, 5>(n); order::<7, 8>(n); order::<0, 1>(n); order::<3, 4>(n); order::<6, 7>(n);
+    order::<1, 2>(n); order::<4, 5>(n); order::<7, 8>(n); order::<0, 3>(n); order::<5, 8>(n); order::<4, 7>(n);
+    order::<3, 6>(n); order::<1, 4>(n); order::<2, 5>(n); order::<4, 7>(n); order::<4, 2>(n); order::<6, 4>(n);
     order::<4, 2>(n);
     f64::from_bits(ordered_bits(nine[4]) as u64)
 }
