@@ -415,7 +415,7 @@ mod tests {
                 seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 seed >> 24
             };
-            (0..width).map(|i| if i / PLACES == 1 { 39 } else { (next() % 90) as i32 }).collect()
+            (0..width).map(|i| if i / PLACES == 1 { 39 } else { (next() % 20) as i32 + 30 }).collect()
         };
         let rows = [row(), row(), row()];
         let mut peaks = vec![7; width];
