@@ -20,6 +20,7 @@ mod element;
 pub mod flatten;
 pub mod gaussian;
 pub mod grey;
+mod lanes;
 pub mod mean;
 pub mod morphology;
 pub mod patch;

@@ -89,8 +89,9 @@ impl CellMap {
             (from - at).max(at - (from + c)).max(0.0)
         };
         for row in top.max(0.0) as usize..=(bottom.max(0.0) as usize).min(self.rows - 1) {
+            let dy = gap(row, centre.y);
             for column in left.max(0.0) as usize..=(right.max(0.0) as usize).min(self.columns - 1) {
-                let (dx, dy) = (gap(column, centre.x), gap(row, centre.y));
+                let dx = gap(column, centre.x);
                 if dx * dx + dy * dy <= radius_px * radius_px {
                     covered[row * self.columns + column] = true;
                 }

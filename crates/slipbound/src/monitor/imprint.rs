@@ -15,6 +15,7 @@ use crate::pixels::checksum::checksum;
 use crate::pixels::flatten::Flatten;
 use crate::pixels::gaussian::Gaussian;
 use crate::pixels::grey::{GreyWeights, grey_from_gray, grey_from_rgb};
+use crate::pixels::mean::mean_levels;
 use crate::pixels::warp::WarpTable;
 use crate::plane::Vec2;
 use crate::sensor::{Flip, Sensor, Skin};
@@ -228,11 +229,4 @@ fn seen(sensor: &Sensor, table: Option<&WarpTable>) -> Option<Mask> {
         seen.clear_rectangle(left..right.min(size.width), top..bottom.min(size.height));
     }
     Some(seen)
-}
-
-/// Mean of every fourth row.
-fn mean_levels(grey: &[u8], width: usize) -> f64 {
-    let rows = grey.chunks_exact(width).step_by(4);
-    let count = rows.len() * width;
-    rows.flat_map(|row| row.iter()).map(|&v| u64::from(v)).sum::<u64>() as f64 / count as f64
 }

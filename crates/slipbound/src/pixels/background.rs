@@ -27,8 +27,6 @@ pub struct Background {
     /// Levels of the tiles in 64ths.
     levels: Vec<u16>,
     levels_next: Vec<u16>,
-    /// One row of tiles with its mirrored ends.
-    padded_row: Vec<u16>,
     box_sums: Vec<u32>,
     /// Two rows of tiles, widened to pixels, in 16ths of a level.
     wide_rows: [Vec<u16>; 2],
@@ -43,7 +41,6 @@ impl Background {
         let tile_px = if sigma_px >= 20.0 { 8 } else { 4 };
         let tiles = SizePx::new(size.width.div_ceil(tile_px), size.height.div_ceil(tile_px));
         let box_radii = box_radii(sigma_px / tile_px as f64);
-        let reach = box_radii[BOXES - 1];
         Background {
             size,
             tile_px,
@@ -52,8 +49,7 @@ impl Background {
             column_sums: vec![0; tiles.width * tile_px],
             levels: vec![0; tiles.area()],
             levels_next: vec![0; tiles.area()],
-            padded_row: vec![0; tiles.width + 2 * reach + 1],
-            box_sums: vec![0; tiles.width],
+            box_sums: vec![0; tiles.width.max(tiles.height)],
             wide_rows: [vec![0; tiles.width * tile_px], vec![0; tiles.width * tile_px]],
         }
     }
@@ -82,43 +78,35 @@ impl Background {
                 self.column_sums[x] = self.column_sums[reflect_101(x as isize, width)];
             }
             let scale = (TILE_FRACTIONS as usize / (TILE * TILE)) as u16;
-            for (level, columns) in levels.iter_mut().zip(self.column_sums.as_chunks::<TILE>().0) {
-                *level = columns.iter().sum::<u16>() * scale;
-            }
+            sum_tiles::<TILE>(&self.column_sums, scale, levels);
         }
     }
 
+    /// Boxes along rows are boxes down the columns of the picture laid on its side: many sums side by side, not one after the other.
     fn smooth_rows(&mut self) {
-        let n = self.tiles.width;
-        for row in self.levels.chunks_exact_mut(n) {
-            for radius in self.box_radii {
-                let padded = &mut self.padded_row[..n + 2 * radius + 1];
-                padded[radius..][..n].copy_from_slice(row);
-                for i in 0..radius {
-                    padded[i] = row[reflect(i as isize - radius as isize, n)];
-                }
-                for i in n + radius..n + 2 * radius + 1 {
-                    padded[i] = row[reflect(i as isize - radius as isize, n)];
-                }
-                box_row(padded, radius, row);
-            }
-        }
+        let SizePx { width, height } = self.tiles;
+        lay_on_its_side(&self.levels, width, &mut self.levels_next);
+        std::mem::swap(&mut self.levels, &mut self.levels_next);
+        self.smooth_down(height, width);
+        lay_on_its_side(&self.levels, height, &mut self.levels_next);
+        std::mem::swap(&mut self.levels, &mut self.levels_next);
     }
 
     fn smooth_columns(&mut self) {
-        let (n, height) = (self.tiles.width, self.tiles.height);
+        self.smooth_down(self.tiles.width, self.tiles.height);
+    }
+
+    /// Smooths levels in so many columns and rows down the columns.
+    fn smooth_down(&mut self, n: usize, height: usize) {
+        let sums = &mut self.box_sums[..n];
         for radius in self.box_radii {
             let row = |y: isize| &self.levels[reflect(y, height) * n..][..n];
             let r = radius as isize;
-            self.box_sums.fill(0);
-            for y in -r..=r {
-                for (sum, &level) in self.box_sums.iter_mut().zip(row(y)) {
-                    *sum += u32::from(level);
-                }
-            }
+            sums.fill(0);
+            (-r..=r).for_each(|y| add_levels(row(y), sums));
             for (y, out) in self.levels_next.chunks_exact_mut(n).enumerate() {
                 let y = y as isize;
-                box_columns(&mut self.box_sums, row(y - r), row(y + r + 1), inverse(radius), out);
+                box_columns(sums, row(y - r), row(y + r + 1), inverse(radius), out);
             }
             std::mem::swap(&mut self.levels, &mut self.levels_next);
         }
@@ -174,26 +162,56 @@ fn scaled(sum: u32, inverse: u64) -> u16 {
     ((u64::from(sum) * inverse + (1 << 23)) >> 24) as u16
 }
 
-fn sum_rows<const TILE: usize>(rows: [&[u8]; TILE], out: &mut [u16]) {
-    let n = out.len();
-    let rows = rows.map(|r| &r[..n]);
-    for (i, out) in out.iter_mut().enumerate() {
-        let mut sum = 0;
-        for row in rows {
-            sum += u16::from(row[i]);
+/// Rows become columns, by squares of so many levels a side as far as they go.
+fn lay_on_its_side(levels: &[u16], width: usize, out: &mut [u16]) {
+    const SIDE: usize = 8;
+    let height = levels.len() / width.max(1);
+    let (right, bottom) = (width - width % SIDE, height - height % SIDE);
+    for top in (0..bottom).step_by(SIDE) {
+        for left in (0..right).step_by(SIDE) {
+            let mut square = [[0; SIDE]; SIDE];
+            for (y, row) in square.iter_mut().enumerate() {
+                row.copy_from_slice(&levels[(top + y) * width + left..][..SIDE]);
+            }
+            for x in 0..SIDE {
+                out[(left + x) * height + top..][..SIDE].copy_from_slice(&square.map(|row| row[x]));
+            }
         }
-        *out = sum;
+    }
+    for y in 0..height {
+        for x in if y < bottom { right } else { 0 }..width {
+            out[x * height + y] = levels[y * width + x];
+        }
     }
 }
 
-fn box_row(padded: &[u16], radius: usize, out: &mut [u16]) {
-    let inverse = inverse(radius);
-    let mut sum: u32 = padded[..2 * radius + 1].iter().map(|&v| u32::from(v)).sum();
-    for ((out, &leaves), &enters) in out.iter_mut().zip(padded).zip(&padded[2 * radius + 1..]) {
-        *out = scaled(sum, inverse);
-        sum = sum + u32::from(enters) - u32::from(leaves);
+wide! {
+    fn sum_rows<const TILE: usize>(rows: [&[u8]; TILE], out: &mut [u16]) {
+        let n = out.len();
+        let rows = rows.map(|r| &r[..n]);
+        for (i, out) in out.iter_mut().enumerate() {
+            let mut sum = 0;
+            for row in rows {
+                sum += u16::from(row[i]);
+            }
+            *out = sum;
+        }
     }
-    // The last enters beyond the row: `padded` holds one value more than the last box needs.
+
+    /// Sums of columns -> levels of tiles, in units of `scale` a level.
+    fn sum_tiles<const TILE: usize>(columns: &[u16], scale: u16, levels: &mut [u16]) {
+        for (level, columns) in levels.iter_mut().zip(columns.as_chunks::<TILE>().0) {
+            let mut sum = 0;
+            for column in columns {
+                sum += column;
+            }
+            *level = sum * scale;
+        }
+    }
+
+    fn add_levels(levels: &[u16], sums: &mut [u32]) {
+        sums.iter_mut().zip(levels).for_each(|(sum, &level)| *sum += u32::from(level));
+    }
 }
 
 wide! {
@@ -242,6 +260,28 @@ mod tests {
                 Background::new(size, sigma_px).apply(&vec![level; size.area()], &mut out);
                 assert!(out.iter().all(|&v| v == level), "{size}, sigma {sigma_px}, level {level}: {out:?}");
             }
+        }
+    }
+
+    #[test]
+    fn a_picture_laid_on_its_side_has_its_background_laid_on_its_side() {
+        for (width, height, sigma) in [(67, 131, 9.0), (160, 96, 15.0), (215, 170, 24.0)] {
+            let level = |x: usize, y: usize| ((x * x / 7 + 3 * y + x * y / 31) % 200) as u8;
+            let upright: Vec<u8> = (0..width * height).map(|i| level(i % width, i / width)).collect();
+            let laid: Vec<u8> = (0..width * height).map(|i| level(i / height, i % height)).collect();
+            let smooth = |size: SizePx, picture: &[u8]| {
+                let mut out = vec![0; size.area()];
+                Background::new(size, sigma).apply(picture, &mut out);
+                out
+            };
+            let (upright, laid) =
+                (smooth(SizePx::new(width, height), &upright), smooth(SizePx::new(height, width), &laid));
+            for i in 0..width * height {
+                // Sums are rounded after each pass, along one axis first.
+                let (a, b) = (upright[i], laid[i % width * height + i / width]);
+                assert!(a.abs_diff(b) <= 1, "{width} x {height}, {i}: {a} and {b}");
+            }
+            assert!(upright.iter().max() > upright.iter().min());
         }
     }
 

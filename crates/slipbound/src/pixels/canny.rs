@@ -37,7 +37,7 @@ pub struct Canny {
     weak_row: Vec<u8>,
     strong_row: Vec<u8>,
     weak: Mask,
-    /// Words whose strong pixels may still spread; each at most once, so it never grows.
+    /// Words that strong pixels may still spread into; each at most once, so it never grows.
     stack: Vec<u32>,
     stacked: Vec<bool>,
 }
@@ -106,13 +106,14 @@ impl Canny {
         pack_row(&self.strong_row, strong.row_mut(y));
     }
 
-    /// Spreads the strong pixels over the weak ones they touch, 64 pixels at a time.
+    /// Spreads the strong pixels over the weak ones they touch, 64 pixels at a time: only words with weak pixels that are not strong yet
+    /// are looked at, again when a neighbour has grown.
     fn follow(&mut self, rows: Range<usize>, strong: &mut Mask) {
         let per_row = strong.row(0).len();
         let words = rows.start * per_row..rows.end * per_row;
         let (weak, strong) = (self.weak.words(), strong.words_mut());
         for i in words.clone().rev() {
-            if strong[i] != 0 {
+            if weak[i] & !strong[i] != 0 {
                 self.stack.push(i as u32);
                 self.stacked[i] = true;
             }
@@ -120,30 +121,28 @@ impl Canny {
         while let Some(i) = self.stack.pop() {
             let i = i as usize;
             self.stacked[i] = false;
-            let here = fill_word(strong[i], weak[i]);
-            strong[i] = here;
-            let spread = here | here << 1 | here >> 1;
+            let open = weak[i] & !strong[i];
             let column = i % per_row;
-            for row in [i.wrapping_sub(per_row), i, i + per_row] {
-                if !words.contains(&row) {
-                    continue;
-                }
-                let mut reach = |i: usize, bits: u64| {
-                    let new = bits & weak[i] & !strong[i];
-                    if new != 0 {
-                        strong[i] |= new;
-                        if !self.stacked[i] {
-                            self.stacked[i] = true;
-                            self.stack.push(i as u32);
-                        }
+            // The rows above and below; within the band, and within the row, what is beyond is the word itself once more.
+            let above = if i >= words.start + per_row { i - per_row } else { i };
+            let below = if i + per_row < words.end { i + per_row } else { i };
+            let (before, after) = (usize::from(column > 0), usize::from(column + 1 < per_row));
+            let three =
+                |away: usize| strong[above + away - before] | strong[i + away - before] | strong[below + away - before];
+            let here = three(before);
+            let left = if before > 0 { three(0) >> 63 } else { 0 };
+            let right = if after > 0 { three(before + 1) << 63 } else { 0 };
+            let new = fill_word((here | here << 1 | here >> 1 | left | right) & open, open);
+            if new == 0 {
+                continue;
+            }
+            strong[i] |= new;
+            for row in [above, i, below] {
+                for at in row - before..=row + after {
+                    if weak[at] & !strong[at] != 0 && !self.stacked[at] {
+                        self.stacked[at] = true;
+                        self.stack.push(at as u32);
                     }
-                };
-                reach(row, spread);
-                if column > 0 {
-                    reach(row - 1, here << 63);
-                }
-                if column + 1 < per_row {
-                    reach(row + 1, here >> 63);
                 }
             }
         }

@@ -52,11 +52,16 @@ pub fn mask_above(values: &[f32], columns: usize, cell_px: usize, level: f32, ce
                     let down = share(y, i);
                     let (a, b) =
                         (corners[0] + (corners[2] - corners[0]) * down, corners[1] + (corners[3] - corners[1]) * down);
-                    let words = out.row_mut(y);
-                    for x in xs.clone() {
-                        let v = a + (b - a) * share(x, j);
-                        words[x / 64] |= u64::from(v >= level) << (x % 64);
+                    let at = |x: usize| a + (b - a) * share(x, j);
+                    // Rounding keeps an order: along a row the value goes one way, so it crosses the level once.
+                    let rises = b >= a;
+                    let (mut crossing, mut end) = (xs.start, xs.end);
+                    while crossing < end {
+                        let middle = (crossing + end) / 2;
+                        if (at(middle) >= level) == rises { end = middle } else { crossing = middle + 1 }
                     }
+                    let (from, to) = if rises { (crossing, xs.end) } else { (xs.start, crossing) };
+                    set_range(out.row_mut(y), from, to);
                 }
             }
         }

@@ -30,6 +30,24 @@ const RIDGE: f64 = 8.0;
 /// Decimated values are kept with two more bits than grey levels.
 const STEPS_PER_LEVEL: i32 = 4;
 
+/// Decimated pixels that are looked at side by side.
+const PLACES: usize = 32;
+
+/// So many decimated values make at most a number of 16 bits; no square is wider.
+const MOST_SIDE: usize = u16::MAX as usize / (255 * STEPS_PER_LEVEL as usize);
+
+/// A square of decimated pixels.
+#[derive(Debug, Clone, Copy)]
+struct Square {
+    side: usize,
+}
+
+impl Square {
+    fn area(self) -> i32 {
+        (self.side * self.side) as i32
+    }
+}
+
 /// Finds spots of one dot size; owns all scratch.
 #[derive(Debug, Clone)]
 pub struct DotFinder {
@@ -42,19 +60,26 @@ pub struct DotFinder {
     invert: bool,
     row_sums: Vec<u16>,
     padded: Vec<u16>,
-    /// Sums of columns of the padded image, as high as core and ring together and as high as the core.
-    all_columns: Vec<i32>,
-    core_columns: Vec<i32>,
-    /// Sums of such columns along a row.
+    /// Sums of columns of the padded image, as high as core and ring together and as high as the core; zeros after them.
+    all_columns: Vec<u16>,
+    core_columns: Vec<u16>,
+    /// Sums of 2, 4, 8, .. neighbouring columns, and of as many as the squares are wide.
+    powers: Vec<Vec<u16>>,
     all_sums: Vec<i32>,
     core_sums: Vec<i32>,
+    /// Rows of it are so long, a whole number of places; what is beyond the image means nothing.
+    stride: usize,
     response: Vec<i32>,
     /// 255 where a row has a peak, and the same in bits.
     peaks: Vec<u8>,
     peak_bits: Vec<u64>,
-    spots: Vec<Spot>,
-    order: Vec<u32>,
+    /// Peaks in reading order, where those of each row begin, and their ranks, the strongest first.
+    found: Vec<Spot>,
+    row_starts: Vec<u32>,
+    ranks: Vec<u32>,
+    order: Vec<(u32, u32)>,
     taken: Vec<bool>,
+    spots: Vec<Spot>,
 }
 
 impl DotFinder {
@@ -67,6 +92,9 @@ impl DotFinder {
         let widest = ((pitch_px - diameter_px / 2.0) / scale).floor().max(1.0) as usize;
         let ring_half = (2 * core_half + 1).min(widest).max(core_half + 1);
         let padded = SizePx::new(small.width + 2 * ring_half, small.height + 2 * ring_half);
+        assert!(2 * ring_half < MOST_SIDE, "dots of {diameter_px} px: too large to be summed");
+        // The last places of a row are looked at with those beyond them.
+        let stride = small.width.next_multiple_of(PLACES) + PLACES;
         let most = small.area() / 4 + small.width + small.height + 1;
         DotFinder {
             size,
@@ -78,16 +106,21 @@ impl DotFinder {
             invert: polarity == Polarity::Dark,
             row_sums: vec![0; size.width],
             padded: vec![0; padded.area()],
-            all_columns: vec![0; padded.width],
-            core_columns: vec![0; padded.width],
-            all_sums: vec![0; small.width],
-            core_sums: vec![0; small.width],
-            response: vec![0; small.area()],
-            peaks: vec![0; small.width.next_multiple_of(64)],
-            peak_bits: vec![0; small.width.div_ceil(64)],
-            spots: Vec::with_capacity(most),
+            all_columns: vec![0; stride + MOST_SIDE],
+            core_columns: vec![0; stride + MOST_SIDE],
+            powers: (0..MOST_SIDE.ilog2()).map(|_| vec![0; stride + MOST_SIDE]).collect(),
+            all_sums: vec![0; stride],
+            core_sums: vec![0; stride],
+            stride,
+            response: vec![0; stride * small.height],
+            peaks: vec![0; stride.next_multiple_of(64)],
+            peak_bits: vec![0; stride.div_ceil(64)],
+            found: Vec::with_capacity(most),
+            row_starts: Vec::with_capacity(small.height + 1),
+            ranks: Vec::with_capacity(most),
             order: Vec::with_capacity(most),
             taken: Vec::with_capacity(most),
+            spots: Vec::with_capacity(most),
         }
     }
 
@@ -134,50 +167,53 @@ impl DotFinder {
     /// response = core sum * ring area - ring sum * core area: a contrast times both areas.
     fn respond(&mut self) {
         let (c, r, width) = (self.core_half, self.ring_half, self.small.width + 2 * self.ring_half);
-        let (core_area, all_area) = self.areas();
-        let (all_rows, core_rows) = (2 * r + 1, 2 * c + 1);
+        let (all, core) = self.squares();
         let padded = &self.padded;
         let row = |y: usize| &padded[y * width..][..width];
         self.all_columns.fill(0);
         self.core_columns.fill(0);
-        (0..all_rows).for_each(|y| add_row(row(y), &mut self.all_columns));
-        (r - c..r - c + core_rows).for_each(|y| add_row(row(y), &mut self.core_columns));
-        for (y, out) in self.response.chunks_exact_mut(self.small.width).enumerate() {
+        (0..all.side).for_each(|y| add_row(row(y), &mut self.all_columns));
+        (r - c..r - c + core.side).for_each(|y| add_row(row(y), &mut self.core_columns));
+        for (y, out) in self.response.chunks_exact_mut(self.stride).enumerate() {
             if y > 0 {
-                exchange_row(row(y + all_rows - 1), row(y - 1), &mut self.all_columns);
-                exchange_row(row(y + r - c + core_rows - 1), row(y + r - c - 1), &mut self.core_columns);
+                exchange_row(row(y + all.side - 1), row(y - 1), &mut self.all_columns);
+                exchange_row(row(y + r - c + core.side - 1), row(y + r - c - 1), &mut self.core_columns);
             }
-            sum_along(&self.all_columns, all_rows, &mut self.all_sums);
-            sum_along(&self.core_columns[r - c..], core_rows, &mut self.core_sums);
-            contrast(&self.all_sums, &self.core_sums, core_area, all_area, out);
+            sum_along(&self.all_columns, all.side, &mut self.powers, &mut self.all_sums);
+            sum_along(&self.core_columns[r - c..], core.side, &mut self.powers, &mut self.core_sums);
+            contrast(&self.all_sums, &self.core_sums, core.area(), all.area(), out);
         }
     }
 
-    /// Areas of the core and of core and ring together, in decimated pixels.
-    fn areas(&self) -> (i32, i32) {
-        let square = |half: usize| ((2 * half + 1) * (2 * half + 1)) as i32;
-        (square(self.core_half), square(self.ring_half))
+    /// Core and ring together, and the core.
+    fn squares(&self) -> (Square, Square) {
+        (Square { side: 2 * self.ring_half + 1 }, Square { side: 2 * self.core_half + 1 })
     }
 
     fn collect(&mut self, min_levels: f32) {
-        let (core_area, all_area) = self.areas();
+        let (all, core) = self.squares();
+        let (all_area, core_area) = (all.area(), core.area());
         // core * all - all * core = contrast * core_area * ring_area, with ring_area = all_area - core_area
         let unit = (STEPS_PER_LEVEL * core_area * (all_area - core_area)) as f32;
         let least = (min_levels * unit) as i32;
         let (w, h) = (self.small.width, self.small.height);
-        let at = |x: usize, y: usize| self.response[y * w + x];
+        let at = |x: usize, y: usize| self.response[y * self.stride + x];
         let half_block = (f64::from(1u32 << self.shift) - 1.0) / 2.0;
-        self.spots.clear();
+        self.found.clear();
+        self.row_starts.clear();
+        self.row_starts.push(0);
         if w < 3 {
             return;
         }
         for y in 1..h.saturating_sub(1) {
-            let row = |y: usize| &self.response[y * w..][..w];
-            find_peaks(row(y - 1), row(y), row(y + 1), least, &mut self.peaks[1..w - 1]);
+            self.row_starts.push(self.found.len() as u32);
+            let row = |y: usize| &self.response[y * self.stride..][..self.stride];
+            find_peaks([row(y - 1), row(y), row(y + 1)], least, &mut self.peaks);
+            // What is at the right border, or beyond it, is no peak.
+            self.peaks[w - 2..].fill(0);
             pack_row(&self.peaks, &mut self.peak_bits);
-            for x in
-                self.peak_bits.iter().enumerate().flat_map(|(word, &bits)| ones(bits).map(move |bit| 64 * word + bit))
-            {
+            let words = self.peak_bits.iter().enumerate();
+            for x in words.flat_map(|(word, &bits)| ones(bits).map(move |bit| 64 * word + bit + 1)) {
                 let v = at(x, y);
                 let corners = [at(x - 1, y - 1), at(x + 1, y - 1), at(x - 1, y + 1), at(x + 1, y + 1)];
                 let curvature = |before: i32, after: i32| f64::from(before) + f64::from(after) - 2.0 * f64::from(v);
@@ -197,7 +233,7 @@ impl DotFinder {
                 let dx = top(at(x - 1, y), at(x + 1, y));
                 let dy = top(at(x, y - 1), at(x, y + 1));
                 let scale = f64::from(1u32 << self.shift);
-                self.spots.push(Spot {
+                self.found.push(Spot {
                     position: Vec2::new((x as f64 + dx) * scale + half_block, (y as f64 + dy) * scale + half_block),
                     response_levels: v as f32 / unit,
                 });
@@ -205,54 +241,41 @@ impl DotFinder {
         }
     }
 
-    /// Drops every spot that lies within half a pitch of a stronger one.
+    /// Takes over the peaks, strongest first, without those that lie within half a pitch of a stronger one.
     fn keep_apart(&mut self) {
-        // Ties keep reading order, so the sort has one answer everywhere.
-        self.spots.sort_unstable_by(|a, b| {
-            let place = |s: &Spot| (s.position.y, s.position.x);
-            b.response_levels
-                .total_cmp(&a.response_levels)
-                .then(place(a).0.total_cmp(&place(b).0).then(place(a).1.total_cmp(&place(b).1)))
-        });
-        let near_squared = self.separation_px * self.separation_px;
-        // Sweep in y: only spots within one separation above can be too close.
+        let found = &self.found;
+        // Contrasts are positive, so their bits are in their order. Ties keep reading order, so the sort has one answer everywhere.
         self.order.clear();
-        self.order.extend(0..self.spots.len() as u32);
-        let spots = &self.spots;
-        self.order.sort_unstable_by(|&a, &b| {
-            spots[a as usize].position.y.total_cmp(&spots[b as usize].position.y).then(a.cmp(&b))
+        self.order.extend(found.iter().zip(0..).map(|(spot, i)| (!spot.response_levels.to_bits(), i)));
+        self.order.sort_unstable_by(|a, b| {
+            let place = |i: u32| found[i as usize].position;
+            let reading = || place(a.1).y.total_cmp(&place(b.1).y).then(place(a.1).x.total_cmp(&place(b.1).x));
+            a.0.cmp(&b.0).then_with(reading)
         });
+        self.ranks.clear();
+        self.ranks.resize(found.len(), 0);
+        self.order.iter().zip(0..).for_each(|(&(_, i), rank)| self.ranks[i as usize] = rank);
         self.taken.clear();
-        self.taken.resize(self.spots.len(), false);
-        // place[i]: rank of spot i in the sweep; found by walking outwards from it, strongest spot first.
-        let mut kept = 0;
-        for strongest in 0..self.spots.len() {
-            if self.taken[strongest] {
+        self.taken.resize(found.len(), false);
+        let near_squared = self.separation_px * self.separation_px;
+        // Only spots of rows within one separation can be too close; a spot is at most half a row off its own.
+        let rows = (self.separation_px / f64::from(1u32 << self.shift)) as usize + 2;
+        self.spots.clear();
+        for (&(_, i), rank) in self.order.iter().zip(0..) {
+            if self.taken[i as usize] {
                 continue;
             }
-            let here = self.spots[strongest].position;
-            let rank = self.order.partition_point(|&i| {
-                let p = self.spots[i as usize].position.y;
-                p < here.y - self.separation_px
-            });
-            for &i in &self.order[rank..] {
-                let there = self.spots[i as usize].position;
-                if there.y > here.y + self.separation_px {
-                    break;
-                }
-                if i as usize > strongest && (there - here).length_squared() < near_squared {
-                    self.taken[i as usize] = true;
-                }
+            let here = found[i as usize];
+            self.spots.push(here);
+            let row = self.row_starts.partition_point(|&start| start <= i) - 1;
+            let first = self.row_starts[row.saturating_sub(rows)] as usize;
+            let end = self.row_starts.get(row + rows + 1).map_or(found.len(), |&end| end as usize);
+            let others = found[first..end].iter().zip(&self.ranks[first..end]);
+            for ((there, &of), taken) in others.zip(&mut self.taken[first..end]) {
+                let away = there.position - here.position;
+                *taken |= of > rank && away.length_squared() < near_squared;
             }
-            kept += 1;
         }
-        let mut index = 0;
-        let taken = &self.taken;
-        self.spots.retain(|_| {
-            index += 1;
-            !taken[index - 1]
-        });
-        debug_assert_eq!(kept, self.spots.len());
     }
 }
 
@@ -280,34 +303,24 @@ wide! {
         }
     }
 
-    fn add_row(row: &[u16], columns: &mut [i32]) {
-        columns.iter_mut().zip(row).for_each(|(sum, &v)| *sum += i32::from(v));
+    fn add_row(row: &[u16], columns: &mut [u16]) {
+        columns.iter_mut().zip(row).for_each(|(sum, &v)| *sum += v);
     }
 
-    fn exchange_row(enters: &[u16], leaves: &[u16], columns: &mut [i32]) {
+    fn exchange_row(enters: &[u16], leaves: &[u16], columns: &mut [u16]) {
         let rows = enters.iter().zip(leaves);
-        columns.iter_mut().zip(rows).for_each(|(sum, (&enters, &leaves))| *sum += i32::from(enters) - i32::from(leaves));
+        columns.iter_mut().zip(rows).for_each(|(sum, (&enters, &leaves))| *sum = sum.wrapping_add(enters).wrapping_sub(leaves));
     }
 
-    /// Sums of `count` neighbours, by sixteen places at a time: what is summed stays in registers.
-    fn sum_along(columns: &[i32], count: usize, sums: &mut [i32]) {
-        const PLACES: usize = 16;
-        let (whole, rest) = sums.as_chunks_mut::<PLACES>();
-        let rest_at = whole.len() * PLACES;
-        for (k, sums) in whole.iter_mut().enumerate() {
-            let near = &columns[k * PLACES..][..PLACES + count - 1];
-            let mut total = [0; PLACES];
-            for away in 0..count {
-                let Some(places) = near[away..].first_chunk::<PLACES>() else { break };
-                for i in 0..PLACES {
-                    total[i] += places[i];
-                }
-            }
-            *sums = total;
+    /// Sums of two that are `away` from one another.
+    fn add_away(of: &[u16], away: usize, sums: &mut [u16]) {
+        for ((sum, &a), &b) in sums.iter_mut().zip(of).zip(&of[away..]) {
+            *sum = a.wrapping_add(b);
         }
-        for (sum, near) in rest.iter_mut().zip(columns[rest_at..].windows(count)) {
-            *sum = near.iter().sum();
-        }
+    }
+
+    fn add_to(of: &[u16], sums: &mut [i32]) {
+        sums.iter_mut().zip(of).for_each(|(sum, &v)| *sum += i32::from(v));
     }
 
     fn contrast(all: &[i32], core: &[i32], core_area: i32, all_area: i32, out: &mut [i32]) {
@@ -316,20 +329,50 @@ wide! {
         }
     }
 
-    /// 255 where the inner places of the row between are at least `least` and a maximum among their eight neighbours; of equal
-    /// ones the first counts. `peaks`: two shorter than the rows.
-    fn find_peaks(above: &[i32], here: &[i32], below: &[i32], least: i32, peaks: &mut [u8]) {
-        let n = peaks.len();
-        let [above_left, above_mid, above_right] = [&above[..n], &above[1..][..n], &above[2..][..n]];
-        let [left, mid, right] = [&here[..n], &here[1..][..n], &here[2..][..n]];
-        let [below_left, below_mid, below_right] = [&below[..n], &below[1..][..n], &below[2..][..n]];
-        for i in 0..n {
-            let v = mid[i];
-            let along = (v >= least) & (v > left[i]) & (v >= right[i]) & (v > above_mid[i]) & (v >= below_mid[i]);
-            let across =
-                (v > above_left[i]) & (v > above_right[i]) & (v >= below_left[i]) & (v >= below_right[i]);
-            peaks[i] = u8::from(along & across).wrapping_neg();
+    /// 255 where the places of the row between, from the second on, are at least `least` and a maximum among their eight neighbours; of
+    /// equal ones the first counts.
+    fn find_peaks(rows: [&[i32]; 3], least: i32, peaks: &mut [u8]) {
+        let mut first = 0;
+        for peaks in peaks.as_chunks_mut::<PLACES>().0 {
+            let near = rows.map(|row| row.get(first..first + PLACES + 2));
+            first += PLACES;
+            let [Some(above), Some(here), Some(below)] = near else { return };
+            // Most of an image is no dot.
+            let strongest = here[1..=PLACES].iter().fold(i32::MIN, |most, &v| most.max(v));
+            if strongest < least {
+                *peaks = [0; PLACES];
+                continue;
+            }
+            let three = [above, here, below].map(|row| [&row[..PLACES], &row[1..][..PLACES], &row[2..][..PLACES]]);
+            let [[a, b, c], [d, v, e], [f, g, h]] = three;
+            for i in 0..PLACES {
+                let before = a[i].max(b[i]).max(c[i]).max(d[i]);
+                let after = e[i].max(f[i]).max(g[i]).max(h[i]);
+                peaks[i] = u8::from((v[i] > before) & (v[i] >= after.max(least))).wrapping_neg();
+            }
         }
+    }
+}
+
+/// Sums of so many neighbours, each a sum of a column as high: by powers of two as far as 16 bits hold them.
+///
+/// ```text
+///   11 = 4 + 4 + 2 + 1     * * * * * * * * * * *     sums of 2 are two of 1, sums of 4 two of 2
+///                          |_____| |_____| |_| |
+/// ```
+fn sum_along(columns: &[u16], side: usize, powers: &mut [Vec<u16>], sums: &mut [i32]) {
+    let most = (MOST_SIDE / side).min(side).ilog2() as usize;
+    for k in 0..most {
+        let (smaller, larger) = powers.split_at_mut(k);
+        add_away(smaller.last().map_or(columns, Vec::as_slice), 1 << k, &mut larger[0]);
+    }
+    sums.fill(0);
+    let mut first = 0;
+    while first < side {
+        let power = most.min((side - first).ilog2() as usize);
+        let of = power.checked_sub(1).map_or(columns, |k| &powers[k]);
+        add_to(&of[first..], sums);
+        first += 1 << power;
     }
 }
 
@@ -346,6 +389,46 @@ mod tests {
             }
         }
         grey
+    }
+
+    #[test]
+    fn sums_along_are_those_of_the_neighbours_whatever_their_number() {
+        for side in [1, 2, 3, 5, 7, 11, 13, 27, 31, 63] {
+            // The highest columns that squares so wide have.
+            let columns: Vec<u16> = (0..96 + MOST_SIDE as u32).map(|i| (i * i % 1021) as u16 * side as u16).collect();
+            let mut powers: Vec<Vec<u16>> = vec![vec![0; columns.len()]; 6];
+            let mut sums = vec![0; 96];
+            sum_along(&columns, side, &mut powers, &mut sums);
+            for (i, &sum) in sums.iter().enumerate() {
+                let exact: i32 = columns[i..i + side].iter().map(|&v| i32::from(v)).sum();
+                assert_eq!(sum, exact, "{side} from {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn peaks_are_where_no_neighbour_is_higher_and_the_first_of_equal_ones_counts() {
+        let (width, least) = (6 * PLACES, 40);
+        let mut seed = 5u32;
+        let mut row = || -> Vec<i32> {
+            let mut next = || {
+                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                seed >> 24
+            };
+            (0..width).map(|i| if i / PLACES == 1 { 39 } else { (next() % 20) as i32 + 30 }).collect()
+        };
+        let rows = [row(), row(), row()];
+        let mut peaks = vec![7; width];
+        find_peaks(rows.each_ref().map(Vec::as_slice), least, &mut peaks);
+        let is_peak = |x: usize| {
+            let v = rows[1][x];
+            let before = rows[0][x - 1..=x + 1].iter().chain([&rows[1][x - 1]]);
+            let after = rows[2][x - 1..=x + 1].iter().chain([&rows[1][x + 1]]);
+            v >= least && before.into_iter().all(|&b| v > b) && after.into_iter().all(|&a| v >= a)
+        };
+        let found: Vec<usize> = (1..=5 * PLACES).filter(|&x| peaks[x - 1] == 255).collect();
+        assert!(found.len() > 3);
+        assert_eq!(found, (1..=5 * PLACES).filter(|&x| is_peak(x)).collect::<Vec<_>>());
     }
 
     #[test]

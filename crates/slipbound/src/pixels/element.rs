@@ -13,6 +13,8 @@ pub struct Element {
     pub(super) rows: Vec<isize>,
     /// How far each chord reaches to the left and to the right of the anchor, px, and its row as above; the widest first.
     chords: Vec<(usize, usize, isize)>,
+    /// Of an element at most a word wide: row and pixels of each chord from its left upper corner, the widest first; else empty.
+    chord_bits: Vec<(usize, u64)>,
     pub(super) pad_words: usize,
 }
 
@@ -74,9 +76,15 @@ impl Element {
             steps.last_mut().expect("never empty").rows += 1;
         }
         let reach = now.0.max(now.1);
+        let chord_bits = chords.iter().rev().map(|&(left, right, dy)| {
+            let bits = u64::MAX >> (63 - left - right) << (width_px / 2 - left);
+            ((dy + (height_px / 2) as isize) as usize, bits)
+        });
+        let chord_bits = if width_px <= 64 { chord_bits.collect() } else { Vec::new() };
         Element {
             size: SizePx::new(width_px, height_px),
             steps,
+            chord_bits,
             rows: chords.iter().map(|&(_, _, dy)| dy).collect(),
             chords: chords.into_iter().rev().collect(),
             pad_words: reach.div_ceil(64),
@@ -91,6 +99,18 @@ impl Element {
         }
         let SizePx { width, height } = mask.size();
         let (x, y) = (x as usize, y as usize);
+        let (left, above) = (self.size.width / 2, self.size.height / 2);
+        let whole =
+            x >= left && x - left + self.size.width <= width && y >= above && y - above + self.size.height <= height;
+        if whole && !self.chord_bits.is_empty() {
+            let (word, shift) = ((x - left) / 64, (x - left) % 64);
+            return self.chord_bits.iter().all(|&(row, bits)| {
+                let words = &mask.row(y - above + row)[word..];
+                // The next word, without the shift by 64 that there is none of.
+                let seen = words[0] >> shift | words.get(1).copied().unwrap_or(0) << 1 << (63 - shift);
+                bits & !seen == 0
+            });
+        }
         self.chords.iter().all(|&(left, right, dy)| match y.checked_add_signed(dy).filter(|&y| y < height) {
             Some(row) => all_set(mask.row(row), x.saturating_sub(left), (x + right).min(width - 1)),
             None => true,

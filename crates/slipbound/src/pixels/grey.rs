@@ -30,9 +30,10 @@ pub fn grey_from_rgb(src: Rgb<'_>, weights: &GreyWeights, flip: Flip, out: &mut 
     assert_eq!(out.len(), size.area(), "output of another size than the picture");
     let (rows_turned, columns_turned) = turned(flip);
     let weights_65536ths = src.order().rgb(weights.rgb_65536ths); // integers: the order of a sum changes no bit
+    let products = Products::new(weights_65536ths);
     for (y, out) in out.chunks_exact_mut(size.width).enumerate() {
-        let row = src.row(if rows_turned { size.height - 1 - y } else { y });
-        grey_row(row, weights_65536ths, out);
+        let row = src.bytes_from(if rows_turned { size.height - 1 - y } else { y });
+        grey_row(row, &products, out);
         if columns_turned {
             out.reverse();
         }
@@ -62,15 +63,33 @@ fn turned(flip: Flip) -> (bool, bool) {
     }
 }
 
-/// A row of pixels; `row` may be longer. The twin of [`avx2::grey_row`], which gives the same bits.
-fn grey_row(row: &[u8], weights_65536ths: [u32; 3], out: &mut [u8]) {
+/// The weights, and on x86-64 how they are laid out for vectors.
+struct Products {
+    weights_65536ths: [u32; 3],
+    #[cfg(target_arch = "x86_64")]
+    four: avx2::Products,
+}
+
+impl Products {
+    fn new(weights_65536ths: [u32; 3]) -> Self {
+        Products {
+            weights_65536ths,
+            #[cfg(target_arch = "x86_64")]
+            four: avx2::Products::new(weights_65536ths),
+        }
+    }
+}
+
+/// A row of pixels; `row` may be longer, and is best by four bytes. The twin of [`avx2::grey_row`], which gives the same bits.
+fn grey_row(row: &[u8], products: &Products, out: &mut [u8]) {
     #[cfg(target_arch = "x86_64")]
     if super::wide::vectors() >= super::wide::Vectors::Avx2 {
         // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature the kernel needs.
         #[allow(unsafe_code)]
-        return unsafe { avx2::grey_row(row, weights_65536ths, out) };
+        let done = unsafe { avx2::grey_row(row, &products.four, out) };
+        return grey_pixels(&row[3 * done..], products.weights_65536ths, &mut out[done..]);
     }
-    grey_pixels(row, weights_65536ths, out);
+    grey_pixels(row, products.weights_65536ths, out);
 }
 
 fn grey_pixels(row: &[u8], [r, g, b]: [u32; 3], out: &mut [u8]) {
@@ -88,18 +107,47 @@ mod avx2 {
     const PIXELS: usize = 32;
     const READ_BYTES: usize = 3 * PIXELS + 4;
 
+    /// The largest weight of one product of signed numbers.
+    const MOST: u32 = i16::MAX as u32;
+
+    /// Four products a pixel, in two pairs: which of its bytes, and the weights in 65536ths. Weights of more than [`MOST`] are shared among some; as they
+    /// are together at most 65536, four are enough.
+    pub(super) struct Products {
+        /// Of each pair, where the bytes of four pixels are, each before a zero.
+        places: [[i32; 4]; 2],
+        weights: [i32; 2],
+    }
+
+    impl Products {
+        pub(super) fn new(weights_65536ths: [u32; 3]) -> Self {
+            let mut four = [(u8::MAX, 0u32); 4];
+            let mut free = four.iter_mut();
+            for (byte, mut left) in (0..).zip(weights_65536ths) {
+                while let Some(product) = if left > 0 { free.next() } else { None } {
+                    *product = (byte, left.min(MOST));
+                    left -= product.1;
+                }
+            }
+            // A place of 255 gives a zero.
+            let place = |byte: u8, pixel: u8| if byte == u8::MAX { byte } else { byte + 3 * pixel };
+            let pixels = |a: u8, b: u8| [0, 1, 2, 3].map(|p| i32::from_le_bytes([place(a, p), 255, place(b, p), 255]));
+            let [a, b, c, d] = four;
+            Products {
+                places: [pixels(a.0, b.0), pixels(c.0, d.0)],
+                weights: [(a, b), (c, d)].map(|(a, b)| (a.1 | b.1 << 16) as i32),
+            }
+        }
+    }
+
     /// ```text
-    ///   8 pixels, 12 bytes a lane:   r g b r g b r g b r g b      --shuffle--> (r g) (r g) ..   and (b 0) (b 0) .. , 16 bits each
-    ///   weight = 256 high + low:     256 (r g . high + b high) + (r g . low + b low) + 1/2, of which the upper half is kept
+    ///   8 pixels, 12 bytes a lane:   r g b r g b r g b r g b      --shuffle--> (r g) (r g) ..   and (b g) (b g) .. , 16 bits each
+    ///                                r g . weights + b g . weights + 1/2, of which the upper half is kept
     /// ```
+    /// Returns how many pixels are done; too few are left over for a round, or too few bytes to be read.
     #[target_feature(enable = "avx2")]
-    pub(super) fn grey_row(row: &[u8], weights_65536ths: [u32; 3], out: &mut [u8]) {
-        let [first, second, third] = weights_65536ths;
-        let pair = |a: u32, b: u32| _mm256_set1_epi32((a | b << 16) as i32);
-        let (pair_high, pair_low) = (pair(first >> 8, second >> 8), pair(first & 255, second & 255));
-        let (last_high, last_low) = (pair(third >> 8, 0), pair(third & 255, 0));
-        let pairs = twice(_mm_setr_epi8(0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1));
-        let lasts = twice(_mm_setr_epi8(2, -1, -1, -1, 5, -1, -1, -1, 8, -1, -1, -1, 11, -1, -1, -1));
+    pub(super) fn grey_row(row: &[u8], products: &Products, out: &mut [u8]) -> usize {
+        let [first_places, second_places] = products.places.map(|[a, b, c, d]| twice(_mm_setr_epi32(a, b, c, d)));
+        let [first_weights, second_weights] = products.weights.map(|pair| _mm256_set1_epi32(pair));
         let half = _mm256_set1_epi32(32768);
         let in_order = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
         let mut at = 0;
@@ -108,10 +156,9 @@ mod avx2 {
             let mut eights = [_mm256_setzero_si256(); 4];
             for (k, eight) in eights.iter_mut().enumerate() {
                 let pixels = load(&bytes[24 * k..], &bytes[24 * k + 12..]);
-                let (two, one) = (_mm256_shuffle_epi8(pixels, pairs), _mm256_shuffle_epi8(pixels, lasts));
-                let high = _mm256_add_epi32(_mm256_madd_epi16(two, pair_high), _mm256_madd_epi16(one, last_high));
-                let low = _mm256_add_epi32(_mm256_madd_epi16(two, pair_low), _mm256_madd_epi16(one, last_low));
-                let sum = _mm256_add_epi32(_mm256_slli_epi32(high, 8), _mm256_add_epi32(low, half));
+                let first = _mm256_madd_epi16(_mm256_shuffle_epi8(pixels, first_places), first_weights);
+                let second = _mm256_madd_epi16(_mm256_shuffle_epi8(pixels, second_places), second_weights);
+                let sum = _mm256_add_epi32(_mm256_add_epi32(first, second), half);
                 *eight = _mm256_srli_epi32(sum, 16);
             }
             let [a, b, c, d] = eights;
@@ -119,7 +166,7 @@ mod avx2 {
             store(_mm256_permutevar8x32_epi32(bytes, in_order), &mut out[at..at + PIXELS]);
             at += PIXELS;
         }
-        super::grey_pixels(&row[3 * at..], weights_65536ths, &mut out[at..]);
+        at
     }
 
     #[target_feature(enable = "avx2")]
@@ -205,18 +252,26 @@ mod tests {
 
     #[test]
     fn wide_rows_have_the_bits_of_plain_ones() {
-        for (width, weights) in
-            [(33, [0.3, 0.7, 0.0]), (640, [0.299, 0.587, 0.114]), (641, [1.0, 0.0, 0.0]), (95, [0.0, 0.0, 1.0])]
-        {
+        for (width, weights) in [
+            (33, [0.3, 0.7, 0.0]),
+            (640, [0.299, 0.587, 0.114]),
+            (641, [1.0, 0.0, 0.0]),
+            (95, [0.0, 0.0, 1.0]),
+            (64, [0.5, 0.0, 0.5]),
+            (96, [0.0, 0.5, 0.5]),
+            (128, [0.2, 0.5, 0.3]),
+            (65, [1e-5, 0.99998, 0.0]),
+        ] {
             let row: Vec<u8> = (0..3 * width as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
             let weights = GreyWeights::new(weights).rgb_65536ths;
             let (mut wide, mut plain) = (vec![0; width], vec![1; width]);
-            grey_row(&row, weights, &mut wide);
+            let products = Products::new(weights);
+            grey_row(&row, &products, &mut wide);
             grey_pixels(&row, weights, &mut plain);
             assert_eq!(wide, plain, "{width} pixels");
             // As many pixels as are asked for, however long the row is.
-            grey_row(&row, weights, &mut wide[..32]);
-            grey_row(&[255; 96], weights, &mut wide[..32]);
+            grey_row(&row, &products, &mut wide[..32]);
+            grey_row(&[255; 96], &products, &mut wide[..32]);
             assert!(wide[..32].iter().all(|&v| v >= 254), "a white row that ends with its last pixel");
             assert_eq!(wide[32..], plain[32..], "{width} pixels: written beyond the end");
         }

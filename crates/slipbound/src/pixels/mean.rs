@@ -1,6 +1,20 @@
-//! Camera frames of one size -> their mean, as colour pixels.
+//! Camera frames of one size -> their mean, as colour pixels; a grey picture -> its mean level.
 
+use super::wide::wide;
 use crate::image::{Pixels, SizePx};
+
+/// Mean of every fourth row of a grey picture, rows without a gap.
+pub fn mean_levels(grey: &[u8], width: usize) -> f64 {
+    let rows = grey.chunks_exact(width).step_by(4);
+    let count = rows.len() * width;
+    rows.map(sum_of_row).sum::<u64>() as f64 / count as f64
+}
+
+wide! {
+    fn sum_of_row(row: &[u8]) -> u64 {
+        row.chunks(1 << 16).map(|part| u64::from(part.iter().map(|&v| u32::from(v)).sum::<u32>())).sum()
+    }
+}
 
 /// Sums of frames.
 #[derive(Debug, Clone)]

@@ -39,7 +39,7 @@ pub struct Window {
     plane: [Vec<f64>; 3],
     /// The part of the window beyond which every share is zero: all that is sampled and weighed.
     part: Part,
-    plane_weights: [Vec<i16>; 3],
+    plane_weights: Vec<[[i16; LANES]; 3]>,
     plane_scale: f64,
     share_weights: Vec<i16>,
     samples: Vec<i16>,
@@ -85,7 +85,7 @@ impl Part {
 #[derive(Debug, Clone)]
 pub struct Template {
     /// The patterns, free of level and slope and with the share of each pixel.
-    weights: [Vec<i16>; PATTERNS],
+    weights: Vec<[[i16; LANES]; PATTERNS]>,
     scale: [f64; PATTERNS],
     /// Products of the patterns with one another.
     gram: [[f64; PATTERNS]; PATTERNS],
@@ -140,8 +140,9 @@ impl Window {
         let most = plane.iter().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
         let plane_scale = FULL_WEIGHT / most;
         let part = Part::of(&share, side);
-        let plane_weights =
-            std::array::from_fn(|k| part.cut(plane[k].iter().zip(&share).map(|(v, s)| v * s), plane_scale, side));
+        let plane_weights = side_by_side(std::array::from_fn(|k| {
+            part.cut(plane[k].iter().zip(&share).map(|(v, s)| v * s), plane_scale, side)
+        }));
         let share_weights = part.cut(share.iter().copied(), 256.0, side);
         Window { side, share, plane, part, plane_weights, plane_scale, share_weights, samples: part.zeros() }
     }
@@ -156,8 +157,8 @@ impl Window {
     /// Sum of squares of the sampled window that neither level nor slope explains, levels squared.
     fn energy(&self) -> f64 {
         let mut sum = energy(&self.samples, &self.share_weights) as f64 / STEPS_PER_LEVEL / STEPS_PER_LEVEL;
-        for weights in &self.plane_weights {
-            let part = product(&self.samples, weights) as f64 / (self.plane_scale * STEPS_PER_LEVEL);
+        for part in products(&self.samples, &self.plane_weights) {
+            let part = part as f64 / (self.plane_scale * STEPS_PER_LEVEL);
             sum -= part * part;
         }
         sum.max(1e-9)
@@ -232,7 +233,7 @@ impl Window {
         let highest = |p: &[f64]| p.iter().zip(share).fold(1e-9f64, |m, (v, s)| m.max((v * s).abs()));
         let scale: [f64; PATTERNS] = std::array::from_fn(|k| FULL_WEIGHT / highest(&patterns[k]));
         let weighed = |k: usize| patterns[k].iter().zip(share).map(|(v, s)| v * s);
-        let weights = std::array::from_fn(|k| self.part.cut(weighed(k), scale[k], side));
+        let weights = side_by_side(std::array::from_fn(|k| self.part.cut(weighed(k), scale[k], side)));
         Some(Template { weights, scale: scale.map(|s| s * STEPS_PER_LEVEL), gram, stretched })
     }
 
@@ -247,8 +248,8 @@ impl Window {
                 return None; // also when it is not a number
             }
             let at = sample(self.side, self.part, grey, size, place, &mut self.samples);
-            let b: [f64; PATTERNS] =
-                std::array::from_fn(|k| product(&self.samples, &template.weights[k]) as f64 / template.scale[k]);
+            let weighed = products(&self.samples, &template.weights);
+            let b: [f64; PATTERNS] = std::array::from_fn(|k| weighed[k] as f64 / template.scale[k]);
             // Seen through the stretch, what lies at q was at q - stretch q.
             let stretch = [stretch[0].x, stretch[1].x, stretch[0].y, stretch[1].y];
             let b: [f64; PATTERNS] = std::array::from_fn(|k| {
@@ -329,37 +330,36 @@ fn solve(m: &mut [[f64; 5]; 4]) -> Option<[f64; 4]> {
 wide! {
     /// A rectangle of samples between pixels, `fx` and `fy` sixteenths off; less the middle of the range.
     fn bilinear(grey: &[u8], stride: usize, width: usize, fx: i16, fy: i16, out: &mut [i16]) {
-        for (y, out) in out.chunks_exact_mut(width).enumerate() {
-            let above = &grey[y * stride..][..width + 1];
-            let below = &grey[(y + 1) * stride..][..width + 1];
-            // The last lanes may lie over those before them.
-            let lanes = width.div_ceil(LANES);
-            for at in (0..lanes).map(|k| (k * LANES).min(width - LANES)) {
-                let four = [&above[at..], &above[at + 1..], &below[at..], &below[at + 1..]];
-                let [Some(a), Some(b), Some(c), Some(d)] = four.map(|row| row.first_chunk::<LANES>()) else { return };
-                let Some(out) = out[at..].first_chunk_mut::<LANES>() else { return };
+        let height = out.len() / width;
+        // The last lanes may lie over those before them.
+        let lanes = width.div_ceil(LANES);
+        for at in (0..lanes).map(|k| (k * LANES).min(width - LANES)) {
+            let Some(mut upper) = between_columns(&grey[at..], fx) else { return };
+            for y in 0..height {
+                let Some(lower) = between_columns(&grey[(y + 1) * stride + at..], fx) else { return };
+                let Some(out) = out[y * width + at..].first_chunk_mut::<LANES>() else { return };
                 for i in 0..LANES {
-                    let [a, b, c, d] = [a[i], b[i], c[i], d[i]].map(i16::from);
-                    let upper = a * 16 + (b - a) * fx;
-                    let lower = c * 16 + (d - c) * fx;
                     // Sixteenths of sixteenths would not fit: halves of levels are kept for the last step.
-                    out[i] = upper + ((((lower - upper) >> 1) * fy) >> 3) - 2048;
+                    out[i] = upper[i] + ((((lower[i] - upper[i]) >> 1) * fy) >> 3) - 2048;
                 }
+                upper = lower;
             }
         }
     }
 
-    fn product(a: &[i16], b: &[i16]) -> i64 {
-        let mut sum = 0i64;
-        // A sample is at most 2048, a weight 2000: the sum of so many products still fits.
-        for (a, b) in a.chunks(8 * WEIGHED_LANES).zip(b.chunks(8 * WEIGHED_LANES)) {
-            let mut part = 0i32;
-            for (&a, &b) in a.iter().zip(b) {
-                part = part.wrapping_add(i32::from(a) * i32::from(b));
+    /// The twin of [`avx2::products`], which gives the same sums.
+    fn products_plain<const LISTS: usize>(samples: &[i16], weights: &[[[i16; LANES]; LISTS]]) -> [i64; LISTS] {
+        let mut sums = [0; LISTS];
+        for (samples, weights) in samples.as_chunks::<LANES>().0.iter().zip(weights) {
+            for k in 0..LISTS {
+                let mut part = 0;
+                for i in 0..LANES {
+                    part += i32::from(samples[i]) * i32::from(weights[k][i]);
+                }
+                sums[k] += i64::from(part);
             }
-            sum += i64::from(part);
         }
-        sum
+        sums
     }
 
     /// Sum of squares, each with its share in 256ths.
@@ -374,6 +374,65 @@ wide! {
             sum += i64::from(part);
         }
         sum
+    }
+}
+
+/// Samples of a row, `fx` sixteenths of the way to the next pixel, in sixteenths of levels.
+#[inline(always)]
+fn between_columns(row: &[u8], fx: i16) -> Option<[i16; LANES]> {
+    let pixels = row.first_chunk::<{ LANES + 1 }>()?;
+    let mut out = [0; LANES];
+    for i in 0..LANES {
+        let (left, right) = (i16::from(pixels[i]), i16::from(pixels[i + 1]));
+        out[i] = left * 16 + (right - left) * fx;
+    }
+    Some(out)
+}
+
+/// Lists of weights, lane by lane.
+fn side_by_side<const LISTS: usize>(lists: [Vec<i16>; LISTS]) -> Vec<[[i16; LANES]; LISTS]> {
+    let lists = lists.each_ref().map(|list| list.as_chunks::<LANES>().0);
+    (0..lists[0].len()).map(|i| lists.map(|list| list[i])).collect()
+}
+
+/// Sums of products of the samples with each list of weights.
+fn products<const LISTS: usize>(samples: &[i16], weights: &[[[i16; LANES]; LISTS]]) -> [i64; LISTS] {
+    #[cfg(target_arch = "x86_64")]
+    if super::wide::vectors() >= super::wide::Vectors::Avx2 {
+        // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature the kernel needs.
+        #[allow(unsafe_code)]
+        return unsafe { avx2::products(samples, weights) };
+    }
+    products_plain(samples, weights)
+}
+
+/// Each sample is loaded once for all lists, and their sums stay in registers: a third of the time of what a compiler makes of the twin.
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use super::LANES;
+    use crate::pixels::lanes::{sum, words};
+    use std::arch::x86_64::*;
+
+    /// Products that are added in 32 bits: two of a sample and a weight a round, each at most 2048 x 2000.
+    const ROUNDS: usize = 128;
+
+    #[target_feature(enable = "avx2")]
+    pub(super) fn products<const LISTS: usize>(samples: &[i16], weights: &[[[i16; LANES]; LISTS]]) -> [i64; LISTS] {
+        let mut sums = [0; LISTS];
+        let parts = samples.as_chunks::<LANES>().0.chunks(ROUNDS).zip(weights.chunks(ROUNDS));
+        for (samples, weights) in parts {
+            let mut part = [_mm256_setzero_si256(); LISTS];
+            for (samples, weights) in samples.iter().zip(weights) {
+                let samples = words(samples);
+                for (part, weights) in part.iter_mut().zip(weights) {
+                    *part = _mm256_add_epi32(*part, _mm256_madd_epi16(samples, words(weights)));
+                }
+            }
+            for (all, part) in sums.iter_mut().zip(part) {
+                *all += sum(part);
+            }
+        }
+        sums
     }
 }
 
@@ -410,6 +469,20 @@ pub fn darkness(grey: &[u8], size: SizePx, places: impl Iterator<Item = Vec2>, s
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn wide_products_are_those_of_the_plain_twin() {
+        use crate::pixels::wide::{Vectors, with_vectors};
+        // The largest there are, so many that 32 bits would not hold their sum.
+        for (sample, weight) in [(-2048, 2000), (2032, -2000), (-2048, -2000)] {
+            let (samples, weights) =
+                (vec![sample; 256 * LANES], vec![[[weight, 1, weight / 2].map(|w| [w; LANES]); 1]; 256]);
+            let weights: Vec<[[i16; LANES]; 3]> = weights.into_iter().map(|[lists]| lists).collect();
+            let wide = products(&samples, &weights);
+            assert_eq!(wide, with_vectors(Vectors::Baseline, || products(&samples, &weights)));
+            assert_eq!(wide[0], 4096 * i64::from(sample) * i64::from(weight));
+        }
+    }
 
     /// Whatever the size of the window, what is cut away has no weight.
     #[test]

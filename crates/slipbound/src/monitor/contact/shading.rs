@@ -11,6 +11,7 @@ use crate::pixels::components::Components;
 use crate::pixels::contour::mask_above;
 use crate::pixels::disc::Disc;
 use crate::pixels::threshold::at_least;
+use crate::pixels::wide::wide;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
@@ -95,9 +96,7 @@ impl ShadingContact {
             *change = if covered { [0.0; 4] } else { seen };
         }
         self.smooth.run(&mut self.change);
-        for (score, c) in self.score.iter_mut().zip(&self.change) {
-            *score = if c[3] > 0.0 { c[0].abs().max(c[1].abs()).max(c[2].abs()) } else { 0.0 };
-        }
+        strongest_channels(&self.change, &mut self.score);
         // Deviation: D15 stray light
         let peak = self.peak();
         let change_levels = change_levels.max(change_fraction * peak);
@@ -168,6 +167,16 @@ impl ShadingContact {
             if count < self.least_cells || highest < peak {
                 score[run.row * columns..][run.columns].fill(0.0);
             }
+        }
+    }
+}
+
+wide! {
+    /// Of each cell, the change of the channel that changed most; zero where nothing is known.
+    fn strongest_channels(change: &[[f32; 4]], score: &mut [f32]) {
+        for (score, c) in score.iter_mut().zip(change) {
+            let most = c[0].abs().max(c[1].abs()).max(c[2].abs());
+            *score = if c[3] > 0.0 { most } else { 0.0 };
         }
     }
 }

@@ -66,6 +66,31 @@ pub(super) struct Matching {
     round: usize,
     neighbours: Vec<[u32; NEIGHBOURS]>,
     neighbours_count: Vec<usize>,
+    around: Vec<Around>,
+    /// The matches that were asked about before any was undone, and where the neighbours of each then said it is.
+    asked_match_of: Vec<u32>,
+    said: Vec<Option<Vec2>>,
+}
+
+/// The neighbours of a marker at rest, as the plane through their displacements needs them when all are known.
+#[derive(Debug, Clone, Copy)]
+struct Around {
+    /// From the marker to the middle of its neighbours, and from there to each.
+    middle: Vec2,
+    arms: [Vec2; NEIGHBOURS],
+    spread: Spread,
+}
+
+impl Around {
+    fn new(arms: [Vec2; NEIGHBOURS], pitch_px: f64) -> Self {
+        let mut middle = Vec2::ZERO;
+        arms.iter().for_each(|&arm| middle += arm);
+        middle = middle / NEIGHBOURS as f64;
+        let arms = arms.map(|arm| arm - middle);
+        let mut spread = Spread::new(pitch_px);
+        arms.iter().for_each(|&arm| spread.add(arm));
+        Around { middle, arms, spread }
+    }
 }
 
 impl Matching {
@@ -82,6 +107,8 @@ impl Matching {
             neighbours_count[i] = order.len().min(NEIGHBOURS);
             neighbours[i].iter_mut().zip(&order).for_each(|(n, o)| *n = o.1);
         }
+        let arms = |(m, n): (&Marker, &[u32; NEIGHBOURS])| n.map(|n| markers[n as usize].rest - m.rest);
+        let around = markers.iter().zip(&neighbours).map(arms).map(|arms| Around::new(arms, pitch_px)).collect();
         Matching {
             pitch_px,
             radius_px: sensor.marker_diameter_px / 2.0,
@@ -101,6 +128,9 @@ impl Matching {
             round: 0,
             neighbours,
             neighbours_count,
+            around,
+            asked_match_of: vec![NO_SPOT; markers.len()],
+            said: vec![None; markers.len()],
         }
     }
 
@@ -110,6 +140,7 @@ impl Matching {
         self.spot_taken.clear();
         self.spot_taken.resize(spots.len(), false);
         self.match_of.fill(NO_SPOT);
+        self.asked_match_of.fill(NO_SPOT);
     }
 
     /// Every marker is unmatched again, every spot free.
@@ -190,7 +221,7 @@ impl Matching {
         }
         pairs.sort_unstable_by(|a, b| {
             let ids = |p: &Pair| (p.marker, p.spot);
-            a.distance_squared.total_cmp(&b.distance_squared).then(ids(a).cmp(&ids(b)))
+            a.distance_squared.total_cmp(&b.distance_squared).then_with(|| ids(a).cmp(&ids(b)))
         });
         for pair in &pairs {
             let (marker, spot) = (pair.marker as usize, pair.spot as usize);
@@ -206,9 +237,11 @@ impl Matching {
     pub(super) fn settle_with_neighbours(&mut self, markers: &[Marker]) {
         self.round = 0;
         let (mut sum, mut count) = (0.0, 0u32);
+        self.asked_match_of.copy_from_slice(&self.match_of);
         for i in 0..markers.len() {
-            let off_pitch =
-                self.spot_and_place(markers, i).map(|(spot, place)| (spot - place).length() / self.pitch_px);
+            let spot = self.spot_of(i).map(|spot| spot.position);
+            self.said[i] = spot.and_then(|_| self.predicted_by_neighbours(markers, i));
+            let off_pitch = spot.zip(self.said[i]).map(|(spot, place)| (spot - place).length() / self.pitch_px);
             self.undone[i] = off_pitch.is_some_and(|off| off > CONTRADICTION_PITCH);
             sum += off_pitch.map_or(0.0, |off| off * off);
             count += u32::from(off_pitch.is_some());
@@ -261,7 +294,7 @@ impl Matching {
             None => f64::from(!self.predicted[i].is_finite() || self.in_view(self.predicted[i])),
             Some(spot) => {
                 let off_pitch = self
-                    .predicted_by_neighbours(markers, i)
+                    .said_by_neighbours(markers, i)
                     .map_or(CONTRADICTION_PITCH, |predicted| (spot.position - predicted).length() / self.pitch_px);
                 let share = (off_pitch / CONTRADICTION_PITCH).min(1.0);
                 share * share
@@ -326,16 +359,15 @@ impl Matching {
     /// How far the neighbours' spots are from where these markers were in the last frame: the median along each axis, the
     /// marker itself among them. None with fewer than three.
     pub(super) fn step_of_neighbours(&self, before: &[Vec2], i: usize) -> Option<Vec2> {
-        let (mut xs, mut ys, mut count) = ([0.0; NEIGHBOURS + 1], [0.0; NEIGHBOURS + 1], 0);
+        let (mut steps, mut count) = ([Vec2::ZERO; NEIGHBOURS + 1], 0);
         let neighbours = self.neighbours[i][..self.neighbours_count[i]].iter().map(|&n| n as usize);
         for n in neighbours.chain([i]) {
             let Some(spot) = self.spot_of(n) else { continue };
-            let step = spot.position - before[n];
-            (xs[count], ys[count]) = (step.x, step.y);
+            steps[count] = spot.position - before[n];
             count += 1;
         }
-        let middle = |values: &mut [f64]| *values.select_nth_unstable_by(count / 2, f64::total_cmp).1;
-        (count >= 3).then(|| Vec2::new(middle(&mut xs[..count]), middle(&mut ys[..count])))
+        let steps = &steps[..count];
+        (count >= 3).then(|| Vec2::new(middle_of(steps, |step| step.x), middle_of(steps, |step| step.y)))
     }
 
     /// How the gel around marker `i` was stretched and turned when its markers were at `places`: the displacement per length from
@@ -352,44 +384,122 @@ impl Matching {
         )
     }
 
+    /// [`Matching::predicted_by_neighbours`] of a marker with a spot, as it was said before matches were undone where that still holds.
+    fn said_by_neighbours(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
+        let stands = |&n: &u32| {
+            let n = n as usize;
+            let inferred = self.match_of[n] == NO_SPOT && self.inferred_from_round[n] != 0;
+            self.match_of[n] == self.asked_match_of[n] && !inferred
+        };
+        let asked = self.asked_match_of[i] != NO_SPOT;
+        if asked && self.neighbours[i][..self.neighbours_count[i]].iter().all(stands) {
+            return self.said[i];
+        }
+        self.predicted_by_neighbours(markers, i)
+    }
+
     /// Rest position plus the displacement of the neighbours whose place is known, carried over by a plane fitted to it; None
     /// with fewer than three of them.
     fn predicted_by_neighbours(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
         let here = markers[i].rest;
-        // Arm and displacement of each that is known.
-        let mut found = [(Vec2::ZERO, Vec2::ZERO); NEIGHBOURS];
-        let (mut count, mut arm, mut shift) = (0, Vec2::ZERO, Vec2::ZERO);
+        // Which are known, and how far they are displaced.
+        let (mut known, mut displaced) = ([0; NEIGHBOURS], [Vec2::ZERO; NEIGHBOURS]);
+        let (mut count, mut shift) = (0, Vec2::ZERO);
         for &n in &self.neighbours[i][..self.neighbours_count[i]] {
             let Some(place) = self.known(n as usize) else { continue };
-            let rest = markers[n as usize].rest;
-            found[count] = (rest - here, place - rest);
-            arm += found[count].0;
-            shift += found[count].1;
+            (known[count], displaced[count]) = (n as usize, place - markers[n as usize].rest);
+            shift += displaced[count];
             count += 1;
         }
         if count < 3 {
             return None;
         }
-        let (arm, shift) = (arm / count as f64, shift / count as f64);
-        let [slope_x, slope_y] = slopes(found[..count].iter().map(|&(a, d)| (a - arm, d - shift)), self.pitch_px);
-        Some(here + shift - slope_x * arm.x - slope_y * arm.y)
+        let shift = shift / count as f64;
+        if count == NEIGHBOURS {
+            let Around { middle, arms, spread } = &self.around[i];
+            let [slope_x, slope_y] = spread.slopes(arms.iter().zip(displaced).map(|(&arm, d)| (arm, d - shift)));
+            return Some(here + shift - slope_x * middle.x - slope_y * middle.y);
+        }
+        let arms = known[..count].iter().map(|&n| markers[n].rest - here);
+        let mut middle = Vec2::ZERO;
+        arms.clone().for_each(|arm| middle += arm);
+        let middle = middle / count as f64;
+        let [slope_x, slope_y] = slopes(arms.zip(displaced).map(|(arm, d)| (arm - middle, d - shift)), self.pitch_px);
+        Some(here + shift - slope_x * middle.x - slope_y * middle.y)
     }
 }
 
-/// Slopes along x and along y of displacements at these arms, by least squares, held down where the arms do not determine them.
-fn slopes(points: impl Iterator<Item = (Vec2, Vec2)>, pitch_px: f64) -> [Vec2; 2] {
-    let ridge = 0.5 * pitch_px * pitch_px;
-    let (mut xx, mut xy, mut yy) = (ridge, 0.0, ridge);
-    let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
-    for (arm, d) in points {
-        xx += arm.x * arm.x;
-        xy += arm.x * arm.y;
-        yy += arm.y * arm.y;
-        by_x += d * arm.x;
-        by_y += d * arm.y;
+/// The value with half of them below it, the upper of two; of at most nine.
+#[rustfmt::skip]
+fn middle_of(steps: &[Vec2], part: impl Fn(&Vec2) -> f64) -> f64 {
+    // As many below all and above all as keep it in the middle of nine.
+    let below = 4 - steps.len() / 2;
+    let mut nine = [i64::MAX; NEIGHBOURS + 1];
+    nine[..below].fill(i64::MIN);
+    nine[below..].iter_mut().zip(steps).for_each(|(out, step)| *out = ordered(part(step)));
+    // Paeth's network: the last exchange leaves the middle in place 4.
+    let n = &mut nine;
+    order::<1, 2>(n); order::<4, 5>(n); order::<7, 8>(n); order::<0, 1>(n); order::<3, 4>(n); order::<6, 7>(n);
+    order::<1, 2>(n); order::<4, 5>(n); order::<7, 8>(n); order::<0, 3>(n); order::<5, 8>(n); order::<4, 7>(n);
+    order::<3, 6>(n); order::<1, 4>(n); order::<2, 5>(n); order::<4, 7>(n); order::<4, 2>(n); order::<6, 4>(n);
+    order::<4, 2>(n);
+    f64::from_bits(ordered_bits(nine[4]) as u64)
+}
+
+/// Exchanges the values at two places where the first is the greater.
+#[inline(always)]
+fn order<const FIRST: usize, const SECOND: usize>(nine: &mut [i64; NEIGHBOURS + 1]) {
+    let (a, b) = (nine[FIRST], nine[SECOND]);
+    (nine[FIRST], nine[SECOND]) = (a.min(b), a.max(b));
+}
+
+/// A whole number in the order of [`f64::total_cmp`], and back.
+fn ordered(v: f64) -> i64 {
+    ordered_bits(v.to_bits() as i64)
+}
+
+fn ordered_bits(bits: i64) -> i64 {
+    bits ^ ((bits >> 63) as u64 >> 1) as i64
+}
+
+/// How far arms reach along x and along y: their sums of products, held up where there are hardly any.
+#[derive(Debug, Clone, Copy)]
+struct Spread {
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+impl Spread {
+    fn new(pitch_px: f64) -> Self {
+        let ridge = 0.5 * pitch_px * pitch_px;
+        Spread { xx: ridge, xy: 0.0, yy: ridge }
     }
-    let det = xx * yy - xy * xy;
-    [(by_x * yy - by_y * xy) / det, (by_y * xx - by_x * xy) / det]
+
+    fn add(&mut self, arm: Vec2) {
+        self.xx += arm.x * arm.x;
+        self.xy += arm.x * arm.y;
+        self.yy += arm.y * arm.y;
+    }
+
+    /// Slopes along x and along y of displacements at these arms, by least squares, held down where the arms do not determine them.
+    fn slopes(&self, points: impl Iterator<Item = (Vec2, Vec2)>) -> [Vec2; 2] {
+        let Spread { xx, xy, yy } = *self;
+        let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
+        for (arm, d) in points {
+            by_x += d * arm.x;
+            by_y += d * arm.y;
+        }
+        let det = xx * yy - xy * xy;
+        [(by_x * yy - by_y * xy) / det, (by_y * xx - by_x * xy) / det]
+    }
+}
+
+/// See [`Spread::slopes`].
+fn slopes(points: impl Iterator<Item = (Vec2, Vec2)> + Clone, pitch_px: f64) -> [Vec2; 2] {
+    let mut spread = Spread::new(pitch_px);
+    points.clone().for_each(|(arm, _)| spread.add(arm));
+    spread.slopes(points)
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ pub(super) struct SpotIndex {
     bucket_px: f64,
     buckets: SizePx,
     bucket_start: Vec<u32>,
-    bucket_spots: Vec<u32>,
+    bucket_spots: Vec<(u32, Vec2)>,
     spots: Vec<Spot>,
 }
 
@@ -50,11 +50,12 @@ impl SpotIndex {
             *start = end;
         }
         self.bucket_spots.clear();
-        self.bucket_spots.resize(spots.len(), 0);
+        self.bucket_spots.resize(spots.len(), (0, Vec2::ZERO));
         for i in (0..spots.len()).rev() {
-            let bucket = self.bucket(self.spots[i].position);
+            let position = self.spots[i].position;
+            let bucket = self.bucket(position);
             self.bucket_start[bucket] -= 1;
-            self.bucket_spots[self.bucket_start[bucket] as usize] = i as u32;
+            self.bucket_spots[self.bucket_start[bucket] as usize] = (i as u32, position);
         }
     }
 
@@ -70,12 +71,12 @@ impl SpotIndex {
             return;
         }
         let (column, row) = self.cell(place);
-        for row in row.saturating_sub(1)..=(row + 1).min(self.buckets.height - 1) {
-            for column in column.saturating_sub(1)..=(column + 1).min(self.buckets.width - 1) {
-                let b = row * self.buckets.width + column;
-                for &spot in &self.bucket_spots[self.bucket_start[b] as usize..self.bucket_start[b + 1] as usize] {
-                    see(spot, (self.spots[spot as usize].position - place).length_squared());
-                }
+        let (first, end) = (column.saturating_sub(1), (column + 2).min(self.buckets.width));
+        for row in row.saturating_sub(1)..(row + 2).min(self.buckets.height) {
+            // Buckets side by side follow one another.
+            let start = &self.bucket_start[row * self.buckets.width..];
+            for &(spot, position) in &self.bucket_spots[start[first] as usize..start[end] as usize] {
+                see(spot, (position - place).length_squared());
             }
         }
     }

@@ -84,6 +84,68 @@ fn a_spot_belongs_to_the_nearest_marker_within_reach_that_is_strong_enough() {
 
 /// Markers in the middle were a pitch further right, and snapped back: each is found in the spot of the next.
 #[test]
+fn what_the_neighbours_said_before_holds_only_while_they_stand() {
+    let markers = markers();
+    let went = |m: &Marker| m.rest + Vec2::new(0.05 * m.rest.x, 0.03 * m.rest.x - 0.02 * m.rest.y);
+    let is_wrong = |m: &Marker| [22, 47].contains(&m.id);
+    let place = |m: &Marker| Some(went(m) + if is_wrong(m) { Vec2::new(0.0, 0.7 * PITCH_PX) } else { Vec2::ZERO });
+    let mut matching = frame(&markers, |m| if m.id == 55 { None } else { place(m) });
+    matching.predict(markers.iter().map(|m| place(m).unwrap_or(m.rest)));
+    matching.assign(0.5);
+    matching.settle_with_neighbours(&markers);
+    let lost: Vec<usize> = (0..markers.len()).filter(|&i| matching.match_of[i] == NO_SPOT).collect();
+    assert_eq!(lost, [22, 47, 55]);
+    let mut kept_count = 0;
+    for i in (0..markers.len()).filter(|&i| matching.match_of[i] != NO_SPOT) {
+        let says = matching.predicted_by_neighbours(&markers, i);
+        assert_eq!(matching.said_by_neighbours(&markers, i), says, "marker {i}");
+        kept_count += u32::from(matching.said[i] == says);
+    }
+    assert!((30..60).contains(&kept_count), "{kept_count} of them kept what was said");
+}
+
+#[test]
+fn eight_known_neighbours_say_to_the_bit_what_a_plane_fitted_anew_says() {
+    let markers = markers();
+    let went = |m: &Marker| m.rest + Vec2::new(0.013 * m.rest.y, 1e-4 * m.rest.x * m.rest.x);
+    let mut matching = frame(&markers, |m| Some(went(m)));
+    matching.predict(markers.iter().map(went));
+    matching.assign(0.5);
+    for (i, marker) in markers.iter().enumerate() {
+        let neighbours = matching.neighbours[i].map(|n| &markers[n as usize]);
+        let mean = |of: &dyn Fn(&Marker) -> Vec2| {
+            let mut sum = Vec2::ZERO;
+            neighbours.iter().for_each(|n| sum += of(n));
+            sum / 8.0
+        };
+        let (arm, shift) = (|n: &Marker| n.rest - marker.rest, |n: &Marker| went(n) - n.rest);
+        let (middle, shifted) = (mean(&arm), mean(&shift));
+        let [x, y] = slopes(neighbours.iter().map(|n| (arm(n) - middle, shift(n) - shifted)), PITCH_PX);
+        let place = marker.rest + shifted - x * middle.x - y * middle.y;
+        // The finger of this test has its own pitch.
+        let own = Matching { pitch_px: PITCH_PX, ..matching.clone() };
+        let around = Around::new(neighbours.map(arm), PITCH_PX);
+        let own = Matching { around: vec![around; markers.len()], ..own };
+        assert_eq!(own.predicted_by_neighbours(&markers, i), Some(place), "marker {i}");
+    }
+}
+
+#[test]
+fn the_middle_of_up_to_nine_is_that_of_the_sorted_ones() {
+    let mut state = 7u32;
+    let mut value = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        [-0.0, 0.0, 1.5, f64::from(state >> 20) - 2000.0, -f64::from(state >> 28)][(state >> 24) as usize % 5]
+    };
+    for count in (3..=9).cycle().take(700) {
+        let steps: Vec<Vec2> = (0..count).map(|_| Vec2::new(value(), value())).collect();
+        let mut sorted: Vec<f64> = steps.iter().map(|step| step.y).collect();
+        sorted.sort_by(f64::total_cmp);
+        assert_eq!(middle_of(&steps, |step| step.y).to_bits(), sorted[count / 2].to_bits(), "{steps:?}");
+    }
+}
+
+#[test]
 fn a_field_that_is_torn_is_grown_anew_from_the_markers_that_stood_still() {
     let markers = markers();
     let snapped =

@@ -1,0 +1,34 @@
+//! Sixteen numbers side by side in a vector of AVX2, for the kernels that are written out for it.
+#![cfg(target_arch = "x86_64")]
+
+use std::arch::x86_64::*;
+
+/// How many.
+pub(super) const LANES: usize = 16;
+
+/// Sixteen bytes.
+#[inline]
+#[target_feature(enable = "avx2")]
+pub(super) fn bytes(of: &[u8; LANES]) -> __m128i {
+    let [low, high] = [of.first_chunk(), of.last_chunk()].map(|half| half.map_or(0, |half| i64::from_le_bytes(*half)));
+    _mm_set_epi64x(high, low)
+}
+
+/// Sixteen numbers of 16 bits.
+#[inline]
+#[target_feature(enable = "avx2")]
+#[rustfmt::skip]
+pub(super) fn words(of: &[i16; LANES]) -> __m256i {
+    let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = *of;
+    _mm256_setr_epi16(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p)
+}
+
+/// The sum of eight numbers of 32 bits.
+#[inline]
+#[target_feature(enable = "avx2")]
+pub(super) fn sum(of: __m256i) -> i64 {
+    let half = |four: __m128i| _mm256_cvtepi32_epi64(four);
+    let pairs = _mm256_add_epi64(half(_mm256_castsi256_si128(of)), half(_mm256_extracti128_si256::<1>(of)));
+    let one = _mm_add_epi64(_mm256_castsi256_si128(pairs), _mm256_extracti128_si256::<1>(pairs));
+    _mm_cvtsi128_si64(one) + _mm_extract_epi64::<1>(one)
+}
