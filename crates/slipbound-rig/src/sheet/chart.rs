@@ -13,7 +13,7 @@ use std::fmt;
 const SIZES: [(&str, f64, f64); 2] = [("wide", 760.0, 420.0), ("narrow", 390.0, 290.0)];
 
 /// Colours of the style sheet; more series than that begin anew.
-const COLOURS_COUNT: usize = 8;
+const COLOURS_COUNT: usize = 9;
 
 /// A chart.
 #[derive(Debug, Clone)]
