@@ -30,6 +30,7 @@
 
 mod avi;
 mod camera;
+mod chunked;
 mod error;
 mod ffmpeg;
 mod ffmpeg_live;

@@ -152,6 +152,21 @@ fn wrong_lengths_missing_lengths_and_missing_huffman_tables_lose_nothing() {
 }
 
 #[test]
+fn a_stream_in_chunks_is_the_same_wherever_they_are_cut() {
+    let chunk = |bytes: &[u8]| [format!("{:x}\r\n", bytes.len()).as_bytes(), bytes, b"\r\n"].concat();
+    let Step::Send(parts) = part(0) else { unreachable!() };
+    let Step::Send(more) = part(1) else { unreachable!() };
+    let bytes = [b"--cam\r\n".to_vec(), parts, more].concat();
+    for cut in [bytes.len(), 100, 7] {
+        let head = "HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\nContent-Type: multipart/x-mixed-replace; boundary=cam\r\n\r\n";
+        let chunks: Vec<u8> = bytes.chunks(cut).flat_map(chunk).chain(*b"0\r\n\r\n").collect();
+        let mut camera = open(vec![vec![Step::Send(head.into()), Step::Send(chunks)]]);
+        assert_eq!(drain(&mut camera, 4), [Ok(0), Ok(1), Ok(0), Ok(1)], "chunks of {cut}, and the stream opened again");
+        assert_eq!(camera.tally.counts().torn_count, 0);
+    }
+}
+
+#[test]
 fn torn_frames_are_counted_and_never_given_as_frames() {
     let whole = jpeg(1);
     let cut = &whole[..whole.len() * 2 / 3];

@@ -9,6 +9,7 @@
 //! The time of a frame is the server's `X-Timestamp` where it sends one (its clock says device), else that of arrival.
 
 use super::camera::{Camera, CameraTally};
+use super::chunked::{self, Chunked};
 use super::multipart::{Found, Multipart};
 use super::{Error, picture};
 use crate::link::now_ns;
@@ -55,7 +56,10 @@ pub struct MjpegHttp {
 #[derive(Debug)]
 struct Stream {
     socket: TcpStream,
+    /// Undoes the chunks, where the answer comes in chunks.
+    chunked: Option<Chunked>,
     parts: Multipart,
+    has_ended: bool,
     heard_ns: u64,
 }
 
@@ -130,6 +134,14 @@ impl MjpegHttp {
         into.encoded.clear();
         self.torn(into, format!("{why} after {begun_bytes} bytes of a frame"))
     }
+
+    /// The stream cannot be followed any further.
+    fn lost_track(&mut self, into: &mut FrameBuffer, why: String) -> Next {
+        into.encoded.clear();
+        let torn = self.torn(into, why);
+        self.give_up();
+        torn
+    }
 }
 
 impl FrameSource for MjpegHttp {
@@ -150,20 +162,17 @@ impl FrameSource for MjpegHttp {
                     self.stamp(into, head.time_ns);
                     return Ok(Next::Frame);
                 }
-                Ok(Found::Nothing) => {}
-                Ok(Found::End) => return Ok(self.cut(into, "the stream ended")),
-                Err(fault) => {
-                    into.encoded.clear();
-                    let torn = self.torn(into, fault.to_string());
-                    self.give_up();
-                    return Ok(torn);
-                }
+                Ok(Found::Nothing) if !stream.has_ended => {}
+                Ok(Found::Nothing | Found::End) => return Ok(self.cut(into, "the stream ended")),
+                Err(fault) => return Ok(self.lost_track(into, fault.to_string())),
             }
             match stream.socket.read(&mut self.bytes) {
                 Ok(0) => return Ok(self.cut(into, "the connection was closed")),
                 Ok(count) => {
                     stream.heard_ns = now_ns();
-                    stream.parts.push(&self.bytes[..count]);
+                    if let Err(fault) = stream.push(&self.bytes[..count]) {
+                        return Ok(self.lost_track(into, fault.to_string()));
+                    }
                 }
                 Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                     return Ok(match now_ns().saturating_sub(stream.heard_ns) > SILENT_NS {
@@ -190,7 +199,7 @@ impl Stream {
         Err(failed)
     }
 
-    /// Asks for the stream. HTTP/1.0, for an answer to that is never cut into chunks.
+    /// Asks for the stream. HTTP/1.0, for few cut their answer to that into chunks.
     fn ask(mut socket: TcpStream, address: &Address) -> io::Result<Self> {
         socket.set_read_timeout(Some(LONGEST_WAIT))?;
         socket.set_write_timeout(Some(CONNECT))?;
@@ -199,9 +208,21 @@ impl Stream {
         let request = format!("GET {path} HTTP/1.0\r\nHost: {host}:{port}\r\nUser-Agent: slipbound/{version}\r\n\r\n");
         socket.write_all(request.as_bytes())?;
         let (head, begun) = read_head(&mut socket)?;
-        let mut parts = Multipart::new(&boundary(&head).map_err(io::Error::other)?);
-        parts.push(&begun);
-        Ok(Stream { socket, parts, heard_ns: now_ns() })
+        let parts = Multipart::new(&boundary(&head).map_err(io::Error::other)?);
+        let chunked = comes_in_chunks(&head).map_err(io::Error::other)?.then(Chunked::new);
+        let mut stream = Stream { socket, chunked, parts, has_ended: false, heard_ns: now_ns() };
+        stream.push(&begun).map_err(io::Error::other)?;
+        Ok(stream)
+    }
+
+    /// Takes what came through the socket.
+    fn push(&mut self, bytes: &[u8]) -> Result<(), chunked::Fault> {
+        let Stream { chunked, parts, has_ended, .. } = self;
+        match chunked {
+            Some(chunked) => *has_ended = !chunked.unpack(bytes, |run| parts.push(run))?,
+            None => parts.push(bytes),
+        }
+        Ok(())
     }
 }
 
@@ -238,16 +259,27 @@ fn position(bytes: &[u8], of: &[u8]) -> Option<usize> {
     bytes.windows(of.len()).position(|window| window == of)
 }
 
+/// What the head of an answer says under this name.
+fn value<'a>(head: &'a str, name: &str) -> Option<&'a str> {
+    let mut fields = head.lines().skip(1).filter_map(|line| line.split_once(':'));
+    fields.find(|(n, _)| n.trim().eq_ignore_ascii_case(name)).map(|(_, value)| value.trim())
+}
+
+/// Whether the answer comes in chunks; in words what is wrong with how it comes otherwise.
+fn comes_in_chunks(head: &str) -> Result<bool, String> {
+    match value(head, "transfer-encoding") {
+        None => Ok(false),
+        Some(encoding) if encoding.eq_ignore_ascii_case("identity") => Ok(false),
+        Some(encoding) if encoding.eq_ignore_ascii_case("chunked") => Ok(true),
+        Some(encoding) => Err(format!("expected the transfer encoding chunked or none, got `{encoding}`")),
+    }
+}
+
 /// The boundary that the head of an answer names; in words what is wrong with it otherwise.
 fn boundary(head: &str) -> Result<String, String> {
-    let mut lines = head.lines();
-    let status = lines.next().unwrap_or_default();
-    let value = |name: &str| {
-        let named = |line: &&str| line.split_once(':').is_some_and(|(n, _)| n.trim().eq_ignore_ascii_case(name));
-        head.lines().skip(1).find(named).and_then(|line| line.split_once(':')).map(|(_, value)| value.trim())
-    };
+    let status = head.lines().next().unwrap_or_default();
     let code = status.split_whitespace().nth(1).unwrap_or_default();
-    match (code, value("location")) {
+    match (code, value(head, "location")) {
         ("200", _) => {}
         (_, Some(elsewhere)) => return Err(format!("expected a stream, got `{status}`: try {elsewhere}")),
         ("401", _) => {
@@ -255,7 +287,7 @@ fn boundary(head: &str) -> Result<String, String> {
         }
         _ => return Err(format!("expected a stream, got `{status}`")),
     }
-    let kind = value("content-type").unwrap_or_default();
+    let kind = value(head, "content-type").unwrap_or_default();
     let lower = kind.to_ascii_lowercase();
     if !lower.starts_with("multipart/") {
         return Err(format!(
