@@ -24,6 +24,8 @@ enum State {
     },
     /// This many bytes of the chunk are still to come.
     Chunk(u64),
+    /// Before the end of the line that ends a chunk.
+    ChunkEnd,
     End,
 }
 
@@ -48,7 +50,15 @@ impl Chunked {
                     into(&bytes[..here_bytes]);
                     bytes = &bytes[here_bytes..];
                     let left_bytes = left_bytes - here_bytes as u64;
-                    self.0 = if left_bytes == 0 { LINE } else { State::Chunk(left_bytes) };
+                    self.0 = if left_bytes == 0 { State::ChunkEnd } else { State::Chunk(left_bytes) };
+                }
+                State::ChunkEnd => {
+                    bytes = later;
+                    self.0 = match first {
+                        b'\n' => LINE,
+                        b'\r' => State::ChunkEnd,
+                        _ => return Err(Fault),
+                    };
                 }
                 State::Length { bytes: length, is_over, line_bytes } => {
                     bytes = later;
@@ -60,7 +70,7 @@ impl Chunked {
     }
 }
 
-/// What comes after one more byte on the line of a length. The empty line that ends the chunk before it is passed over.
+/// What comes after one more byte on the line of a length.
 fn on_line(byte: u8, length: Option<u64>, is_over: bool, line_bytes: usize) -> Result<State, Fault> {
     if line_bytes == LONGEST_LINE_BYTES {
         return Err(Fault);
@@ -69,7 +79,6 @@ fn on_line(byte: u8, length: Option<u64>, is_over: bool, line_bytes: usize) -> R
     match (byte, length) {
         (b'\n', Some(0)) => Ok(State::End),
         (b'\n', Some(bytes)) => Ok(State::Chunk(bytes)),
-        (b'\r' | b'\n', None) => Ok(State::Length { bytes: None, is_over, line_bytes }),
         (b'\r' | b' ' | b'\t' | b';', Some(_)) => Ok(State::Length { bytes: length, is_over: true, line_bytes }),
         (_, Some(_)) if is_over => Ok(State::Length { bytes: length, is_over, line_bytes }),
         _ => {
