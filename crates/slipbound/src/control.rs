@@ -223,11 +223,13 @@ impl ControlLoop {
 
     /// Every finger's newest frame, judged and shown to the hand. False when a source has ended.
     fn look(&mut self) -> Result<bool, ControlError> {
+        // First those of all, so that they are of one time: making a monitor of a rest frame takes many frames' time.
         for finger in &mut self.fingers {
             if !finger.acquire()? {
                 return Ok(false);
             }
         }
+        self.fingers.iter_mut().try_for_each(FingerPipeline::take_in)?;
         // Until all know their rest frame none is judged: nothing is commanded yet.
         if self.fingers.iter().all(|finger| finger.monitor().is_some()) {
             self.runner.judge(&mut self.fingers, self.grip)?;

@@ -156,7 +156,7 @@ impl FingerPipeline {
         }
     }
 
-    /// Takes the next frame from the source: for the rest frame, or to be judged. False when the source has ended.
+    /// Takes the next frame from the source. False when the source has ended.
     pub(crate) fn acquire(&mut self) -> Result<bool, ControlError> {
         self.report = None;
         self.next = match self.source.next(&mut self.frame) {
@@ -166,8 +166,12 @@ impl FingerPipeline {
                 return Err(ControlError::Source { finger: self.name.clone(), source });
             }
         };
+        Ok(self.next != Next::End)
+    }
+
+    /// Puts the frame to its use: for the rest frame, or to be judged.
+    pub(crate) fn take_in(&mut self) -> Result<(), ControlError> {
         match (&self.next, &self.monitor) {
-            (Next::End, _) => return Ok(false),
             (Next::Frame, None) => match self.rest.take() {
                 Some(rest) => self.start_from(rest)?,
                 None => self.look_for_rest()?,
@@ -178,9 +182,9 @@ impl FingerPipeline {
             (Next::Torn { .. }, Some(monitor)) => {
                 self.report = Some(monitor.torn(self.frame.seq, self.frame.time_ns));
             }
-            (Next::Torn { .. } | Next::Silent, _) => {}
+            (Next::Torn { .. } | Next::Silent | Next::End, _) => {}
         }
-        Ok(true)
+        Ok(())
     }
 
     fn look_for_rest(&mut self) -> Result<(), ControlError> {

@@ -289,7 +289,7 @@ fn a_finger_that_falls_behind_the_other_is_blind_whatever_their_clocks_say() {
         let run = |lag_ns: fn(u64) -> u64, offset_ns: u64| {
             watched(600, |finger, cycle| {
                 let lag_ns = if finger == late { lag_ns(cycle) } else { 0 };
-                let time_ns = Some(33 * MS * cycle + if finger == 1 { offset_ns } else { 0 } - lag_ns);
+                let time_ns = Some(1000 * MS + 33 * MS * cycle + if finger == 1 { offset_ns } else { 0 } - lag_ns);
                 Some(SlipReport { time_ns, ..feels(cycle, Vec2::new(0.0, 0.4 + 0.001 * cycle as f64), 0.0) })
             })
             .1
@@ -300,6 +300,8 @@ fn a_finger_that_falls_behind_the_other_is_blind_whatever_their_clocks_say() {
             let behind = run(|cycle| cycle.saturating_sub(500) * 10 * MS, offset_ns);
             assert_eq!((behind.health[late], behind.health[1 - late]), (Health::Blind, Health::Live));
         }
+        // Some of its first frames were old when they came: 300 ms, then 10.
+        assert_eq!(run(|cycle| if cycle < 4 { 300 * MS } else { 10 * MS }, 0).live_count, 2, "late at the start");
         // A camera that was plugged in again counts from 0.
         let again = watched(600, |finger, cycle| {
             let from = if finger == late && cycle > 300 { 300 } else { 0 };

@@ -1,7 +1,8 @@
 //! Whether a finger's newest frame is of now: how old it is, and how far behind those of the other fingers.
 //!
 //! Age counts on the loop's clock from when the frame came. How far a finger lags behind another is told by the times of
-//! their cameras, whose clocks need not agree: what counts is how the difference changes after the first frames.
+//! their cameras, whose clocks need not agree: what counts is how the difference changes after the first frames, of which
+//! some may have come late.
 
 /// Age of a finger's newest frame, and lag of its frames behind those of another finger, beyond which it is not live, ns:
 /// three frames at 30 Hz.
@@ -13,6 +14,38 @@ const CLOCK_DRIFT_FRACTION: f64 = 1e-3;
 /// Jump of a camera's clock against the loop's that is a new clock, ns: a camera that was plugged in again.
 const NEW_CLOCK_NS: i64 = 1_000_000_000;
 
+/// The first frames, the middle difference of which is that of the clocks: half a second at 30 Hz. One in the middle of which
+/// the computer had something else to do would be believed for minutes.
+const FIRST_COUNT: usize = 15;
+
+/// How far the clock of a finger is ahead of the first finger's.
+#[derive(Debug, Clone, Copy, Default)]
+struct Ahead {
+    /// What it was in the first frames, ns, and how many there were.
+    first_ns: [f64; FIRST_COUNT],
+    count: usize,
+    /// What it is taken for, ns.
+    ns: f64,
+}
+
+impl Ahead {
+    /// How far a frame is ahead of one of the first finger, ns, by the difference of their times. `is_new`: one of them is new.
+    fn lead_ns(&mut self, difference_ns: f64, is_new: bool, drift_ns: f64) -> f64 {
+        if is_new && self.count < FIRST_COUNT {
+            self.first_ns[self.count] = difference_ns;
+            self.count += 1;
+            let mut sorted_ns = self.first_ns;
+            let sorted_ns = &mut sorted_ns[..self.count];
+            sorted_ns.sort_unstable_by(f64::total_cmp);
+            self.ns = sorted_ns[self.count / 2];
+            return difference_ns - self.ns;
+        }
+        let lead_ns = difference_ns - self.ns;
+        self.ns += lead_ns.clamp(-drift_ns, drift_ns);
+        lead_ns
+    }
+}
+
 /// When the frames of a finger came, and how old they were.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Freshness {
@@ -22,8 +55,10 @@ pub(super) struct Freshness {
     seen_ns: Option<u64>,
     /// The time of that frame, ns of its camera.
     time_ns: Option<u64>,
-    /// How far its clock is ahead of the first finger's, ns; None before both have shown a time.
-    ahead_ns: Option<f64>,
+    ahead: Ahead,
+    /// Whether a frame has come since the last report, and whether its time is of a new clock.
+    has_new: bool,
+    is_new_clock: bool,
     is_stale: bool,
 }
 
@@ -44,12 +79,11 @@ impl Freshness {
     }
 
     fn advance_to(&mut self, now_ns: u64) {
+        (self.has_new, self.is_new_clock) = (self.new.is_some(), false);
         if let Some(time_ns) = self.new.take() {
             let passed_ns = self.seen_ns.map_or(0, |seen_ns| now_ns.saturating_sub(seen_ns) as i64);
             let jump_ns = self.time_ns.zip(time_ns).map(|(from, to)| to as i64 - from as i64 - passed_ns);
-            if jump_ns.is_some_and(|ns| ns.abs() > NEW_CLOCK_NS) {
-                self.ahead_ns = None;
-            }
+            self.is_new_clock = jump_ns.is_some_and(|ns| ns.abs() > NEW_CLOCK_NS);
             (self.seen_ns, self.time_ns) = (Some(now_ns), time_ns);
         }
         self.is_stale = self.seen_ns.is_some_and(|seen_ns| now_ns.saturating_sub(seen_ns) > STALE_NS);
@@ -64,20 +98,16 @@ pub(super) fn advance<'a>(fingers: impl Iterator<Item = &'a mut Freshness>, now_
         finger.advance_to(now_ns);
         let Some(time_ns) = finger.time_ns else { continue };
         let Some(first) = &mut first else {
-            // A new clock of the first finger is one against which all others are new.
             first = Some(finger);
             continue;
         };
+        // A new clock of the first finger is one against which all others are new.
+        if finger.is_new_clock || first.is_new_clock {
+            finger.ahead = Ahead::default();
+        }
         let difference_ns = time_ns as f64 - first.time_ns.unwrap_or(time_ns) as f64;
-        let is_known = finger.ahead_ns.is_some() && first.ahead_ns.is_some();
-        let ahead_ns = if is_known { finger.ahead_ns.unwrap_or(difference_ns) } else { difference_ns };
-        let lead_ns = difference_ns - ahead_ns;
-        finger.ahead_ns = Some(ahead_ns + lead_ns.clamp(-drift_ns, drift_ns));
+        let lead_ns = finger.ahead.lead_ns(difference_ns, finger.has_new || first.has_new, drift_ns);
         finger.is_stale |= lead_ns < -(STALE_NS as f64);
         first.is_stale |= lead_ns > STALE_NS as f64;
-    }
-    // All have been compared with it: its clock is known from here on.
-    if let Some(first) = first {
-        first.ahead_ns = Some(0.0);
     }
 }
