@@ -3,8 +3,12 @@
 #![cfg(target_os = "linux")]
 
 use std::fs;
+use std::io::Write;
+use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Output};
+use std::thread;
+use std::time::Duration;
 
 /// What a file may take, in blocks of 512 bytes: every frame, but not every cycle's line, and not the page.
 const LIMIT_BLOCKS: &str = "160";
@@ -82,6 +86,34 @@ fn what_watch_writes_ends_with_a_whole_line_on_a_full_disk() {
     let output = slipbound("12", &["watch", "sim:press?grid=fast", "--report", &page]);
     assert_eq!(output.status.code(), Some(1), "{}", told(&output));
     assert!(!Path::new(&page).exists(), "half a page is none");
+}
+
+/// A camera that never ends; that its pictures are torn is no reason not to keep them.
+fn camera() -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let url = format!("http://{}/", listener.local_addr().expect("bound"));
+    thread::spawn(move || {
+        let (mut socket, _) = listener.accept()?;
+        socket.write_all(b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=cam\r\n\r\n--cam")?;
+        loop {
+            socket.write_all(&[b"\r\n\r\n".to_vec(), vec![7; 4000], b"\r\n--cam".to_vec()].concat())?;
+            thread::sleep(Duration::from_millis(10));
+        }
+        #[allow(unreachable_code)]
+        Ok::<(), std::io::Error>(())
+    });
+    url
+}
+
+#[test]
+fn who_only_records_ends_when_the_disk_is_full() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let run = scratch.path().join("run.mcap").to_str().expect("UTF-8").to_owned();
+    let from = std::time::Instant::now();
+    let output = slipbound(LIMIT_BLOCKS, &["record", &camera(), "-o", &run, "--for-s", "100"]);
+    assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+    assert!(told(&output).contains("run.mcap: cannot write on: "), "{}", told(&output));
+    assert!(from.elapsed() < Duration::from_secs(50), "it went on for {:?}", from.elapsed());
 }
 
 #[test]

@@ -145,6 +145,12 @@ fn a_recording_that_was_killed_is_readable_to_its_last_chunk() {
     let replayed = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
     let said = told(&replayed);
     assert!(said.contains("cut off"), "{said}");
+    // Others' readers stop, or fail, at a length that cannot be.
+    let bytes = std::fs::read(scratch.path().join("run.mcap")).expect("the recording");
+    assert!(
+        !bytes.windows(9).any(|head| *head == [6, 255, 255, 255, 255, 255, 255, 255, 255]),
+        "a chunk of 2^64 bytes"
+    );
     let (live, mut again) = (lines(&scratch.path().join("live.jsonl")), lines(&scratch.path().join("again.jsonl")));
     assert!(again.pop().is_some_and(|line| line.contains("\"torn frame\"")), "the end is said to be missing");
     assert!(live.starts_with(&again), "what is there is the same");
@@ -192,6 +198,14 @@ fn record_takes_cameras_as_they_come_and_devices_needs_none() {
     assert!(told(&devices).contains("wsg50://HOST:1000"), "{}", told(&devices));
     let rules = slipbound(scratch.path(), &["devices", "--udev"]).output().expect("runs");
     assert!(told(&rules).contains("SUBSYSTEM==\"video4linux\""), "{}", told(&rules));
+}
+
+#[test]
+fn doctor_calls_nothing_good_that_a_stream_does_not_tell() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let seen = slipbound(scratch.path(), &["doctor", &serve(Trouble::default())]).output().expect("runs");
+    assert!(told(&seen).contains("good  rate: "), "{}", told(&seen));
+    assert!(told(&seen).contains("look  locked: a stream does not tell\n      lock exposure"), "{}", told(&seen));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
-use finding::{Finding, bad, good, judged};
+use finding::{Finding, bad, good, judged, unknown};
 use slipbound::monitor::Settings;
 use slipbound::port::{Clock, FrameBuffer, FrameSource as _, Next};
 use slipbound_rig::gripper::{Device, Session, describe};
@@ -74,14 +74,18 @@ impl Doctor {
             Err(finding) => vec![finding],
         };
         findings.extend(self.gripper.as_deref().map(|address| self.gripper(address)));
-        for Finding { name, is, advice } in &findings {
-            let mark = if advice.is_none() { "good" } else { "BAD " };
+        for Finding { name, is, advice, is_bad } in &findings {
+            let mark = match (is_bad, advice) {
+                (true, _) => "BAD ",
+                (false, Some(_)) => "look",
+                (false, None) => "good",
+            };
             terminal.say(&format!("{mark}  {name}: {is}"))?;
             if let Some(advice) = advice {
                 terminal.say(&format!("      {advice}"))?;
             }
         }
-        match findings.iter().filter(|finding| finding.advice.is_some()).count() {
+        match findings.iter().filter(|finding| finding.is_bad).count() {
             0 => Ok(Outcome::Done),
             count => Err(anyhow!("{count} of {} things are to be mended", findings.len()).into()),
         }
@@ -122,11 +126,20 @@ impl Doctor {
         ));
         if let Some(camera) = &camera {
             findings.push(rate(&camera.tally.counts(), &camera.facts));
+            // A stream says nothing of the camera behind it.
+            let is_told = camera.facts.iter().any(|(name, _)| name == "exposure");
             let is_loose = |(_, value): &&(String, String)| value.contains("left to") || value.contains("not locked");
             let loose: Vec<&str> = camera.facts.iter().filter(is_loose).map(|(name, _)| name.as_str()).collect();
             let is = if loose.is_empty() { "nothing is left to the camera".into() } else { loose.join(", ") };
             let advice = "set them in the address: ?exposure=..&gain=.. (docs/cameras.md)";
-            findings.push(judged("locked", is, loose.is_empty(), advice));
+            findings.push(match is_told {
+                true => judged("locked", is, loose.is_empty(), advice),
+                false => unknown(
+                    "locked",
+                    "a stream does not tell",
+                    "lock exposure, gain, white balance and focus where the camera is",
+                ),
+            });
             findings.push(match first.clock {
                 Clock::Device => good("clock", "the camera or its driver stamps its frames"),
                 _ => good("clock", "frames carry no stamps: their time is that of arrival"),

@@ -41,7 +41,7 @@ pub struct Record {
 type Counted = Result<(u64, u64), SourceError>;
 
 impl Record {
-    /// Records until the sources end, the time is over, or Ctrl-C.
+    /// Records until the sources end, the time is over, nothing can be written any more, or Ctrl-C.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let names = self.names()?;
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
@@ -72,7 +72,7 @@ impl Record {
             let theirs = stop.clone();
             running.push((thread::spawn(move || drain(tapped, &theirs)), tally));
         }
-        self.wait(&stop, &running, &terminal);
+        self.wait(&stop, &recorder, &running, &terminal);
         terminal.clear_bar();
         stop.store(true, Ordering::Relaxed);
         let mut torn_count = 0;
@@ -104,12 +104,14 @@ impl Record {
     fn wait(
         &self,
         stop: &AtomicBool,
+        recorder: &Recorder,
         running: &[(thread::JoinHandle<Counted>, Option<Arc<CameraTally>>)],
         terminal: &Terminal,
     ) {
         let until_ns = self.for_s.map(|s| now_ns() + (s.clamp(0.0, 1e9) * 1e9) as u64);
         while !stop.load(Ordering::Relaxed) && running.iter().any(|(thread, _)| !thread.is_finished()) {
-            if until_ns.is_some_and(|until_ns| now_ns() >= until_ns) {
+            // A full disk: who only records does nothing else meanwhile, so it is told at once.
+            if until_ns.is_some_and(|until_ns| now_ns() >= until_ns) || recorder.has_failed() {
                 return;
             }
             let told: Vec<String> =

@@ -110,7 +110,10 @@ impl Book {
     /// Begins the file: chunks are not compressed.
     pub fn create(file: File) -> Result<Self, McapError> {
         let library = concat!("slipbound ", env!("CARGO_PKG_VERSION"));
+        // A chunk goes to the file when it is whole: of one that is written as it grows, a killed program leaves a head that
+        // claims 2^64 bytes, at which other readers stop, or fail.
         let options = WriteOptions::new().library(library).compression(None).chunk_size(Some(CHUNK_BYTES));
+        let options = options.disable_seeking(true);
         let mut writer = options.create(BufWriter::new(file))?;
         let mut schemas = [0; Kind::ALL.len()];
         for (into, kind) in schemas.iter_mut().zip(Kind::ALL) {

@@ -149,6 +149,11 @@ impl Recorder {
         self.inlet.send(Item::Metadata { name: name.into(), facts: facts.into_iter().collect() });
     }
 
+    /// Whether nothing is written any more, before the end: [`Recorder::finish`] says why.
+    pub fn has_failed(&self) -> bool {
+        self.thread.is_finished()
+    }
+
     /// Closes the file. What is still handed in later is counted as lost, without an error.
     pub fn finish(self) -> Result<Written, Error> {
         let Recorder { path, inlet, thread } = self;

@@ -19,6 +19,8 @@ use std::path::Path;
 const LONGEST_RECORD_BYTES: u64 = 256 << 20;
 /// Most that a chunk may hold, unpacked, bytes; tools write chunks of 1 to 8 MB.
 const MOST_CHUNK_BYTES: u64 = 1 << 30;
+/// Length of a chunk that was being written when its program was killed.
+const NOT_CLOSED: u64 = u64::MAX;
 /// Most that is read from the disk, or unpacked, at a time, bytes.
 const PIECE_BYTES: usize = 1 << 16;
 /// Kind and length of a record, bytes.
@@ -131,6 +133,9 @@ impl Records {
         let number = self.chunks_count;
         self.chunks_count += 1;
         let wrong = |what: &str, got: u64| format!("chunk {number}: expected {what}, got {got}");
+        if length == NOT_CLOSED {
+            return Err(format!("chunk {number} was never closed"));
+        }
         let head: [u8; CHUNK_HEAD_BYTES] = self.take()?;
         let u64_at = |at: usize| head[at..].first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
         let u32_at = |at: usize| head[at..].first_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes));

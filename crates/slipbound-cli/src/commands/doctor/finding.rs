@@ -8,16 +8,23 @@ pub struct Finding {
     pub is: String,
     /// What to do; None when it is good.
     pub advice: Option<String>,
+    /// Whether it is to be mended.
+    pub is_bad: bool,
 }
 
 /// Something that is as it should be.
 pub fn good(name: &'static str, is: impl Into<String>) -> Finding {
-    Finding { name, is: is.into(), advice: None }
+    Finding { name, is: is.into(), advice: None, is_bad: false }
 }
 
 /// Something to be mended.
 pub fn bad(name: &'static str, is: impl Into<String>, advice: impl Into<String>) -> Finding {
-    Finding { name, is: is.into(), advice: Some(advice.into()) }
+    Finding { name, is: is.into(), advice: Some(advice.into()), is_bad: true }
+}
+
+/// What cannot be seen from here: a person has to look.
+pub fn unknown(name: &'static str, is: impl Into<String>, advice: impl Into<String>) -> Finding {
+    Finding { is_bad: false, ..bad(name, is, advice) }
 }
 
 /// Either.
