@@ -12,8 +12,10 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-/// Longest wait for the first whole state, ns.
+/// Longest wait for the first whole state, ns: of a gripper from which nothing comes, and of one that answers late. Robotiq's is
+/// asked for in five questions, each of which may take the reply time.
 const FIRST_STATE_NS: u64 = 2_000_000_000;
+const LATE_STATE_NS: u64 = 5_000_000_000;
 
 /// Longest wait for the farewell to be sent, ns.
 const FAREWELL_NS: u64 = 100_000_000;
@@ -60,12 +62,12 @@ impl Device {
         let from_ns = now_ns();
         loop {
             self.poll_io();
-            let is_late = now_ns() - from_ns > FIRST_STATE_NS;
+            let waited_ns = now_ns() - from_ns;
             match self.driver.state(now_ns()) {
                 Ok(_) if !self.driver.is_busy() => return Ok(()),
-                Err(error) if is_late => return Err(error),
-                Ok(_) if is_late => {
-                    let (address, expected_ms) = (self.address.clone(), FIRST_STATE_NS / 1_000_000);
+                Err(error) if waited_ns > FIRST_STATE_NS => return Err(error),
+                Ok(_) if waited_ns > LATE_STATE_NS => {
+                    let (address, expected_ms) = (self.address.clone(), LATE_STATE_NS / 1_000_000);
                     return Err(Error::Unanswered { address, command: "what is your state", expected_ms });
                 }
                 _ => thread::sleep(Duration::from_millis(1)),

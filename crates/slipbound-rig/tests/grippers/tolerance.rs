@@ -184,6 +184,132 @@ fn a_robotiq_may_pause_within_an_answer_and_write_its_faults_in_any_way() {
     }
 }
 
+/// A gripper that ends its lines late: the whole answer, and its end 300 ms after. What is asked meanwhile it reads afterwards.
+#[test]
+fn a_robotiq_may_pause_before_the_end_of_its_line_and_read_nothing_meanwhile() {
+    let mut driver = driver("robotiq", config("robotiq"));
+    driver.linked(0);
+    let (mut asked, mut free_ms, mut end_due_ms) = (Vec::new(), 0, None);
+    for now_ms in 0..6000u64 {
+        driver.tick(now_ms * MS);
+        asked.append(driver.outgoing());
+        if end_due_ms == Some(now_ms) {
+            driver.receive(now_ms * MS, b"\n");
+            end_due_ms = None;
+        }
+        let end = asked.iter().position(|byte| *byte == b'\n').filter(|_| now_ms >= free_ms && end_due_ms.is_none());
+        if let Some(end) = end {
+            let line: Vec<u8> = asked.drain(..=end).collect();
+            let name = std::str::from_utf8(&line[4..7]).expect("ASCII");
+            let value = match name {
+                "STA" | "OBJ" => "3",
+                "POS" => "117",
+                _ => "0",
+            };
+            driver.receive(now_ms * MS, format!("{name} {value}").as_bytes());
+            (free_ms, end_due_ms) = (now_ms + 300, Some(now_ms + 300));
+        }
+        driver.state(now_ms * MS).unwrap_or_else(|error| panic!("{now_ms} ms: {error}"));
+    }
+    assert_eq!(driver.state(6000 * MS).expect("known").jaws, Jaws::Open);
+}
+
+/// Jaws that are told to close between two questions have not arrived, and found nothing, because of what was asked before.
+#[test]
+fn a_robotiq_that_is_told_to_close_between_two_questions_has_not_found_nothing() {
+    for given_ms in 2000..2100u64 {
+        let mut driver = driver("robotiq", config("robotiq"));
+        driver.linked(0);
+        driver.permit_lowering(true);
+        let (mut asked, mut due_ms, mut closes_ms) = (Vec::new(), None, None::<u64>);
+        for now_ms in 0..2600u64 {
+            driver.tick(now_ms * MS);
+            asked.append(driver.outgoing());
+            if now_ms == given_ms {
+                driver.request(now_ms * MS, Request::Grip(GripCommand::Hold { force_n: 50.0 })).expect("taken over");
+            }
+            if due_ms.is_none() && !asked.is_empty() {
+                due_ms = Some(now_ms + 20);
+            }
+            if due_ms == Some(now_ms) {
+                due_ms = None;
+                let line = String::from_utf8(std::mem::take(&mut asked)).expect("ASCII");
+                let answer = match line.split_whitespace().nth(1).expect("a name") {
+                    "POS" if line.starts_with("SET") => {
+                        closes_ms = Some(now_ms);
+                        "ack".into()
+                    }
+                    "STA" => "STA 3\n".into(),
+                    "OBJ" => format!("OBJ {}\n", if closes_ms.is_some() { 0 } else { 3 }),
+                    "PRE" => format!("PRE {}\n", if closes_ms.is_some() { 255 } else { 0 }),
+                    name => format!("{name} 0\n"),
+                };
+                driver.receive(now_ms * MS, answer.as_bytes());
+            }
+            let jaws = driver.state(now_ms * MS).expect("no fault").jaws;
+            assert_ne!(jaws, Jaws::Nothing, "told at {given_ms} ms, at {now_ms} ms");
+        }
+        assert_eq!(driver.state(2600 * MS).expect("no fault").jaws, Jaws::Closing, "told at {given_ms} ms");
+    }
+}
+
+/// Values that nobody asked for, in one packet with an answer or by themselves, are passed over in silence.
+#[test]
+fn a_robotiq_may_say_more_than_was_asked() {
+    let mut driver = driver("robotiq", config("robotiq"));
+    driver.linked(0);
+    driver.permit_lowering(true);
+    let (mut set_count, mut asked) = (0, Vec::new());
+    for now_ms in 0..3000u64 {
+        driver.tick(now_ms * MS);
+        asked.append(driver.outgoing());
+        if now_ms == 500 {
+            driver.request(now_ms * MS, Request::Grip(GripCommand::Hold { force_n: 50.0 })).expect("taken over");
+        }
+        while let Some(end) = asked.iter().position(|byte| *byte == b'\n') {
+            let line: Vec<u8> = asked.drain(..=end).collect();
+            let answer = match std::str::from_utf8(&line).expect("ASCII").split_whitespace().nth(1) {
+                Some("POS") if line.starts_with(b"SET") => {
+                    set_count += 1;
+                    "COU 12\nCOU 13\nCOU 14\nCOU 15\nCOU 16\nackCOU 17\n".into()
+                }
+                Some(name @ ("STA" | "OBJ")) => format!("COU 1\n{name} 3\nCOU 2\n"),
+                Some(name) => format!("ackCOU 1\n{name} 0\n"),
+                None => unreachable!("an empty line"),
+            };
+            driver.receive(now_ms * MS, answer.as_bytes());
+        }
+        driver.state(now_ms * MS).unwrap_or_else(|error| panic!("{now_ms} ms: {error}"));
+        let garbled =
+            std::iter::from_fn(|| driver.next_event()).find(|event| matches!(event, DriverEvent::Garbled { .. }));
+        assert_eq!(garbled, None, "{now_ms} ms");
+    }
+    assert_eq!(set_count, 1);
+    assert_eq!(driver.state(3000 * MS).expect("known").target_n.map(f64::round), Some(50.0));
+}
+
+#[test]
+fn a_robotiqs_fault_in_hexadecimal_is_one_without_0x_too() {
+    for (fault, stops) in [("0E", true), ("0B", true), ("0x0B", true), ("11", true), ("00", false), ("0", false)] {
+        let mut driver = driver("robotiq", config("robotiq"));
+        driver.linked(0);
+        let mut asked = Vec::new();
+        for now_ms in 0..1000u64 {
+            driver.tick(now_ms * MS);
+            asked.append(driver.outgoing());
+            while let Some(end) = asked.iter().position(|byte| *byte == b'\n') {
+                let line: Vec<u8> = asked.drain(..=end).collect();
+                let name = std::str::from_utf8(&line[4..7]).expect("ASCII");
+                let value = if name == "FLT" { fault } else { "3" };
+                driver.receive(now_ms * MS, format!("{name} {value}\n").as_bytes());
+            }
+        }
+        let refused = driver.request(1000 * MS, Request::Grip(GripCommand::Hold { force_n: 50.0 }));
+        let is_stopped = matches!(refused, Err(Error::FastStop { .. }));
+        assert_eq!(is_stopped, stops, "FLT {fault}: {refused:?}");
+    }
+}
+
 /// One notion of a settled force: noise of 0.3 N rms and more does not keep a grasp or a release from being done.
 #[test]
 fn grasp_and_release_settle_under_noise() {

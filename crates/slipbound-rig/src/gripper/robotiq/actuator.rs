@@ -52,15 +52,15 @@ pub(super) struct Actuator {
 }
 
 impl Actuator {
-    /// Takes a status; `is_activation_new`: its activation was asked for after everything that was sent before.
-    pub fn take_status(&mut self, driver: &mut DriverState, status: Status, is_activation_new: bool) {
+    /// Takes a status, which was asked for after everything that was sent before.
+    pub fn take_status(&mut self, driver: &mut DriverState, status: Status) {
         let fault_before = self.status.and_then(|status| status.fault_in_words());
         self.status = Some(status);
         if let (None, Some(why)) = (fault_before, status.fault_in_words()) {
             driver.push_event(DriverEvent::FastStop { why });
             self.goal = Goal::Keep;
         }
-        self.is_homing &= !(is_activation_new && status.is_active() && self.goal == Goal::Keep);
+        self.is_homing &= !(status.is_active() && self.goal == Goal::Keep);
         driver.gripper.time_ns = driver.now_ns();
         driver.gripper.jaws = status.jaws(driver.gripper.jaws);
         driver.gripper.opening_mm = Some(driver.config.opening_of_count(status.position));

@@ -20,6 +20,9 @@ const QUIET_NS: u64 = 5_000_000;
 /// Longest answer, bytes; more is garbage.
 const LONGEST: usize = 32;
 
+/// The answer to a command.
+const ACKNOWLEDGED: &[u8] = b"ack";
+
 /// What is sent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Message {
@@ -37,8 +40,8 @@ pub struct Socket {
     actuator: Actuator,
     /// The answers so far.
     status: Status,
-    /// How many of [`QUESTIONS`] have been answered since the link was made.
-    heard_count: usize,
+    /// Which of [`QUESTIONS`] have been answered in this round.
+    is_heard: [bool; QUESTIONS.len()],
     question: usize,
     round_ns: Option<u64>,
     /// The goal that the gripper last took over.
@@ -60,8 +63,9 @@ impl Socket {
     }
 
     /// The force it has been set to is asked for as long as it is not known; the rest in turn, once a period.
-    fn next_question(&mut self, driver: &DriverState) -> Option<&'static str> {
+    fn next_question(&mut self, driver: &mut DriverState) -> Option<&'static str> {
         if self.question == 0 {
+            self.end_round(driver);
             let (now_ns, period_ns) = (driver.now_ns(), driver.config.update_ms * 1_000_000);
             if self.round_ns.is_some_and(|round_ns| now_ns.saturating_sub(round_ns) < period_ns) {
                 return None;
@@ -77,21 +81,32 @@ impl Socket {
         Some(name)
     }
 
+    /// A status is made of the answers of one round: where the jaws were before a command and where it sends them would be one in
+    /// which they have arrived and found nothing. Without a fault or a position the former one stays.
+    fn end_round(&mut self, driver: &mut DriverState) {
+        let is_heard = std::mem::take(&mut self.is_heard);
+        let is_whole =
+            QUESTIONS.iter().zip(is_heard).all(|(name, is_heard)| is_heard || matches!(*name, "POS" | "FLT"));
+        if is_whole {
+            self.actuator.take_status(driver, self.status);
+        }
+    }
+
     /// Takes what is buffered as an answer, if it is whole.
     fn read_answer(&mut self, driver: &mut DriverState) {
         let Some(sent) = &self.in_flight else { return self.buffer.clear() };
         let (message, age_ns) = (sent.message, sent.age_ns(driver.now_ns()));
-        // The end of an answer that was known before it came.
-        let ends_count = self.buffer.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
-        self.buffer.drain(..ends_count);
+        self.pass_over(message);
         let end = self.buffer.iter().position(|byte| *byte == b'\n');
         let quiet_ns = driver.now_ns().saturating_sub(self.received_ns);
         let is_quiet = match self.ends_lines {
             Some(ends_lines) => !ends_lines && quiet_ns >= QUIET_NS,
             None => age_ns + 2 * QUIET_NS >= driver.config.reply_ms * 1_000_000,
         };
-        let is_acknowledged = matches!(message, Message::Set(_)) && self.buffer.trim_ascii() == b"ack";
-        let is_full = matches!(message, Message::Get(name) if is_full(name, &self.buffer));
+        let is_acknowledged = matches!(message, Message::Set(_)) && self.buffer.starts_with(ACKNOWLEDGED);
+        // An end that is still to come belongs to the answer, and the gripper may be at it for as long again.
+        let is_endless = self.ends_lines == Some(false);
+        let is_full = matches!(message, Message::Get(name) if is_endless && is_full(name, &self.buffer));
         let is_whole = end.is_some() || is_quiet || is_acknowledged || is_full || self.buffer.len() > LONGEST;
         if self.buffer.is_empty() || !is_whole {
             return;
@@ -99,14 +114,14 @@ impl Socket {
         let buffer = std::mem::take(&mut self.buffer);
         let text = std::str::from_utf8(&buffer[..end.unwrap_or(buffer.len())]).unwrap_or("?").trim();
         let is_taken = match message {
-            Message::Set(goal) if text == "ack" => {
+            Message::Set(goal) if is_acknowledged => {
                 self.done = goal;
                 self.actuator.take_over(driver, goal);
                 true
             }
             Message::Set(_) => false,
             Message::Get(name) => text.split_once(' ').is_some_and(|(got, value)| {
-                got == name && number(value.trim()).is_some_and(|value| self.take_value(driver, name, value))
+                got == name && number(name, value.trim()).is_some_and(|value| self.take_value(driver, name, value))
             }),
         };
         if is_taken {
@@ -123,6 +138,27 @@ impl Socket {
         }
     }
 
+    /// Takes out what answers nothing that is in flight: values that nobody asked for or that were asked for too long ago, an
+    /// `ack` to no command, and the end of an answer that was known before it came.
+    fn pass_over(&mut self, message: Message) {
+        loop {
+            let end = self.buffer.iter().position(|byte| *byte == b'\n');
+            let line = end.and_then(|end| std::str::from_utf8(&self.buffer[..end]).ok());
+            let is_other = |(name, value): (&str, &str)| {
+                is_name(name)
+                    && !matches!(message, Message::Get(asked) if asked == name)
+                    && number(name, value.trim()).is_some()
+            };
+            let passed_count = match message {
+                _ if self.buffer.first().is_some_and(u8::is_ascii_whitespace) => 1,
+                Message::Get(_) if self.buffer.starts_with(ACKNOWLEDGED) => ACKNOWLEDGED.len(),
+                _ if line.and_then(|line| line.split_once(' ')).is_some_and(is_other) => end.unwrap_or_default() + 1,
+                _ => return,
+            };
+            self.buffer.drain(..passed_count);
+        }
+    }
+
     fn take_value(&mut self, driver: &mut DriverState, name: &str, value: u8) -> bool {
         match name {
             "STA" if value <= 3 => self.status.activation = value,
@@ -133,9 +169,8 @@ impl Socket {
             "FOR" => driver.gripper.target_n = driver.config.force_of_count(value),
             _ => return false,
         }
-        self.heard_count = (self.heard_count + 1).min(QUESTIONS.len());
-        if self.heard_count == QUESTIONS.len() {
-            self.actuator.take_status(driver, self.status, name == "STA");
+        if let Some(place) = QUESTIONS.iter().position(|question| *question == name) {
+            self.is_heard[place] = true;
         }
         true
     }
@@ -148,24 +183,33 @@ fn is_full(name: &str, answer: &[u8]) -> bool {
     value.len() == digits_count && value.iter().all(u8::is_ascii_digit)
 }
 
-/// A value as a decimal or, with `0x` in front, a hexadecimal number.
-fn number(text: &str) -> Option<u8> {
+/// Whether it may be the name of a value.
+fn is_name(text: &str) -> bool {
+    text.len() == 3 && text.bytes().all(|byte| byte.is_ascii_uppercase())
+}
+
+/// A value as a decimal or, with `0x` in front, a hexadecimal number. A fault that is no decimal one is hexadecimal.
+fn number(name: &str, text: &str) -> Option<u8> {
     match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(digits) => u8::from_str_radix(digits, 16).ok(),
+        None if name == "FLT" => text.parse().or_else(|_| u8::from_str_radix(text, 16)).ok(),
         None => text.parse().ok(),
     }
 }
 
 impl Protocol for Socket {
     fn linked(&mut self, _driver: &mut DriverState) {
-        *self = Socket { received_ns: self.received_ns, ..Socket::default() };
+        *self = Socket { received_ns: self.received_ns, ends_lines: self.ends_lines, ..Socket::default() };
     }
 
-    fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]) {
-        let room = (LONGEST + 1).saturating_sub(self.buffer.len()).min(bytes.len());
-        self.buffer.extend_from_slice(&bytes[..room]); // what is longer than any answer is garbage anyway
+    fn receive(&mut self, driver: &mut DriverState, mut bytes: &[u8]) {
         self.received_ns = driver.now_ns();
-        self.read_answer(driver);
+        while !bytes.is_empty() {
+            let room = (LONGEST + 1).saturating_sub(self.buffer.len()).min(bytes.len());
+            self.buffer.extend_from_slice(&bytes[..room]); // a full buffer is read, as an answer or as garbage
+            bytes = &bytes[room..];
+            self.read_answer(driver);
+        }
     }
 
     fn tick(&mut self, driver: &mut DriverState) {
@@ -188,6 +232,9 @@ impl Protocol for Socket {
         }
         let (message, line) = if self.is_on_the_way() {
             let goal = self.actuator.goal;
+            if !matches!((goal, self.done), (Goal::Hold { .. }, Goal::Hold { .. })) {
+                (self.question, self.round_ns, self.is_heard) = (0, None, Default::default());
+            }
             (Message::Set(goal), Socket::line(goal, driver))
         } else {
             let Some(name) = self.next_question(driver) else { return };
