@@ -120,3 +120,23 @@ fn what_cannot_be_is_a_bad_argument() {
     }
     assert!(!dir.path().join("x").exists(), "nothing was written");
 }
+
+/// Files that are none of ours and are long, or never end, are not read to their end: 400 MB of memory will do.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_long_file_of_another_kind_is_refused_without_being_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::write(folder.path().join("scene.toml"), "a = 1\n".repeat(1 << 20)).expect("written");
+    let limited = "ulimit -v 400000; exec \"$0\" \"$@\"";
+    let hold = ["hold", "x.avi", "--gripper", "dry", "--sensor", "gelslim", "--rest", "/dev/zero"];
+    for (arguments, said) in [
+        (&["simulate", "scene.toml", "-o", "run"][..], "expected at most 1048576 bytes, got more"),
+        (&hold, "expected a finger at rest as `slipbound tare` writes it, got something else"),
+    ] {
+        let mut command = Command::new("sh");
+        command.current_dir(folder.path()).args(["-c", limited, env!("CARGO_BIN_EXE_slipbound")]).args(arguments);
+        let output = command.output().expect("runs");
+        let err = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && err.contains(said), "{arguments:?}: {:?} {err}", output.status);
+    }
+}

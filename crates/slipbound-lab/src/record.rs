@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound::setting::SettingError;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Why a trial was not recorded.
@@ -87,10 +87,18 @@ struct SceneFile {
     trial: Trial,
 }
 
+/// Longest scene file, bytes: a file that is none, or a device that never ends, is read no further.
+const MOST_BYTES: u64 = 1 << 20;
+
 /// Reads the trial of a scene file.
 pub fn read_scene(path: &Path) -> Result<Trial, RecordError> {
     let bad = |problem: String| RecordError::SceneFile { path: path.to_owned(), problem };
-    let text = fs::read_to_string(path).map_err(|error| bad(error.to_string()))?;
+    let mut text = String::new();
+    let file = File::open(path).map_err(|error| bad(error.to_string()))?;
+    file.take(MOST_BYTES + 1).read_to_string(&mut text).map_err(|error| bad(error.to_string()))?;
+    if text.len() as u64 > MOST_BYTES {
+        return Err(bad(format!("expected at most {MOST_BYTES} bytes, got more")));
+    }
     let file: SceneFile = toml::from_str(&text).map_err(|error| bad(error.message().to_owned()))?;
     Ok(file.trial)
 }

@@ -174,9 +174,13 @@ impl SavedRest {
 
     /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, RestFileError> {
-        let mut bytes = Vec::new();
-        let read = File::open(path).and_then(|file| file.take(MOST_BYTES).read_to_end(&mut bytes));
-        read.map_err(|source| RestFileError::Read { path: path.to_owned(), source })?;
+        let failed = |source| RestFileError::Read { path: path.to_owned(), source };
+        let (mut file, mut bytes) = (File::open(path).map_err(failed)?, Vec::new());
+        // Of what is something else, which may never end, no more than that is read.
+        file.by_ref().take(START.len() as u64).read_to_end(&mut bytes).map_err(failed)?;
+        if bytes == START {
+            file.take(MOST_BYTES).read_to_end(&mut bytes).map_err(failed)?;
+        }
         Self::from_bytes(&bytes, &path.display().to_string())
     }
 

@@ -1,8 +1,8 @@
 //! A measured shear stiffness put into a sensor file that exists already.
 
 use super::sensor_file::shear_table;
+use crate::config::read_most;
 use slipbound::sensor::Shear;
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ pub fn sensor_file_with_shear(sensor: &str, output: &Path, shear: &Shear) -> Res
     if !path.exists() {
         return Ok(format!("extends = \"{sensor}\"\n\n{table}"));
     }
-    let text = fs::read_to_string(path).map_err(|source| ShearFileError::Read { path: path.to_owned(), source })?;
+    let text = read_most(path).map_err(|source| ShearFileError::Read { path: path.to_owned(), source })?;
     if text.lines().any(|l| l.trim_start().starts_with("extends")) && path.parent() != output.parent() {
         return Err(ShearFileError::Folder { path: path.to_owned(), output: output.to_owned() });
     }

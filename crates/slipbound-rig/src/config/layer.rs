@@ -5,7 +5,7 @@ use super::error::Error;
 use serde::de::DeserializeOwned;
 use slipbound::setting::nearest;
 use std::fs::File;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -42,6 +42,17 @@ pub(crate) fn read_text(path: &Path) -> Result<String, Error> {
         return Err(Error::TooLong { file: path.display().to_string(), most_bytes: MOST_BYTES });
     }
     String::from_utf8(bytes).map_err(|_| Error::NotText { file: path.display().to_string() })
+}
+
+/// The same for other files of TOML.
+pub(crate) fn read_most(path: &Path) -> io::Result<String> {
+    read_text(path).map_err(|error| match error {
+        Error::Read { source, .. } => source,
+        Error::TooLong { most_bytes, .. } => {
+            io::Error::other(format!("expected at most {most_bytes} bytes of TOML, got more"))
+        }
+        other => io::Error::other(other),
+    })
 }
 
 /// A typed value from merged layers; the first layer that holds the key is the one to blame.

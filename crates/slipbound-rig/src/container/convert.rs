@@ -16,6 +16,7 @@ use super::foxglove;
 use super::frame_record::{Fate, FrameRecord, camera_topic};
 use super::recorder;
 use super::records::Records;
+use crate::config::read_most;
 use crate::run::frames::{ListedFrame, frame_file, listed};
 use crate::run::{self, Error};
 use mcap::records::Record;
@@ -201,7 +202,7 @@ fn picture(
 
 /// Names of the fingers in `run.toml`.
 fn run_fingers(folder: &Path) -> Option<Vec<String>> {
-    let table: toml::Table = fs::read_to_string(folder.join("run.toml")).ok()?.parse().ok()?;
+    let table: toml::Table = read_most(&folder.join("run.toml")).ok()?.parse().ok()?;
     let fingers = table.get("fingers")?.as_array()?;
     fingers.iter().map(|finger| finger.get("name")?.as_str().map(str::to_owned)).collect()
 }

@@ -5,6 +5,7 @@ use super::event::{Event, EventLog, TimedEvent};
 use super::info::{FORMAT_VERSION, Row, RunInfo, file_stem};
 use super::line;
 use super::page::{Page, Picture, picture};
+use crate::config::read_most;
 use crate::whole_lines::WholeLines;
 use slipbound::control::Cycle;
 use slipbound::image::Rgb;
@@ -168,7 +169,8 @@ fn write_toml(path: PathBuf, text: Result<String, toml::ser::Error>) -> Result<(
 pub fn read(folder: &Path) -> Result<(toml::Table, Vec<Cycle>), Error> {
     let text = |path: &Path| fs::read_to_string(path).map_err(|source| Error::Read { path: path.to_owned(), source });
     let path = folder.join("run.toml");
-    let table: toml::Table = text(&path)?
+    let table: toml::Table = read_most(&path)
+        .map_err(|source| Error::Read { path: path.clone(), source })?
         .parse()
         .map_err(|e: toml::de::Error| Error::Syntax { path: path.clone(), problem: e.to_string() })?;
     let version = table.get("format_version").and_then(toml::Value::as_integer);
