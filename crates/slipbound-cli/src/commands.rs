@@ -10,6 +10,7 @@ pub mod eval;
 mod finger;
 pub mod gripper;
 mod hand_rest;
+mod inputs;
 pub mod latency;
 pub mod paper;
 pub mod record;

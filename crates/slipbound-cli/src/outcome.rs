@@ -60,8 +60,12 @@ impl From<gripper::Error> for Failure {
     }
 }
 
+/// A session with a gripper that failed; a force that is no number was a wrong argument.
 impl From<SessionError> for Failure {
     fn from(e: SessionError) -> Self {
-        Failure::Work(e.into())
+        match e {
+            SessionError::Gripper(gripper::Error::Force { .. }) => Failure::arguments(e),
+            other => Failure::Work(other.into()),
+        }
     }
 }

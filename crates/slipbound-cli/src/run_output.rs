@@ -157,6 +157,8 @@ impl QueuedOutput {
         let in_container = self.container.map_or(0, |queue| queue.finish(LONGEST_DISK).lost_count);
         // A blocked terminal loses nothing that is not in the folder.
         let console = self.console.finish(LONGEST_TERMINAL).observer.unwrap_or_else(|| Console::new(Terminal::plain()));
+        // Nor does it keep the run from its page and its end.
+        let console = Console { terminal: console.terminal.patient_for(LONGEST_TERMINAL), ..console };
         let lost_count = lost_count + in_container;
         RunOutput { recorder, container: None, annotations: None, console, lost_count, lost: Vec::new() }
     }

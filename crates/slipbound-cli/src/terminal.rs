@@ -4,6 +4,10 @@ use crate::outcome::Failure;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::borrow::Cow;
 use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::sync_channel;
+use std::thread;
+use std::time::Duration;
 
 /// Writes the error and its causes to standard error, each once; returns the exit code.
 pub fn complain(e: &anyhow::Error, code: u8) -> u8 {
@@ -15,8 +19,20 @@ pub fn complain(e: &anyhow::Error, code: u8) -> u8 {
             text = format!("{text}: {cause}"); // most of our errors contain their cause
         }
     }
-    let _ = writeln!(io::stderr(), "slipbound: {}", printable(&text)); // a closed standard error is no failure
+    let line = format!("slipbound: {}", printable(&text));
+    // A closed standard error is no failure, and one that takes nothing keeps nobody from the end.
+    let _ = within(LONGEST, move || writeln!(io::stderr(), "{line}"));
     code
+}
+
+/// Longest wait for standard error to take the last word.
+const LONGEST: Duration = Duration::from_secs(1);
+
+/// Writes on a thread of its own and waits so long for it. None where nothing is taken: the thread is left behind.
+fn within<T: Send + 'static>(longest: Duration, write: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+    let (give_back, written) = sync_channel(1);
+    thread::spawn(move || drop(give_back.send(write()))); // nobody waited so long
+    written.recv_timeout(longest).ok()
 }
 
 /// The text with control characters written out, as `\u{1b}`, but for line ends and tabs: what a file is called or a gripper
@@ -35,18 +51,32 @@ pub fn printable(text: &str) -> Cow<'_, str> {
 pub struct Terminal {
     bar: ProgressBar,
     to_stderr: bool,
+    /// Longest wait for a line to be taken; None: as long as it takes.
+    longest: Option<Duration>,
+    /// Whether standard output and standard error take nothing any more.
+    is_stuck: [AtomicBool; 2],
 }
 
 impl Terminal {
     /// Lines on standard output, no bar.
     pub fn plain() -> Self {
-        Terminal { bar: ProgressBar::hidden(), to_stderr: false }
+        Terminal::new(ProgressBar::hidden(), false)
+    }
+
+    fn new(bar: ProgressBar, to_stderr: bool) -> Self {
+        Terminal { bar, to_stderr, longest: None, is_stuck: Default::default() }
+    }
+
+    /// The same, which waits so long for a line to be taken: then, those that follow are not written either.
+    #[must_use]
+    pub fn patient_for(self, longest: Duration) -> Self {
+        Terminal { longest: Some(longest), ..self }
     }
 
     /// Lines, and a bar for this many frames. `to_stderr`: standard output belongs to somebody else.
     pub fn with_bar(frames_count: Option<u64>, to_stderr: bool) -> Self {
         if !io::stderr().is_terminal() {
-            return Terminal { bar: ProgressBar::hidden(), to_stderr };
+            return Terminal::new(ProgressBar::hidden(), to_stderr);
         }
         let bar = ProgressBar::with_draw_target(frames_count, ProgressDrawTarget::stderr_with_hz(10));
         let looks = match frames_count {
@@ -54,7 +84,7 @@ impl Terminal {
             None => "{spinner} {pos} frames",
         };
         bar.set_style(ProgressStyle::with_template(looks).unwrap_or_else(|_| ProgressStyle::default_bar()));
-        Terminal { bar, to_stderr }
+        Terminal::new(bar, to_stderr)
     }
 
     /// Lines, and a bar for this many of something.
@@ -65,7 +95,7 @@ impl Terminal {
         let bar = ProgressBar::with_draw_target(Some(count), ProgressDrawTarget::stderr_with_hz(10));
         let looks = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left");
         bar.set_style(ProgressStyle::with_template(&looks).unwrap_or_else(|_| ProgressStyle::default_bar()));
-        Terminal { bar, to_stderr: false }
+        Terminal::new(bar, false)
     }
 
     /// Lines, and below them a status if standard error is a terminal.
@@ -75,7 +105,7 @@ impl Terminal {
         }
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(15));
         bar.set_style(ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_bar()));
-        Terminal { bar, to_stderr: false }
+        Terminal::new(bar, false)
     }
 
     /// What stands in the status line.
@@ -90,17 +120,17 @@ impl Terminal {
 
     /// Takes the bar away.
     pub fn clear_bar(&self) {
-        self.bar.finish_and_clear();
+        let bar = self.bar.clone();
+        let clear = move || bar.finish_and_clear();
+        match self.longest {
+            None => clear(),
+            Some(longest) => drop(within(longest, clear)), // a terminal that takes nothing keeps its bar
+        }
     }
 
     /// A line.
     pub fn say(&mut self, line: &str) -> Result<(), Failure> {
-        let (to_stderr, line) = (self.to_stderr, printable(line));
-        let written = self.bar.suspend(|| match to_stderr {
-            true => writeln!(io::stderr(), "{line}"),
-            false => writeln!(io::stdout(), "{line}"),
-        });
-        match written {
+        match self.write(self.to_stderr, printable(line).into_owned()) {
             Err(e) if e.kind() == ErrorKind::BrokenPipe => Err(Failure::ReaderLeft),
             other => other.map_err(|e| Failure::work("cannot write", e)),
         }
@@ -108,9 +138,25 @@ impl Terminal {
 
     /// A line that is not part of the result, on standard error.
     pub fn note(&self, line: &str) {
-        self.bar.suspend(|| {
-            let _ = writeln!(io::stderr(), "slipbound: {}", printable(line)); // a closed standard error is no failure
-        });
+        let _ = self.write(true, format!("slipbound: {}", printable(line))); // a closed standard error is no failure
+    }
+
+    fn write(&self, to_stderr: bool, line: String) -> io::Result<()> {
+        let (bar, is_stuck) = (self.bar.clone(), &self.is_stuck[usize::from(to_stderr)]);
+        let write = move || {
+            bar.suspend(|| match to_stderr {
+                true => writeln!(io::stderr(), "{line}"),
+                false => writeln!(io::stdout(), "{line}"),
+            })
+        };
+        match self.longest {
+            None => write(),
+            Some(_) if is_stuck.load(Ordering::Relaxed) => Ok(()),
+            Some(longest) => within(longest, write).unwrap_or_else(|| {
+                is_stuck.store(true, Ordering::Relaxed);
+                Ok(())
+            }),
+        }
     }
 }
 

@@ -128,7 +128,10 @@ fn what_cannot_be_is_a_bad_argument_and_what_is_not_there_a_failure() {
         (&["gripper", "wsg5://x:1", "status"][..], 2, "got the protocol `wsg5`"),
         (&["gripper", "dry?most=3", "status"], 2, "did you mean `most_n`?"),
         (&["gripper", "dry", "--config", "missing.toml", "status"], 2, "missing.toml: cannot read"),
-        (&["gripper", "dry", "grasp", "nan"], 1, "expected a force from 5 N to 80 N per finger, got NaN"),
+        (&["gripper", "dry", "grasp", "nan"], 2, "expected a force from 5 N to 80 N per finger, got NaN"),
+        (&["gripper", "dry", "grasp", "inf"], 2, "expected a force from 5 N to 80 N per finger, got inf"),
+        (&["gripper", "dry", "check-hold", "--low", "nan"], 2, "expected two forces in N per finger"),
+        (&["gripper", "dry", "check-hold", "--low", "30", "--high", "20"], 2, "got 30 and 20"),
         (&["gripper", "wsg50://127.0.0.1:1", "status"], 1, "expected a gripper, cannot connect"),
         (&["emulate", "wsg50", "--fail", "banana"], 2, "got `banana`"),
         (&["emulate", "wsg51"], 2, "possible values: wsg50, gcl, robotiq, robotiq-rtu, line"),
@@ -138,5 +141,70 @@ fn what_cannot_be_is_a_bad_argument_and_what_is_not_there_a_failure() {
         let err = String::from_utf8(output.stderr).expect("UTF-8");
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {err}");
         assert!(err.contains(said), "no `{said}` in {err}");
+    }
+}
+
+/// A recording of a finger that is pressed, in a folder.
+fn pressed_finger(folder: &std::path::Path) -> (String, String) {
+    let clip = folder.join("clip").display().to_string();
+    let scene = "press?rest_frames=30&hold_s=20&grid=fast&camera=gelsight_mini";
+    assert!(slipbound(&["simulate", scene, "-o", &clip]).output().expect("runs").status.success());
+    let sensor = format!("{clip}/sensor.toml");
+    (clip, sensor)
+}
+
+/// A terminal that was halted, or a reader that does not read: it is ended by SIGTERM like any other, and leaves its page.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_terminal_that_takes_nothing_keeps_no_hold_from_its_end() {
+    use std::io::Write;
+    use std::os::unix::net::UnixStream;
+    let folder = tempfile::tempdir().expect("a folder");
+    let (clip, sensor) = pressed_finger(folder.path());
+    let (mut full, unread) = UnixStream::pair().expect("a pair of sockets");
+    full.set_nonblocking(true).expect("set");
+    while full.write(&[b'x'; 512]).or_else(|_| full.write(b"x")).is_ok() {}
+    full.set_nonblocking(false).expect("set");
+    let run = folder.path().join("run").display().to_string();
+    let mut hold = slipbound(&["hold", &clip, "--sensor", &sensor, "--gripper", "dry", "-o", &run])
+        .stdout(std::os::fd::OwnedFd::from(full.try_clone().expect("cloned")))
+        .stderr(std::os::fd::OwnedFd::from(full))
+        .spawn()
+        .expect("runs");
+    sleep(Duration::from_secs(4));
+    assert!(Command::new("kill").arg(hold.id().to_string()).status().expect("kill runs").success());
+    let from = Instant::now();
+    let ended = loop {
+        match hold.try_wait().expect("waits") {
+            None if from.elapsed() < Duration::from_secs(20) => sleep(Duration::from_millis(20)),
+            ended => break ended,
+        }
+    };
+    if ended.is_none() {
+        hold.kill().expect("killed");
+    }
+    assert_eq!(ended.expect("ended").code(), Some(1));
+    assert!(std::path::Path::new(&run).join("report.html").is_file());
+    drop(unread);
+}
+
+#[test]
+fn a_recording_of_a_hold_falls_on_nothing_that_is_read_and_on_no_other_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (clip, sensor) = pressed_finger(folder.path());
+    let notes = folder.path().join("notes.txt").display().to_string();
+    std::fs::write(&notes, "mine").expect("written");
+    let linked = folder.path().join("linked.mcap").display().to_string();
+    std::fs::hard_link(format!("{clip}/frame_000004.jpg"), &linked).expect("linked");
+    for path in [format!("{clip}/frame_000003.jpg"), linked, sensor.clone(), notes] {
+        let before = std::fs::read(&path).expect("there");
+        let output = slipbound(&["hold", &clip, "--sensor", &sensor, "--gripper", "dry", "--for-s", "0"])
+            .current_dir(folder.path())
+            .arg(format!("--record={path}"))
+            .output()
+            .expect("runs");
+        let err = String::from_utf8(output.stderr).expect("UTF-8");
+        assert!(output.status.code() == Some(2) && err.contains("--record"), "{path}: {:?} {err}", output.status);
+        assert_eq!(std::fs::read(&path).expect("there"), before, "{path}");
     }
 }

@@ -3,6 +3,7 @@
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
+use anyhow::anyhow;
 use clap::Subcommand;
 use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 use slipbound_rig::gripper::check_hold::Verdict;
@@ -55,6 +56,12 @@ enum Action {
 impl Gripper {
     /// Opens the gripper, carries out the action, prints the state it leads to.
     pub fn run(&self) -> Result<Outcome, Failure> {
+        if let Action::CheckHold { low, high } = self.action
+            && !(low.is_finite() && high.is_finite() && 0.0 < low && low < high)
+        {
+            let expected = "expected two forces in N per finger, the lower one above 0 and below the higher one";
+            return Err(Failure::Arguments(anyhow!("--low, --high: {expected}, got {low} and {high}")));
+        }
         let interrupted = interruption::listen()?;
         let mut device = Device::open(&self.address, self.config.as_deref())?;
         let mut terminal = Terminal::plain();
@@ -100,7 +107,7 @@ fn say_verdict(terminal: &mut Terminal, verdict: &Verdict) -> Result<Outcome, Fa
             terminal.say("for this gripper and object the settings may say: lowering = \"allow\"")?;
         }
         Verdict::Failed { why } => {
-            return Err(Failure::Work(anyhow::anyhow!("it did not hold on: {why}; leave lowering as it is")));
+            return Err(Failure::Work(anyhow!("it did not hold on: {why}; leave lowering as it is")));
         }
     }
     Ok(Outcome::Done)

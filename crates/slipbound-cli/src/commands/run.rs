@@ -1,6 +1,7 @@
 //! `slipbound run` and `slipbound hold`: a task with a real gripper and wrist.
 
 use super::hand_rest::{self, HandRest};
+use super::inputs;
 use super::recording::{LiveCamera, marked, open_live};
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
@@ -19,7 +20,7 @@ use slipbound_rig::realtime::{self, FramesDue, MonitorWorkers};
 use slipbound_rig::run::{self, CameraLimits, FingerInfo, Row, RunInfo, ending_name};
 use slipbound_rig::source::Newest;
 use slipbound_rig::{config, gripper, sensors, source, wrist};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Frames of a recording that are read ahead, so that a slow disk does not delay a cycle.
 const READ_AHEAD_COUNT: usize = 8;
@@ -342,6 +343,13 @@ impl Hardware {
     /// The recording in one file that was asked for.
     fn recorder(&self, fingers: &[FingerInfo]) -> Result<Option<Recorder>, Failure> {
         let Some(Some(path)) = &self.record else { return Ok(None) };
+        let rests = self.rest.iter().map(|rest| match rest {
+            HandRest::File(path) => Some(path.as_path()),
+            HandRest::Live(_) => None,
+        });
+        let sensor = self.sensor.as_deref().map(Path::new);
+        let others = [sensor, self.hand.as_deref(), self.settings.as_deref(), self.gripper_config.as_deref()];
+        inputs::refuse_recording(path, &self.sources, &others.into_iter().chain(rests).collect::<Vec<_>>())?;
         let names: Vec<String> = fingers.iter().map(|finger| finger.name.clone()).collect();
         Recorder::create(path, &names, true).map(Some).map_err(Failure::arguments)
     }

@@ -103,6 +103,9 @@ fn no_input_frame_is_overwritten_and_other_files_only_if_they_are_ours_or_by_for
     trial.watch("run", &["--json", "run/001.jpg"]).expect(2, &["--json run/001.jpg", "that of the frame"]);
     trial.watch("run", &["--json", "run/001.jpg", "--force"]).expect(2, &["that of the frame"]);
     trial.watch("run/0*.jpg", &["--timings", "run/002.jpg"]).expect(2, &["that of the frame"]);
+    // A second name of the same file.
+    fs::hard_link(trial.path("run/001.jpg"), trial.path("linked.json")).expect("linked");
+    trial.watch("run", &["--json", "linked.json", "--force"]).expect(2, &["that of the frame"]);
     assert_eq!(fs::read(trial.path("run/001.jpg")).expect("reads"), frame);
     // Beside the frames, under a name of its own, is fine.
     trial.watch("run", &["--json", "run/report.json"]).expect(0, &[]);

@@ -1,6 +1,7 @@
 //! What is written must not destroy what is read, nor what else is written.
 
 use super::args::{RestArgument, Watch};
+use crate::commands::inputs::is_same;
 use crate::outcome::Failure;
 use anyhow::anyhow;
 use slipbound_rig::{overlay::is_numbered, source::image_files, written};
@@ -79,11 +80,11 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
         let (Some(path), Some(place)) = (path, path.and_then(place)) else {
             continue;
         };
-        if let Some((other, _)) = taken.iter().find(|(_, there)| *there == place) {
+        if let Some((other, _)) = taken.iter().find(|(_, there)| is_same(there, &place) || *there == place) {
             let path = path.display();
             return Err(Failure::Arguments(anyhow!("{name} {path}: expected a place of its own, got that of {other}")));
         }
-        let falls_on = |frame: &&PathBuf| **frame == place || frame.parent() == Some(&place);
+        let falls_on = |frame: &&PathBuf| **frame == place || frame.parent() == Some(&place) || is_same(frame, &place);
         if let Some(frame) = frames.iter().find(falls_on) {
             let (path, frame) = (path.display(), frame.display());
             return Err(Failure::Arguments(anyhow!(

@@ -1,0 +1,51 @@
+//! A recording that is written must not destroy what is read.
+
+use crate::outcome::Failure;
+use anyhow::anyhow;
+use slipbound_rig::source::{image_files, mcap_file};
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::Path;
+
+/// How an MCAP file begins.
+const MCAP: &[u8] = b"\x89MCAP0\r\n";
+
+/// Whether both names lead to one file: by links of either kind, too.
+pub fn is_same(one: &Path, other: &Path) -> bool {
+    let (Ok(first), Ok(second)) = (fs::canonicalize(one), fs::canonicalize(other)) else { return false };
+    first == second || is_same_node(&first, &second)
+}
+
+#[cfg(unix)]
+fn is_same_node(one: &Path, other: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let node = |path: &Path| fs::metadata(path).ok().filter(fs::Metadata::is_file).map(|file| (file.dev(), file.ino()));
+    node(one).is_some_and(|node_of_one| node(other) == Some(node_of_one))
+}
+
+#[cfg(not(unix))]
+fn is_same_node(_: &Path, _: &Path) -> bool {
+    false
+}
+
+/// Refuses a recording that would fall on a source, on one of its pictures, on another file that is read, or on a file that
+/// is no recording.
+pub fn refuse_recording(path: &Path, sources: &[String], others: &[Option<&Path>]) -> Result<(), Failure> {
+    if !path.is_file() {
+        return Ok(());
+    }
+    let is_read = sources.iter().any(|source| {
+        let file = mcap_file(source).map_or(source.as_str(), |(file, _)| file);
+        is_same(path, Path::new(file)) || image_files(source).iter().any(|picture| is_same(path, picture))
+    });
+    let shown = path.display();
+    if is_read || others.iter().flatten().any(|other| is_same(path, other)) {
+        return Err(Failure::Arguments(anyhow!("--record {shown}: expected a place of its own, got one that is read")));
+    }
+    let mut start = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(MCAP.len() as u64).read_to_end(&mut start));
+    match read.is_ok() && (start.is_empty() || start == MCAP) {
+        true => Ok(()),
+        false => Err(Failure::Arguments(anyhow!("--record: expected a new file or a recording, got {shown}"))),
+    }
+}
