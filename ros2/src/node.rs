@@ -4,7 +4,7 @@ mod states;
 
 use crate::config::Config;
 use crate::error::Error;
-use crate::finger_thread::{Ask, FingerThread, Joints, Kept, Shared, FingerEvent};
+use crate::finger_thread::{Ask, FingerEvent, FingerThread, Joints, Kept, Shared};
 use crate::lifecycle::{Lifecycle, State};
 use crate::managed::Managed;
 use crate::msg::{DiagnosticArray, Empty, GripperState, HandReport, Header, TriggerResponse};
