@@ -16,6 +16,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from ._errors import SettingError
 from ._slipbound import Cycle, GripperState
 from .control import Controller
 from .lab import Hand
@@ -86,7 +87,12 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold with the force asked for, for 1/30 s."""
-        self._told.force_n = float(np.clip(np.asarray(action, dtype=np.float64).reshape(-1)[0], *FORCES_N))
+        force_n = np.asarray(action, dtype=np.float64)
+        if force_n.size != 1 or not np.isfinite(force_n).all():
+            raise SettingError(f"action: expected one finite force in N, got {action!r:.100}")
+        if self._cycle is None:
+            raise gymnasium.error.ResetNeeded("reset() comes before step()")
+        self._told.force_n = float(np.clip(force_n.item(), *FORCES_N))
         self._cycle = self._hand.cycle()
         truth = self._hand.truth
         slid_mm = truth["slid_mm"] - self._slid_mm

@@ -9,6 +9,9 @@ use pyo3::prelude::*;
 use slipbound::image::{ByteOrder, Frame, Gray, Pixels, Rgb, SizePx};
 use slipbound::port::{Clock, FrameBuffer, PixelFormat};
 
+/// Longest side of a picture, pixels, as of what is read from files: a view can claim any size without having it.
+const LONGEST_SIDE_PX: usize = 8192;
+
 /// The order of the bytes of a pixel, by its name.
 pub fn byte_order(name: &str) -> PyResult<ByteOrder> {
     match name {
@@ -39,6 +42,11 @@ impl<'py> Picture<'py> {
             return refused(format!("{} of shape {shape:?}", untyped.dtype()));
         }
         match *shape.as_slice() {
+            [h, w] | [h, w, 1 | 3] if h.max(w) > LONGEST_SIDE_PX => {
+                return Err(FrameError::new_err(format!(
+                    "expected a picture of at most {LONGEST_SIDE_PX} px a side, got shape {shape:?}"
+                )));
+            }
             [h, w] | [h, w, 1 | 3] if h > 0 && w > 0 => {}
             [_, _, 4] => return refused(format!("shape {shape:?}: take the fourth channel off, array[:, :, :3]")),
             _ => return refused(format!("shape {shape:?}")),

@@ -46,6 +46,11 @@ impl Sensor {
         sensors::to_toml(&self.0).map_err(internal)
     }
 
+    /// What pickle keeps: the text, so that other processes can have it.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
+        Ok((py.get_type::<Sensor>().getattr("from_toml")?, (self.to_toml()?,)))
+    }
+
     /// All facts by the names of the sensor file.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data(py, &*self.0)
@@ -136,6 +141,11 @@ impl Settings {
     /// The text of a settings file with every setting in it.
     fn to_toml(&self) -> PyResult<String> {
         config::settings_to_toml(&self.0).map_err(internal)
+    }
+
+    /// What pickle keeps: the text, so that other processes can have it.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
+        Ok((py.get_type::<Settings>().getattr("from_toml")?, (self.to_toml()?,)))
     }
 
     /// All settings by the names of the settings file.

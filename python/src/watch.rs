@@ -6,6 +6,7 @@ use crate::errors::{
 };
 use crate::field::Kept;
 use crate::picture::{array, byte_order};
+use crate::ports::Raised;
 use crate::report::Report;
 use crate::sensor::{Sensor, Settings, sensor_of, settings_of};
 use numpy::PyArrayDyn;
@@ -13,7 +14,7 @@ use pyo3::prelude::*;
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::image::SizePx;
 use slipbound::monitor::{RestKind, Settings as CoreSettings, SlipMonitor};
-use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError as SourceFailure};
+use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError as SourceFailure, SourceErrorKind};
 use slipbound::sensor::Sensor as CoreSensor;
 use slipbound_lab::faults::Faulty;
 use slipbound_lab::scenes::Trial;
@@ -35,6 +36,30 @@ struct Open {
     whole: bool,
     frames_count: u64,
     process_id: u32,
+    /// What Ctrl-C raised while the source was silent.
+    raised: Raised,
+}
+
+/// A source of which the first frames are read: a camera may be silent for as long as it likes, and Ctrl-C ends that.
+struct Interruptible {
+    source: Box<dyn FrameSource + Send>,
+    raised: Raised,
+}
+
+impl FrameSource for Interruptible {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceFailure> {
+        let next = self.source.next(into)?;
+        if next == Next::Silent
+            && let Err(error) = Python::attach(|py| py.check_signals())
+        {
+            return Err(SourceFailure::new(SourceErrorKind::Other, self.raised.keep(error)));
+        }
+        Ok(next)
+    }
+
+    fn frames_count(&self) -> Option<u64> {
+        self.source.frames_count()
+    }
 }
 
 /// The reports of a recording, in order: an iterator. Made by `slipbound.watch`.
@@ -63,7 +88,13 @@ pub fn watch(
     let sensor = sensor.map(sensor_of).transpose()?;
     let settings = settings_of(settings)?;
     let source = source.to_string_lossy().into_owned();
-    py.detach(|| guarded(|| Watch::open(source, sensor, settings, finger)))
+    let opened = py.detach(|| guarded(|| Watch::open(source, sensor, settings, finger)));
+    interrupted_or(py, opened)
+}
+
+/// Of a read that Ctrl-C has broken off, Ctrl-C is the reason that is told.
+fn interrupted_or<R>(py: Python<'_>, result: PyResult<R>) -> PyResult<R> {
+    result.or_else(|error| py.check_signals().and(Err(error)))
 }
 
 /// Opens a recording or starts a simulation; the finger of a simulated one.
@@ -111,10 +142,14 @@ impl Watch {
         finger: String,
     ) -> PyResult<Self> {
         let (opened, simulated) = open_source(&uri)?;
-        let mut recording = ReadAhead::new(opened);
+        let raised = Raised::default();
+        let mut recording = ReadAhead::new(Box::new(Interruptible { source: opened, raised: raised.clone() }));
         let window_count = settings.rest.window_count as usize;
         let ahead = recording.read_ahead(window_count);
         let seen: Vec<FrameBuffer> = ahead.filter(|a| a.torn.is_none()).map(|a| a.buffer.clone()).collect();
+        if let Some(error) = raised.take() {
+            return Err(error);
+        }
         let Some(size) = most_common_size(&seen) else {
             return Err(recording.take_failure().map_or_else(
                 || crate::errors::SourceError::new_err(format!("{uri}: expected at least one whole frame, got none")),
@@ -136,8 +171,8 @@ impl Watch {
         let clock = recording.clock();
         let sensor = Arc::new(monitor.sensor().clone());
         let process_id = std::process::id();
-        let open =
-            Open { recording, monitor, frame: FrameBuffer::default(), whole: false, frames_count: 0, process_id };
+        let frame = FrameBuffer::default();
+        let open = Open { recording, monitor, frame, whole: false, frames_count: 0, process_id, raised };
         Ok(Watch { source: uri, finger, sensor, settings, clock, rest_kind, open: Mutex::new(Some(open)) })
     }
 
@@ -153,9 +188,10 @@ impl Watch {
         }
         let report = loop {
             open.whole = false;
-            match open.recording.next(&mut open.frame).map_err(failed)? {
+            let next = open.recording.next(&mut open.frame);
+            match next.map_err(|error| open.raised.take().unwrap_or_else(|| failed(error)))? {
                 Next::End => return Ok(None),
-                Next::Silent => Python::attach(|py| py.check_signals())?,
+                Next::Silent => {}
                 Next::Torn { .. } => break open.monitor.torn(open.frame.seq, open.frame.time_ns),
                 Next::Frame => {
                     open.whole = true;
@@ -182,7 +218,8 @@ impl Watch {
         py.check_signals()?;
         let mut open = exclusive(&self.open, WHAT)?;
         let open = open.as_mut().ok_or_else(|| self.closed())?;
-        py.detach(|| guarded(|| self.next(open)))
+        let next = py.detach(|| guarded(|| self.next(open)));
+        interrupted_or(py, next)
     }
 
     /// The frame of the newest report as an array; None before the first, and where it did not arrive whole.

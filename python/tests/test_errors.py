@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -32,6 +34,8 @@ from conftest import SCENE
         (np.uint8(3), TypeError, "got numpy.uint8"),
         (np.zeros((0, 427, 3), np.uint8), slipbound.FrameError, "got shape"),
         (np.zeros((320, 0, 3), np.uint8), slipbound.FrameError, "got shape"),
+        # 30 GB that are one byte.
+        (np.broadcast_to(np.uint8(0), (100_000, 100_000, 3)), slipbound.FrameError, "at most 8192 px a side"),
         ([[1, 2], [3, 4]], TypeError, "got list"),
         (None, TypeError, "got NoneType"),
         (b"\xff\xd8", TypeError, "got bytes"),
@@ -203,6 +207,39 @@ def test_ctrl_c_ends_a_watch():
         "import slipbound\n"
         "w = slipbound.watch('sim:press?hold_s=60&grid=fast')\n"
         "try:\n    print('ready')\n    for r in w: pass\n"
+        "except KeyboardInterrupt:\n    print('interrupted')\n"
+    )
+    assert done.stdout.strip() == "interrupted", done.stderr
+
+
+def test_ctrl_c_ends_the_wait_for_a_camera_that_is_silent():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer():
+            camera, _ = server.accept()
+            camera.recv(1 << 12)
+            camera.sendall(b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=a\r\n\r\n")
+            held.append(camera)
+
+        held: list[socket.socket] = []
+        threading.Thread(target=answer, daemon=True).start()
+        done = interrupted(
+            "import slipbound\n"
+            "try:\n    print('ready')\n"
+            f"    slipbound.watch('http://127.0.0.1:{server.getsockname()[1]}/')\n"
+            "except KeyboardInterrupt:\n    print('interrupted')\n"
+        )
+        assert done.stdout.strip() == "interrupted", done.stderr
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="pipes are read by ffmpeg")
+def test_ctrl_c_ends_the_wait_for_a_pipe_that_nobody_writes(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    done = interrupted(
+        "import slipbound, threading, signal, os\n"
+        "threading.Timer(1, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+        "try:\n    print('ready')\n"
+        f"    slipbound.watch({str(tmp_path / 'pipe')!r})\n"
         "except KeyboardInterrupt:\n    print('interrupted')\n"
     )
     assert done.stdout.strip() == "interrupted", done.stderr

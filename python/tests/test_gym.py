@@ -7,6 +7,8 @@ import warnings
 import numpy as np
 import pytest
 
+import slipbound
+
 gymnasium = pytest.importorskip("gymnasium")
 
 
@@ -33,3 +35,14 @@ def test_a_steady_grip_holds():
         observation, reward, terminated, truncated, info = env.step(np.array([25.0], np.float32))
     assert observation["numbers"][0] > 20 and info["slid_mm"] < 0.5 and not terminated and not truncated
     assert -1 < reward < 0
+
+
+@pytest.mark.parametrize("action", [[np.nan], [np.inf], np.zeros(7), []])
+def test_an_action_that_is_no_force_is_refused(action):
+    import slipbound.gym  # noqa: F401
+
+    env = gymnasium.make("slipbound/HoldBottle-v0", grid="fast", disable_env_checker=True)
+    env.reset(seed=1)
+    with pytest.raises(slipbound.SettingError, match="action: expected one finite force"):
+        env.step(np.asarray(action, np.float32))
+    assert np.isfinite(env.step(np.array([25.0], np.float32))[1]), "it goes on"

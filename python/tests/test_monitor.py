@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -137,6 +139,11 @@ def test_sensors_and_settings_survive_being_written(sensor, tmp_path):
     assert mine.to_dict()["rest"]["window_count"] == 3
     monitor = slipbound.Monitor(sensor, settings=mine)
     assert monitor.settings == mine and monitor.sensor == sensor
+
+
+def test_sensors_and_settings_go_to_other_processes(sensor):
+    for thing in [sensor, slipbound.Sensor("gelsight"), slipbound.Settings.paper()]:
+        assert pickle.loads(pickle.dumps(thing)) == thing == copy.deepcopy(thing)
 
 
 def test_a_finger_is_calibrated_from_its_picture():
