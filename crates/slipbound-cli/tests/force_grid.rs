@@ -14,7 +14,7 @@ const HEAD: &str = "# A lift with a gripper whose force reads wrong\n\n\
     force sensor has a bias, a gain and noise; one finger with a camera, seed 1, held for three and a half seconds, in which it\n\
     gets so heavy that 10 N do not carry it. *slip unanswered*: longest time for which the object slid and no higher force was\n\
     commanded. *most*: largest force commanded, N per finger. The text interface (gcl) takes no other force while it holds: there\n\
-    the 10 N stay, and the bottle slides. Written by `REGENERATE=1 cargo test -p slipbound-cli --test force_grid`.\n\n\
+    the 10 N stay, and the bottle slides out. Written by `REGENERATE=1 cargo test -p slipbound-cli --test force_grid`.\n\n\
     | gripper | bias N | gain | noise N rms | outcome | slip unanswered s | most N | slid mm |\n|---|---|---|---|---|---|---|---|\n";
 
 /// Other faults of a sensor than those of the grid.
@@ -91,12 +91,12 @@ fn row(cell: &Cell, scratch: &Path, number: usize) -> String {
     let ended = phase["ending"].as_str().or(phase["phase"].as_str()).unwrap_or("nothing").to_owned();
     // Never: exit 0, and nothing held.
     let is_done = output.status.success();
-    assert!(!is_done || ended == "held", "{}: exit 0, but {ended}: {told}", cell.fault);
+    assert!(!is_done || ended == "held" && slid_mm < 15.0, "{}: exit 0, but {ended}: {told}", cell.fault);
     let outcome = match is_done {
         true => "held".into(),
         false => {
             let why = told.lines().rfind(|line| line.starts_with("slipbound: ")).expect("a reason");
-            format!("refused: {}", why.trim_start_matches("slipbound: "))
+            format!("failed: {}", why.trim_start_matches("slipbound: "))
         }
     };
     format!("| {} | {outcome} | {longest_s:.2} | {most_n:.0} | {slid_mm:.1} |", cell.row)
@@ -107,8 +107,8 @@ fn a_force_that_reads_wrong_is_held_on_with_or_refused_with_a_reason() {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/force-grid.md");
     let regenerates = std::env::var_os("REGENERATE").is_some();
     let cells = cells();
-    // The two corners that are furthest from the truth, and an idle reading.
-    let wanted: Vec<usize> = if regenerates { (0..cells.len()).collect() } else { vec![2, 26, 27] };
+    // The two corners that are furthest from the truth, an idle reading, and a gripper that takes no other force.
+    let wanted: Vec<usize> = if regenerates { (0..cells.len()).collect() } else { vec![2, 26, 27, cells.len() - 2] };
     let scratch = tempfile::tempdir().expect("a folder");
     fs::write(scratch.path().join("settings.toml"), "[lift]\nhold_ns = 3500000000\n").expect("written");
     let (next, rows) = (AtomicUsize::new(0), Mutex::new(vec![String::new(); wanted.len()]));

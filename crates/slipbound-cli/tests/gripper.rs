@@ -189,7 +189,7 @@ fn a_terminal_that_takes_nothing_keeps_no_hold_from_its_end() {
 }
 
 #[test]
-fn a_recording_of_a_hold_falls_on_nothing_that_is_read_and_on_no_other_file() {
+fn a_recording_falls_on_nothing_that_is_read_and_on_no_other_file() {
     let folder = tempfile::tempdir().expect("a folder");
     let (clip, sensor) = pressed_finger(folder.path());
     let notes = folder.path().join("notes.txt").display().to_string();
@@ -198,13 +198,15 @@ fn a_recording_of_a_hold_falls_on_nothing_that_is_read_and_on_no_other_file() {
     std::fs::hard_link(format!("{clip}/frame_000004.jpg"), &linked).expect("linked");
     for path in [format!("{clip}/frame_000003.jpg"), linked, sensor.clone(), notes] {
         let before = std::fs::read(&path).expect("there");
-        let output = slipbound(&["hold", &clip, "--sensor", &sensor, "--gripper", "dry", "--for-s", "0"])
-            .current_dir(folder.path())
-            .arg(format!("--record={path}"))
-            .output()
-            .expect("runs");
-        let err = String::from_utf8(output.stderr).expect("UTF-8");
-        assert!(output.status.code() == Some(2) && err.contains("--record"), "{path}: {:?} {err}", output.status);
+        let written = format!("--record={path}");
+        let hold = ["hold", &clip, "--sensor", &sensor, "--gripper", "dry", "--for-s", "0", &written];
+        for arguments in [&hold[..], &["record", &clip, "--sensor", &sensor, "-o", &path], &["demo", &written]] {
+            // The demo reads none of them, but a file that is no recording is spared, too.
+            let output = slipbound(arguments).current_dir(folder.path()).output().expect("runs");
+            let err = String::from_utf8(output.stderr).expect("UTF-8");
+            let named = err.contains("--record") || err.contains("--output");
+            assert!(output.status.code() == Some(2) && named, "{arguments:?}: {:?} {err}", output.status);
+        }
         assert_eq!(std::fs::read(&path).expect("there"), before, "{path}");
     }
 }

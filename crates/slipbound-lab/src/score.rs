@@ -118,6 +118,13 @@ impl RunScore {
         }
     }
 
+    /// Whether the object was lost, by what the gripper says or in truth: it slid out of the fingers or fell.
+    pub fn is_object_lost(&self) -> bool {
+        let bottle = self.last.bottle.is_some_and(|bottle| bottle.dropped);
+        let tool = self.last.ground.is_some_and(|ground| ground.dropped);
+        self.ending == Some(Ending::Lost) || bottle || tool
+    }
+
     /// Mean force over mean required force, while more than the gripper's least was required; None when it never was.
     pub fn over_squeeze_ratio(&self) -> Option<f64> {
         (self.required_sum_n > 0.0).then(|| self.pressed_sum_n / self.required_sum_n)
@@ -138,10 +145,25 @@ impl RunScore {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plants::{CapTruth, GroundTruth};
+    use crate::plants::{BottleTruth, CapTruth, GroundTruth};
 
     fn pressed(grip_force_n: f64, required_n: f64) -> HandTruth {
         HandTruth { grip_force_n, required_n, ..HandTruth::default() }
+    }
+
+    #[test]
+    fn an_object_is_lost_by_the_truth_whatever_the_task_says_of_its_end() {
+        let mut score = RunScore { ending: Some(Ending::Held), ..RunScore::default() };
+        assert!(!score.is_object_lost());
+        score.last.bottle = Some(BottleTruth::default());
+        assert!(!score.is_object_lost());
+        score.last.bottle = Some(BottleTruth { dropped: true, ..BottleTruth::default() });
+        assert!(score.is_object_lost());
+        score.last =
+            HandTruth { ground: Some(GroundTruth { dropped: true, ..GroundTruth::default() }), ..HandTruth::default() };
+        assert!(score.is_object_lost());
+        let told = RunScore { ending: Some(Ending::Lost), ..RunScore::default() };
+        assert!(told.is_object_lost());
     }
 
     const SECOND_NS: u64 = 1_000_000_000;

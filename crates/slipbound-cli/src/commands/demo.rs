@@ -2,6 +2,7 @@
 
 mod results;
 
+use super::inputs;
 use super::run::{describe, finish_recording, never_began};
 use crate::emulated::{EmulatedActuators, EmulatedGripper, LinkFaults};
 use crate::interruption;
@@ -149,6 +150,9 @@ impl Demo {
         match score.ending {
             None if !has_begun => Err(Failure::Work(never_began(missing, None))),
             Some(ending @ (Ending::NothingHeld | Ending::Lost)) => Err(Failure::Work(anyhow!("{}", ending.evidence()))),
+            _ if score.is_object_lost() => {
+                Err(Failure::Work(anyhow!("the object was lost: it slid by {:.1} mm", score.slid_mm)))
+            }
             _ => Ok(outcome),
         }
     }
@@ -178,6 +182,7 @@ impl Demo {
     /// The recording in one file that was asked for.
     fn recorder(&self, info: &RunInfo) -> Result<Option<Recorder>, Failure> {
         let Some(Some(path)) = &self.record else { return Ok(None) };
+        inputs::refuse_recording("--record", path, &[], &[self.settings.as_deref()])?;
         let recorder = Recorder::create(path, &info.finger_names(), true).map_err(Failure::arguments)?;
         describe(&recorder, info)?;
         Ok(Some(recorder))

@@ -29,8 +29,13 @@ fn is_same_node(_: &Path, _: &Path) -> bool {
 }
 
 /// Refuses a recording that would fall on a source, on one of its pictures, on another file that is read, or on a file that
-/// is no recording.
-pub fn refuse_recording(path: &Path, sources: &[String], others: &[Option<&Path>]) -> Result<(), Failure> {
+/// is no recording. `option`: what names the recording.
+pub fn refuse_recording(
+    option: &str,
+    path: &Path,
+    sources: &[String],
+    others: &[Option<&Path>],
+) -> Result<(), Failure> {
     if !path.is_file() {
         return Ok(());
     }
@@ -40,12 +45,12 @@ pub fn refuse_recording(path: &Path, sources: &[String], others: &[Option<&Path>
     });
     let shown = path.display();
     if is_read || others.iter().flatten().any(|other| is_same(path, other)) {
-        return Err(Failure::Arguments(anyhow!("--record {shown}: expected a place of its own, got one that is read")));
+        return Err(Failure::Arguments(anyhow!("{option} {shown}: expected a place of its own, got one that is read")));
     }
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(MCAP.len() as u64).read_to_end(&mut start));
     match read.is_ok() && (start.is_empty() || start == MCAP) {
         true => Ok(()),
-        false => Err(Failure::Arguments(anyhow!("--record: expected a new file or a recording, got {shown}"))),
+        false => Err(Failure::Arguments(anyhow!("{option}: expected a new file or a recording, got {shown}"))),
     }
 }

@@ -1,5 +1,6 @@
 //! `slipbound record`: frames of cameras into an MCAP file, as they come.
 
+use super::inputs;
 use super::recording::refused;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
@@ -11,7 +12,7 @@ use slipbound_rig::container::{Recorder, TappedSource};
 use slipbound_rig::link::now_ns;
 use slipbound_rig::sensors;
 use slipbound_rig::source::{self, CameraTally};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -45,6 +46,7 @@ impl Record {
     pub fn run(&self) -> Result<Outcome, Failure> {
         let names = self.names()?;
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
+        inputs::refuse_recording("--output", &self.output, &self.sources, &[self.sensor.as_deref().map(Path::new)])?;
         let recorder = Recorder::create(&self.output, &names, false).map_err(Failure::arguments)?;
         if let Some(sensor) = sensor {
             let text = toml::to_string(&sensor).map_err(|e| Failure::work("sensor", e))?;

@@ -33,7 +33,8 @@ const LONGEST_CYCLE_NS: u64 = 100_000_000;
 
 /// Why a task that ended while it was still taking hold has failed.
 pub(super) fn never_began(missing: Option<Missing>, refused_lowering: Option<&str>) -> anyhow::Error {
-    let why = missing.map_or("it was still taking hold", Missing::in_words);
+    // Without a frame that can be judged the task is never asked.
+    let why = missing.map_or("no finger has shown a frame that can be judged", Missing::in_words);
     match refused_lowering {
         Some(refused) => anyhow!("the work never began: {why}; {refused}"),
         None => anyhow!("the work never began: {why}"),
@@ -349,7 +350,12 @@ impl Hardware {
         });
         let sensor = self.sensor.as_deref().map(Path::new);
         let others = [sensor, self.hand.as_deref(), self.settings.as_deref(), self.gripper_config.as_deref()];
-        inputs::refuse_recording(path, &self.sources, &others.into_iter().chain(rests).collect::<Vec<_>>())?;
+        inputs::refuse_recording(
+            "--record",
+            path,
+            &self.sources,
+            &others.into_iter().chain(rests).collect::<Vec<_>>(),
+        )?;
         let names: Vec<String> = fingers.iter().map(|finger| finger.name.clone()).collect();
         Recorder::create(path, &names, true).map(Some).map_err(Failure::arguments)
     }

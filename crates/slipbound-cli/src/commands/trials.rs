@@ -72,8 +72,9 @@ impl Trials {
                 terminal.say(&format!("    {scene}: {}", trials::line(run)))?;
             }
         }
-        let count = |ending: Ending| scores.iter().flatten().filter(|run| run.ending == Some(ending)).count();
-        match (count(Ending::NothingHeld), count(Ending::Lost)) {
+        let runs = || scores.iter().flatten();
+        let empty = runs().filter(|run| run.ending == Some(Ending::NothingHeld)).count();
+        match (empty, runs().filter(|run| run.is_object_lost()).count()) {
             (0, 0) => Ok(Outcome::Done),
             (empty, lost) => Err(Failure::Work(anyhow::anyhow!(
                 "of {runs_count} runs {empty} held nothing and {lost} lost the object"
