@@ -195,6 +195,7 @@ impl SlipMonitor {
         }
         // A region that only displacement shows moves with it.
         let middle_px = if by_displacement { None } else { self.contact.region.middle_px() };
+        self.estimator.imprint_slides(self.evidence.report.as_ref().is_some_and(|evidence| evidence.slides));
         self.estimator.see(frame.time_ns, grip, area_px2, middle_px, &self.markers.all);
         let (at_s, load, grip_n) = self.estimator.load_now();
         let loaded = gross::Loaded { at_s, load, grip_n: grip_n.unwrap_or(0.0) };
@@ -203,8 +204,12 @@ impl SlipMonitor {
             recent: self.evidence.recent.as_ref(),
             loaded: self.estimator.features.as_ref().map(|features| (features, loaded)),
         };
+        let slid = self.slides;
         self.slides = self.settings.evidence.used
             && self.gross.see(&self.estimator.estimates, self.estimator.knows_grip(), &seen);
+        if self.slides && !slid {
+            self.estimator.slides();
+        }
         let settings = &self.settings.slip;
         if settings.rule == SlipRule::Markers {
             return;

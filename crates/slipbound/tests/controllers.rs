@@ -213,6 +213,56 @@ fn a_loaded_contact_that_cannot_be_judged_is_gripped_harder_within_bounds_and_on
 }
 
 #[test]
+fn a_contact_that_can_hardly_be_judged_is_held_with_more_in_reserve_and_nothing_of_it_is_let_go_under_a_load() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    // 7 N are told to hold it; where the grip ends that begins with so much.
+    let holds_n = |quality: f64, begins_n: f64| {
+        let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
+        (0..300).fold(begins_n, |force_n, frame| {
+            let margin = Some(1.0 - 7.0 / force_n);
+            let hand = HandReport { margin, quality, friction: None, ..hand(SlipState::Stick) };
+            controller.decide(frame * FRAME_NS, &hand, &gripper(force_n)).force_n
+        })
+    };
+    for (quality, used) in [(1.0, 0.55), (0.6, 0.55), (0.5, 0.385), (0.4, 0.22), (0.1, 0.22)] {
+        assert!((holds_n(quality, 10.0) - 7.0 / used).abs() < 0.1, "{quality}: {}", holds_n(quality, 10.0));
+    }
+    let mut trusting = settings;
+    trusting.unsure_target_share = 1.0;
+    let mut controller = Law::Margin(trusting).controller(&GripLimits::default()).expect("valid");
+    let hand_of = |used: f64, quality: f64| HandReport { margin: Some(1.0 - used), quality, ..hand(SlipState::Stick) };
+    let told = controller.decide(0, &hand_of(0.5, 0.1), &gripper(10.0));
+    assert_eq!(told.force_n, 10.0, "told to trust it");
+    // Of a sixth and more nothing is let go, of less it is.
+    let last_n = |used: f64, quality: f64| {
+        let mut limits = GripLimits::default();
+        limits.start_n = 30.0;
+        commands(Law::Margin(settings), limits, &[hand_of(used, quality); 90])[89].force_n
+    };
+    assert_eq!((last_n(0.17, 0.3), last_n(0.17, 0.3) > last_n(0.17, 0.9)), (30.0, true));
+    assert!(last_n(0.1, 0.3) < 29.0, "{}", last_n(0.1, 0.3));
+}
+
+#[test]
+fn what_has_stopped_a_slide_is_kept_until_the_load_has_fallen() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    let slides = HandReport { margin: Some(0.0), ..hand(SlipState::Gross) };
+    let told_after = |first: HandReport, used: f64| {
+        let mut hands = vec![HandReport { margin: Some(0.5), ..hand(SlipState::Stick) }; 10];
+        hands.extend([first; 3]);
+        hands.extend([HandReport { margin: Some(1.0 - used), ..hand(SlipState::Stick) }; 120]);
+        let told = commands(Law::Margin(settings), GripLimits::default(), &hands);
+        (told[13].force_n, told[132].force_n)
+    };
+    let (stopped_n, kept_n) = told_after(slides, 0.35);
+    assert!(stopped_n > 13.0 && kept_n >= stopped_n, "{stopped_n} {kept_n}");
+    let (stopped_n, let_go_n) = told_after(slides, 0.05);
+    assert!(let_go_n < stopped_n - 3.0, "the load has fallen: {stopped_n} {let_go_n}");
+    let (before_n, after_n) = told_after(HandReport { margin: Some(0.0), ..hand(SlipState::Incipient) }, 0.35);
+    assert!(after_n < before_n, "nothing slid: {before_n} {after_n}");
+}
+
+#[test]
 fn a_margin_without_a_known_gel_is_refused_and_says_what_to_do() {
     let settings = TaskSettings::default().with_controller(ControllerKind::Margin);
     let error = settings.task(TaskKind::Screw, None).err().expect("refused");
@@ -237,6 +287,7 @@ fn settings_that_are_no_numbers_or_out_of_range_are_refused_by_name() {
     with(|s| s.on_slip.step_n = f64::INFINITY, "on_slip.step_n");
     with(|s| s.margin.target_fraction = 1.5, "margin.target_fraction");
     with(|s| s.margin.slippery_target_fraction = 0.74, "margin.slippery_target_fraction");
+    with(|s| s.margin.unsure_target_share = f64::NAN, "margin.unsure_target_share");
     with(|s| s.screw.rate_rad_per_s = 0.0, "screw.rate_rad_per_s");
     with(|s| s.unscrew.open_rad = -1.0, "unscrew.open_rad");
     with(|s| s.place.laying_mm_per_s = 0.1, "place.laying_mm_per_s");

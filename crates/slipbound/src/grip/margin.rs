@@ -12,6 +12,10 @@
 //! the target is lower. The friction is the monitor's estimate; where it is unknown the contact is assumed to be
 //! slippery.
 //!
+//! Where the contact is too small, too weak or too much cut by the view to be judged, the margin is a poor witness: two fifths of the
+//! target is held then ([`MarginSettings::unsure_target_share`]), and under a load nothing is let go.
+//! Nor is it after a slide, until the load has fallen.
+//!
 //! When a loaded finger in contact gives no margin, the grip is raised, slowly and up to a limit: see
 //! [`MarginSettings::unsure_n_per_s`].
 //!
@@ -39,6 +43,14 @@ const GROWN_N: f64 = 0.1;
 /// Beyond so many times the wanted force what is held is an excess.
 const EXCESS: f64 = 1.5;
 
+/// Contact quality up to which a margin is doubtful, and from which it is not: what runs off the view on both sides carries load
+/// that is not seen, and its rim slips where nothing shows it. On such contacts 0.3 to 0.5 of the true fraction is told as used.
+const DOUBTFUL_QUALITY: (f64, f64) = (0.4, 0.6);
+/// From this fraction on nothing is let go on a doubtful word.
+const DOUBTFUL_LOADED_FRACTION: f64 = 0.15;
+/// After a slide grip is let go again once the least force that holds has fallen to this share of what it was then.
+const EASED_FRACTION: f64 = 0.3;
+
 /// Friction coefficients down from which a contact is slippery, and from which it is not.
 const FRICTION: (f64, f64) = (0.3, 0.9);
 
@@ -54,6 +66,9 @@ pub struct MarginSettings {
     /// Target used fraction for a friction coefficient of 0.3 or less, or an unknown one; at most `target_fraction`;
     /// linear in between.
     pub slippery_target_fraction: f64,
+    /// Share of the target that is held where the contact is too small, too weak or too much cut by the view to be judged
+    /// (`unsure`); 1 trusts the margin all the same.
+    pub unsure_target_share: f64,
     /// Used fraction above which a single frame counts, not the average.
     pub urgent_fraction: f64,
     /// Averaging time of the least force that holds, ns.
@@ -79,6 +94,7 @@ impl Default for MarginSettings {
             stiffness_mpa_per_mm: 0.0,
             target_fraction: 0.73,
             slippery_target_fraction: 0.55,
+            unsure_target_share: 0.4,
             urgent_fraction: 0.8,
             average_ns: 100_000_000,
             slack_fraction: 0.05,
@@ -103,6 +119,7 @@ impl MarginSettings {
         within("margin.stiffness_mpa_per_mm", self.stiffness_mpa_per_mm, 0.0, 100.0)?;
         within("margin.target_fraction", self.target_fraction, 0.05, 0.95)?;
         within("margin.slippery_target_fraction", self.slippery_target_fraction, 0.05, self.target_fraction)?;
+        within("margin.unsure_target_share", self.unsure_target_share, 0.1, 1.0)?;
         within("margin.urgent_fraction", self.urgent_fraction, self.target_fraction, 1.0)?;
         within("margin.average_ns", self.average_ns as f64, 0.0, 1e9)?;
         within("margin.slack_fraction", self.slack_fraction, 0.0, self.slippery_target_fraction)?;
@@ -113,12 +130,14 @@ impl MarginSettings {
         within("margin.unsure_most_fraction", self.unsure_most_fraction, 0.0, 10.0)
     }
 
-    /// The used fraction to hold at this friction.
-    fn target(&self, friction: Option<f64>) -> f64 {
+    /// The used fraction to hold at this friction and in this doubt.
+    fn target(&self, friction: Option<f64>, doubt: f64) -> f64 {
         let (slippery, firm) = FRICTION;
         let firm_fraction =
             friction.map_or(0.0, |friction| ((friction - slippery) / (firm - slippery)).clamp(0.0, 1.0));
-        self.slippery_target_fraction + firm_fraction * (self.target_fraction - self.slippery_target_fraction)
+        let sure =
+            self.slippery_target_fraction + firm_fraction * (self.target_fraction - self.slippery_target_fraction);
+        sure * (1.0 - doubt * (1.0 - self.unsure_target_share))
     }
 
     /// How much of `force_n` is let go in so many seconds where less is wanted, N per finger: alike at every rate of the loop.
@@ -145,6 +164,12 @@ impl MarginSettings {
     }
 }
 
+/// How doubtful a margin is where the contact has this quality, 0 to 1.
+fn doubt(quality: f64) -> f64 {
+    let (full, none) = DOUBTFUL_QUALITY;
+    ((none - quality) / (none - full)).clamp(0.0, 1.0)
+}
+
 /// Holds a slip margin.
 #[derive(Debug, Clone)]
 pub struct Margin {
@@ -157,6 +182,8 @@ pub struct Margin {
     /// The same over [`STANDS_S`], N.
     before_n: f64,
     margin: Option<f64>,
+    /// The least force that holds when the object slid last, N.
+    slid_at_n: Option<f64>,
     /// Grip when the margin of a loaded contact was lost, N.
     unsure_from_n: Option<f64>,
     alarms_count: u32,
@@ -177,6 +204,7 @@ impl Margin {
             least_n: None,
             before_n: 0.0,
             margin: None,
+            slid_at_n: None,
             unsure_from_n: None,
             alarms_count: 0,
             slipping: false,
@@ -231,7 +259,8 @@ impl GripController for Margin {
             return self.without_margin(hand, seconds);
         };
         self.unsure_from_n = None;
-        let target = self.settings.target(hand.friction);
+        let doubt = doubt(hand.quality);
+        let target = self.settings.target(hand.friction, doubt);
         let least_n = self.least_n(used, pressed_n, seconds);
         let used = least_n / pressed_n;
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
@@ -239,9 +268,16 @@ impl GripController for Margin {
         let grows = least_n > (1.0 + GROWN_FRACTION) * self.before_n + GROWN_N;
         self.before_n += (1.0 - libm::exp(-seconds / STANDS_S)) * (least_n - self.before_n);
         let release_n = self.settings.let_go_n(self.force_n, wanted_n, seconds);
+        if gross {
+            self.slid_at_n = Some(least_n);
+        }
+        // What has slid once was told wrongly before: what stopped it is kept while the load stays.
+        self.slid_at_n = self.slid_at_n.filter(|slid_at_n| least_n > EASED_FRACTION * slid_at_n);
+        let keeps = self.slid_at_n.is_some() || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
+        let slack = self.settings.slack_fraction.min(target);
         if wanted_n > self.force_n {
             self.force_n = wanted_n.min(self.force_n + self.settings.raise_n_per_s * seconds);
-        } else if !grows && least_n < (target - self.settings.slack_fraction) * self.force_n {
+        } else if !grows && !keeps && least_n < (target - slack) * self.force_n {
             self.force_n = wanted_n.max(self.force_n - release_n);
         }
         self.force_n = self.force_n.clamp(self.limits.least_n, self.limits.most_n);

@@ -82,6 +82,7 @@ pub(super) struct Estimator {
     load: Load,
     friction: Friction,
     counts_from_rest: bool,
+    imprint_slides: bool,
     pub(super) estimates: Estimates,
     pub(super) features: Option<Features>,
     /// Load in the plane, and torque over the mean radius of the contact, in the same unit.
@@ -133,6 +134,7 @@ impl Estimator {
             load: Load::new(markers, sensor.pitch_px, skirt_px, inside),
             friction: Friction::default(),
             counts_from_rest: starts_in_contact,
+            imprint_slides: false,
             estimates: Estimates::default(),
             features: None,
             load_px3: (Vec2::ZERO, 0.0),
@@ -168,6 +170,16 @@ impl Estimator {
         self.friction = Friction::default();
         self.counts_from_rest = false;
         (self.estimates, self.features) = (Estimates::default(), None);
+    }
+
+    /// Whether the imprint of the next frame moves over the gel as that of an object that slides.
+    pub fn imprint_slides(&mut self, slides: bool) {
+        self.imprint_slides = slides;
+    }
+
+    /// The object has begun to slide as a whole.
+    pub fn slides(&mut self) {
+        self.friction.slides();
     }
 
     /// All displacement from rest counts as load, until nothing touches: for a contact that the picture does not show.
@@ -319,7 +331,14 @@ impl Estimator {
             // Rolling and settling make a rim lag, too; but what hardly pulls does not slide.
             used.value = used.value.min(per_grip / LEAST_FRICTION);
             let log_used_sd = said.log_used_sd.unwrap_or(used.sd / used.value.max(1e-3));
-            let shown = Shown { at_s: self.time_s, per_grip, grip_n, sunk: self.sunk(k, grip_n, seen), log_used_sd };
+            let shown = Shown {
+                at_s: self.time_s,
+                per_grip,
+                grip_n,
+                sunk: self.sunk(k, grip_n, seen),
+                imprint_slides: self.imprint_slides,
+                log_used_sd,
+            };
             (self.estimates.friction, used) = self.friction.see(&shown, used);
         }
         if let Some((k, mm)) = self.stiffness_n_per_px3.zip(self.mm_per_px) {

@@ -8,6 +8,8 @@
 //!                                          used <- the frame's, and load / (grip x mu x sunk), each by its error
 //! ```
 //!
+//! Where an object begins to slide all of the friction is used: that tells it best.
+//!
 //! Where less than the noise of the load pulls, a frame tells nothing. While little is pulled a frame hardly tells a rough contact from a slippery one: what trees say of it then is what is known of any
 //! contact, and counts for nothing.
 //!
@@ -44,6 +46,8 @@ const LET_GO_PER_GRIP: f64 = 0.15;
 /// by which the logarithm of the load has fallen beyond the first number, a frame's logarithm of the used fraction may be off by the second.
 const EASED_LOG: f64 = 0.1;
 const EASED_LOG_SD: f64 = 1.0;
+/// How well the load at which an object begins to slide tells the friction: standard deviation of its logarithm.
+const SLIDES_LOG_SD: f64 = 0.15;
 /// Standard deviation by which log mu may differ at another grip force, for a difference of 1 in the logarithm of the force: what
 /// `sunk` leaves.
 const DRIFT_LOG_SD: f64 = 0.2;
@@ -93,6 +97,8 @@ pub(super) struct Shown {
     pub grip_n: f64,
     /// See [`sunk`].
     pub sunk: f64,
+    /// Whether the imprint moves over the gel as that of an object that slides: a load that falls meanwhile is no smaller one.
+    pub imprint_slides: bool,
     /// Standard deviation of the logarithm of the used fraction.
     pub log_used_sd: f64,
 }
@@ -112,6 +118,8 @@ pub(super) struct Friction {
     /// Logarithms of the largest grip force and of the largest load, N, since the field began to count.
     most_log_grip: Option<f64>,
     most_log_load_n: Option<f64>,
+    /// Logarithms of load over grip force, without what lies deep, and of the grip force in the last frame.
+    last_log_load_grip: Option<(f64, f64)>,
     /// When the grip last grew under load, s, and when the last frame was: slip counts anew from there.
     regripped_s: Option<f64>,
     now_s: f64,
@@ -122,6 +130,13 @@ impl Friction {
     pub fn regripped(&mut self) {
         self.regripped_s = Some(self.now_s).filter(|_| self.told > 0.0);
         (self.most_log_grip, self.most_log_load_n) = (None, None);
+    }
+
+    /// The object has begun to slide: in the last frame all of the friction was used.
+    pub fn slides(&mut self) {
+        if let Some((log_load, log_grip)) = self.last_log_load_grip {
+            self.take(log_load, SLIDES_LOG_SD, 1.0, log_grip);
+        }
     }
 
     /// What frames told of log mu, as far as it holds at a grip force.
@@ -160,6 +175,7 @@ impl Friction {
     pub fn see(&mut self, shown: &Shown, used: Estimate) -> (Option<Estimate>, Estimate) {
         let load = (shown.per_grip / shown.sunk).max(1e-6);
         let (log_load, log_grip) = (libm::log(load), libm::log(shown.grip_n.max(0.1)));
+        self.last_log_load_grip = Some((log_load, log_grip));
         let most_log_grip = self.most_log_grip.map_or(log_grip, |most| most.max(log_grip));
         self.most_log_grip = Some(most_log_grip);
         let let_go = (most_log_grip - log_grip - LET_GO_LOG).max(0.0);
@@ -167,7 +183,7 @@ impl Friction {
         let log_load_n = libm::log((shown.per_grip * shown.grip_n).max(1e-6));
         let most_log_load_n = self.most_log_load_n.map_or(log_load_n, |most| most.max(log_load_n));
         self.most_log_load_n = Some(most_log_load_n);
-        let eased = (most_log_load_n - log_load_n - EASED_LOG).max(0.0);
+        let eased = if shown.imprint_slides { 0.0 } else { (most_log_load_n - log_load_n - EASED_LOG).max(0.0) };
         let log_used_sd = libm::hypot(shown.log_used_sd, libm::hypot(left_log_sd, EASED_LOG_SD * eased));
         let (log_used, used) = lean(log_load, log_used_sd, used);
         self.now_s = shown.at_s;
@@ -206,7 +222,7 @@ mod tests {
 
     /// A frame of this load, and how sure it is of the logarithm of the used fraction.
     fn shown(per_grip: f64, grip_n: f64, log_used_sd: f64) -> Shown {
-        Shown { at_s: 0.0, per_grip, grip_n, sunk: 1.0, log_used_sd }
+        Shown { at_s: 0.0, per_grip, grip_n, sunk: 1.0, imprint_slides: false, log_used_sd }
     }
 
     /// Loaded up to a used fraction of 0.8 at 10 N.
@@ -391,6 +407,13 @@ mod tests {
         assert!((before - after).abs() < 0.02, "it tells nothing of the friction: {before} {after}");
         assert!((0.32 / 0.8 - 0.05..0.5).contains(&now.value), "what was known counts: {now:?}");
         assert!((later.value - 0.75).abs() < 1e-9, "nearly as much as before is as good as any: {later:?}");
+        let mut sliding = loaded(0.8);
+        sliding.see(&shown(0.64, 10.0, 0.1), used(0.8));
+        let falls = Shown { imprint_slides: true, ..shown(0.32, 10.0, 0.2) };
+        assert!(
+            (sliding.see(&falls, used(0.95)).1.value - 0.95).abs() < 1e-9,
+            "it slides, and its load falls with that"
+        );
         // A regrip begins anew: nothing is left of it then.
         friction.regripped();
         let anew = Shown { at_s: 1.0, ..shown(0.32, 12.0, 0.02) };
@@ -400,6 +423,22 @@ mod tests {
         let _ = friction.see(&shown(0.4, 10.0, 0.5), used(0.7));
         let now = friction.see(&shown(0.1, 10.0, 0.2), used(0.7)).1;
         assert!((0.15..0.4).contains(&now.value), "{now:?}");
+    }
+
+    #[test]
+    fn the_load_that_slides_tells_the_friction_whatever_frames_said() {
+        let mut friction = Friction::default();
+        friction.slides();
+        assert_eq!(friction.see(&shown(0.3, 10.0, 0.4), used(0.45)).0, None, "no frame, no slide");
+        // Told as rough: more than the half of it is out of sight.
+        for _ in 0..60 {
+            friction.see(&shown(0.3, 5.0, 0.2), used(0.5));
+        }
+        friction.slides();
+        friction.regripped();
+        let (told, now) = friction.see(&shown(0.15, 10.0, 0.2), used(0.22));
+        let told = told.expect("told").value;
+        assert!((0.28..0.36).contains(&told) && (0.42..0.55).contains(&now.value), "{told} {now:?}");
     }
 
     #[test]
