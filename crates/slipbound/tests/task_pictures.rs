@@ -150,21 +150,26 @@ fn laying_picture(
 fn a_tool_is_laid_down_only_as_far_as_the_ground_is_felt() {
     let mut settings = TaskSettings::default().with_controller(ControllerKind::Constant);
     let touches = |frame: u64| if frame < 12 { 0.0 } else { 0.2 };
-    // The ground pushes by 0.01 mm a frame from frame 30 on. 0.05 MPa/mm on 100 mm2: 0.25 N are 0.05 mm.
+    // The ground pushes by 0.01 mm a frame from frame 30 on. 0.05 MPa/mm on 100 mm2: 0.25 N are 0.05 mm, beyond the mean over a second.
     let push = |frame: u64| -0.01 * frame.saturating_sub(30) as f64 - 0.001;
     let jaws = |frame: u64, from| if frame < from { Jaws::Holding } else { Jaws::Open };
     let told = |stiffness| {
         laying_picture(&settings, stiffness, 42, |frame, n| (Some(push(frame)), touches(frame), jaws(frame, 40), n))
     };
     // Touch at 12, half a second for the loose grip to stand, then down until it is carried.
-    let after = "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vvvvvvv";
-    assert_eq!(told(Some(0.05)), after.clone() + "RRRRRPP");
-    assert_eq!(told(None), after.clone() + "RRRRRPP", "by the displacement alone");
-    assert_eq!(told(Some(0.1)), after[..after.len() - 2].to_owned() + "RRRRRRRPP", "twice as stiff: 0.025 mm");
+    let after = "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vvvvvvvv";
+    assert_eq!(told(Some(0.05)), after.clone() + "RRRRPP");
+    assert_eq!(told(None), after.clone() + "RRRRPP", "by the displacement alone");
+    assert_eq!(told(Some(0.1)), after[..after.len() - 3].to_owned() + "RRRRRRRPP", "twice as stiff: 0.025 mm");
 
     // What the gels were sheared by when the loose grip stood is no push of the ground.
     let picture = laying_picture(&settings, None, 36, |frame, n| (Some(-0.3), touches(frame), Jaws::Holding, n));
     assert_eq!(picture, "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vvvvvvvv");
+
+    // Nor is a push that grows by 0.03 mm in a second, as the gel creeps and the object turns on its edge: 0.27 mm in nine seconds.
+    let creep = |frame: u64| Some(-0.001 * frame.saturating_sub(30) as f64);
+    let picture = laying_picture(&settings, None, 300, |frame, n| (creep(frame), touches(frame), Jaws::Holding, n));
+    assert_eq!(picture, "G".repeat(7) + "vvvvv" + &"-".repeat(16) + &"v".repeat(272));
 
     // Nothing is felt for three frames: nothing is lowered then.
     let unresponsive = |frame: u64| if (30..33).contains(&frame) { None } else { Some(0.0) };

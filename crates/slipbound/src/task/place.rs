@@ -29,8 +29,8 @@ pub struct PlaceSettings {
     pub most_mm: f64,
     /// Rotation of the object in the fingers that means it touches the ground, rad; any slip means that, too.
     pub touch_rad: f64,
-    /// Increase of the force of the ground on the fingers that means that the ground carries the object, N per finger.
-    /// Needs the stiffness of the gels.
+    /// Increase of the force of the ground on the fingers within about a second that means that the ground carries the object,
+    /// N per finger. Slower it grows while the object turns on its edge. Needs the stiffness of the gels.
     pub carried_n: f64,
     /// The same as a displacement of the gels against gravity, mm, where their stiffness is unknown.
     pub carried_mm: f64,
@@ -75,6 +75,10 @@ impl PlaceSettings {
 /// Longest time for the looser grip to arrive, ns.
 const LATE_NS: u64 = 3_000_000_000;
 
+/// The push of the ground counts against its mean over this time, s: on one edge the object still hangs in the fingers, and turning
+/// and the creep of the gel push slowly.
+const CREEP_S: f64 = 1.0;
+
 /// What is known when the way down begins.
 #[derive(Debug, Clone, Copy)]
 struct Hanging {
@@ -92,8 +96,8 @@ pub struct Place {
     hanging: Option<Hanging>,
     stiffness_mpa_per_mm: Option<f64>,
     touched_ns: Option<u64>,
-    /// Shear along when the looser grip stood, mm.
-    laying_mm: Option<f64>,
+    /// Shear along since the looser grip stands: the mean over [`CREEP_S`], mm, and when it was last seen, ns.
+    laying: Option<(f64, u64)>,
     last: GripDecision,
 }
 
@@ -111,7 +115,7 @@ impl Place {
             hanging: None,
             stiffness_mpa_per_mm,
             touched_ns: None,
-            laying_mm: None,
+            laying: None,
             last,
         })
     }
@@ -159,7 +163,7 @@ impl Place {
             return;
         }
         self.phase = Phase::Working;
-        let push_mm = *self.laying_mm.get_or_insert(shear.along) - shear.along;
+        let push_mm = self.push_mm(shear.along, observation.now_ns);
         if self.carried(hand, push_mm) {
             self.phase = Phase::Releasing;
         }
@@ -168,6 +172,15 @@ impl Place {
     /// It rests on one end and turns; a loose grip keeps the ground's answer small.
     fn loosen(&mut self, observation: &Observation<'_>) -> GripDecision {
         self.grip.hold(observation.now_ns, observation.hand, observation.gripper, self.settings.laying_n)
+    }
+
+    /// How far the ground has pushed the object against the fingers within about [`CREEP_S`], mm.
+    fn push_mm(&mut self, along_mm: f64, now_ns: u64) -> f64 {
+        let (mean_mm, seen_ns) = self.laying.unwrap_or((along_mm, now_ns));
+        let seconds = now_ns.saturating_sub(seen_ns) as f64 * 1e-9;
+        let next_mm = mean_mm + (1.0 - libm::exp(-seconds / CREEP_S)) * (along_mm - mean_mm);
+        self.laying = Some((next_mm, now_ns));
+        mean_mm - along_mm
     }
 
     /// Whether the ground pushes the object against the fingers.
