@@ -271,25 +271,42 @@ fn the_gelsight_mini_is_judged_too() {
     let mut watching = monitor(&mut camera);
     watch(&mut watching, &mut camera, &Pressed::untouched());
     assert_eq!(watching.contact_region().area_px2(), 0, "an empty finger");
-    let mut worst = 1.0f64;
-    for (name, pressed) in [
-        ("mini: sphere, 10 N", Pressed::by(Sphere { radius_mm: 15.0 }, 10.0, Vec2::ZERO)),
-        ("mini: cap, 20 N", Pressed::by(cylinder(14.0, 12.0), 20.0, Vec2::ZERO)),
-    ] {
-        let mut watching = monitor(&mut camera);
-        watch(&mut watching, &mut camera, &pressed);
-        let truth = true_contact(&camera, &pressed, watching.contact_region());
-        let share = overlap(watching.contact_region(), &truth);
-        let (seen_px, true_px) = (watching.contact_region().area_px2(), truth.area_px2());
-        println!("{name}: overlap of seen ({seen_px} px) and true ({true_px} px) contact {share:.3}");
-        worst = worst.min(share);
-    }
     let at_rest: Vec<_> = (0..20).map(|_| Pressed::untouched()).collect();
     let off = off(&mut camera, &at_rest, "mini: at rest");
     assert!(off.count > 50.0 && off.lost == 0.0, "{} markers, {} lost", off.count, off.lost);
     assert!(off.rms_px <= 0.1 && off.bias_px < 0.05, "RMS {}, bias {}", off.rms_px, off.bias_px);
-    // The gel slopes beyond the contact too, and a smooth skin shows it: the region is larger than the contact.
-    assert!(worst >= 0.75, "the worst overlap is {worst:.3}");
+}
+
+/// The gel slopes beyond the contact, and a smooth skin shows it; the flat middle of an object it does not show, and where the view cuts
+/// an object that middle is open to one side, or to two.
+#[test]
+fn contact_on_the_gelsight_mini_ends_at_the_rim_and_has_its_middle() {
+    let mut camera = Renderer::gelsight_mini(1);
+    let strip = FlatBox { length_mm: 24.0, width_mm: 8.0, edge_radius_mm: 2.0 };
+    let small = FlatBox { length_mm: 8.0, width_mm: 6.0, edge_radius_mm: 0.5 };
+    let aside = Vec2::new(1.3, -0.8);
+    let mut overlaps = Vec::new();
+    for force_n in [5.0, 15.0, 40.0] {
+        for (name, pressed, least_share) in [
+            ("sphere", Pressed::by(Sphere { radius_mm: 15.0 }, force_n, aside), 0.75),
+            ("cap", Pressed::by(cylinder(14.0, 12.0), force_n, aside), 0.75),
+            ("small box", Pressed::by(small, force_n, aside), 0.75),
+            ("bottle, cut on the left and the right", Pressed::by(cylinder(32.0, 28.0), force_n, aside), 0.85),
+            ("strip, cut on the left and the right", Pressed::by(strip, force_n, aside), 0.75),
+            ("strip, cut on the left", Pressed::by(strip, force_n, Vec2::new(-8.0, 0.0)), 0.7),
+        ] {
+            let mut watching = monitor(&mut camera);
+            watch(&mut watching, &mut camera, &pressed);
+            let truth = true_contact(&camera, &pressed, watching.contact_region());
+            let share = overlap(watching.contact_region(), &truth);
+            let (seen_px, true_px) = (watching.contact_region().area_px2(), truth.area_px2());
+            println!("{name}, {force_n} N: overlap of seen ({seen_px} px) and true ({true_px} px) contact {share:.3}");
+            assert!(share >= least_share, "{name}, {force_n} N: overlap {share:.3}");
+            overlaps.push(share);
+        }
+    }
+    let mean = overlaps.iter().sum::<f64>() / overlaps.len() as f64;
+    assert!(mean >= 0.86, "the mean overlap is {mean:.3}");
 }
 
 #[test]

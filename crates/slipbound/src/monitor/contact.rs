@@ -56,6 +56,10 @@ pub struct ContactSettings {
     pub change_fraction: f64,
     /// Smooth gel: gaps of this width inside the region are closed; the rim of a flat object shows, its middle hardly.
     pub smooth_close_pitch: f64,
+    /// Smooth gel: the region ends where the change falls below this share of the strongest within half of `smooth_close_pitch`, and what it
+    /// encloses with one side of the view or with two opposite ones belongs to it. The gel slopes most at the rim of a contact, and less and
+    /// less from there on outwards. Zero: wherever the change counts as contact.
+    pub rim_fraction: f64,
     /// Where the picture shows no contact, there is one where markers are displaced by more than this, and their neighbours
     /// with them: a flat face over the whole pad has no rim to be seen. Zero: the picture alone decides, as in the paper.
     pub displaced_pitch: f64,
@@ -82,6 +86,7 @@ impl Default for ContactSettings {
             change_levels: 6.0,
             change_fraction: 0.25,
             smooth_close_pitch: 1.2,
+            rim_fraction: 0.5,
             // Deviation: D18 displaced markers are contact
             displaced_pitch: 0.03,
             full_markers_count: 12,
@@ -101,6 +106,7 @@ impl ContactSettings {
         within("contact.change_levels", self.change_levels, 0.5, 255.0)?;
         within("contact.change_fraction", self.change_fraction, 0.0, 0.5)?;
         within("contact.smooth_close_pitch", self.smooth_close_pitch, 0.0, 10.0)?;
+        within("contact.rim_fraction", self.rim_fraction, 0.0, 0.8)?;
         within("contact.displaced_pitch", self.displaced_pitch, 0.0, 10.0)?;
         within("contact.full_markers_count", f64::from(self.full_markers_count), 1.0, 1000.0)?;
         within("contact.unsure_below_quality", self.unsure_below_quality, 0.0, 1.0)
@@ -236,8 +242,8 @@ impl Contact {
             Skin::Smooth => {
                 let least_px = settings.off_area_fraction * size.area() as f64;
                 let (cells, covered) = (&rest.cells, &rest.cells_covered);
-                let close = settings.smooth_close_pitch;
-                let shading = ShadingContact::new(sensor, &imprint.cells, cells, covered, close, least_px);
+                let (close, rim) = (settings.smooth_close_pitch, settings.rim_fraction);
+                let shading = ShadingContact::new(sensor, &imprint.cells, cells, covered, close, rim, least_px);
                 RegionFinder::Shading(Box::new(shading))
             }
         };
@@ -257,21 +263,26 @@ impl Contact {
 
     /// Finds the region in a frame. `markers`: as they were last seen.
     pub(super) fn find(&mut self, imprint: &Imprint, markers: &[Marker]) {
-        self.strength = match &mut self.finder {
+        let changed_px2;
+        (self.strength, changed_px2) = match &mut self.finder {
             RegionFinder::Texture(texture) => {
-                texture.find(&imprint.flat, imprint.seen(), &mut self.region) / FULL_EDGE_SHARE
+                let edges = texture.find(&imprint.flat, imprint.seen(), &mut self.region);
+                (edges / FULL_EDGE_SHARE, None)
             }
             RegionFinder::Shading(shading) => {
                 let level = self.settings.change_levels;
                 let share = self.settings.change_fraction as f32;
                 let places = markers.iter().map(|m| m.now);
-                shading.find(&imprint.cells, places, level as f32, share, &mut self.region) / level - 1.0
+                let (mean, changed_px2) = shading.find(&imprint.cells, places, level as f32, share, &mut self.region);
+                (mean / level - 1.0, Some(changed_px2))
             }
         };
         let on = self.settings.on_area_fraction;
         let whole_px2 = self.region.size().area() as f64;
         self.area_px2 = self.region.area_px2();
-        let share = self.area_px2 as f64 / whole_px2;
+        // A light touch changes more of the gel than it touches.
+        let of_region = |area_px2: usize| (area_px2 as f64).max(changed_px2.unwrap_or(0.0)) / whole_px2;
+        let share = of_region(self.area_px2);
         let seen = share > on || (self.touches && !self.by_displacement && share >= self.settings.off_area_fraction);
         if let Some(displaced) = &mut self.displaced {
             if seen {
@@ -282,7 +293,7 @@ impl Contact {
             }
         }
         self.strength = self.strength.clamp(0.0, 1.0);
-        let share = self.area_px2 as f64 / whole_px2;
+        let share = of_region(self.area_px2);
         self.frames_above_count = if share > on { self.frames_above_count + 1 } else { 0 };
         if self.touches {
             self.touches = share >= self.settings.off_area_fraction;

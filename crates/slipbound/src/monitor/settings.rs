@@ -47,6 +47,7 @@ impl Settings {
             contact: ContactSettings {
                 hide_rest_edges: false,
                 drop_weak_pieces: false,
+                rim_fraction: 0.0,
                 displaced_pitch: 0.0,
                 dilate_pitch: 25.0 / 15.2,
                 ..ContactSettings::default()

@@ -180,7 +180,16 @@ impl Components {
 
     /// The runs of a mask, row by row, and which of them belong together because they touch along sides.
     pub(crate) fn runs_by_sides(&mut self, mask: &Mask) -> impl Iterator<Item = RunOfPiece> + Clone {
-        self.runs.find(mask, 0, Corners::Part);
+        self.runs_of(mask, 0)
+    }
+
+    /// The same for the clear pixels.
+    pub(crate) fn clear_runs_by_sides(&mut self, mask: &Mask) -> impl Iterator<Item = RunOfPiece> + Clone {
+        self.runs_of(mask, u64::MAX)
+    }
+
+    fn runs_of(&mut self, mask: &Mask, flip: u64) -> impl Iterator<Item = RunOfPiece> + Clone {
+        self.runs.find(mask, flip, Corners::Part);
         self.components.clear();
         self.runs.with_roots().map(|(run, root)| RunOfPiece {
             row: run.row as usize,

@@ -39,7 +39,17 @@ impl Disc {
     /// Closes gaps narrower than the disc: the greatest value around every cell, then the least of those. Values must not be
     /// negative.
     pub fn close(&mut self, values: &mut [f32]) {
+        self.greatest(values);
+        self.least(values);
+    }
+
+    /// The greatest value within the disc around every cell. Values must not be negative.
+    pub fn greatest(&mut self, values: &mut [f32]) {
         self.extreme::<true>(values);
+    }
+
+    /// The least value within the disc around every cell.
+    pub fn least(&mut self, values: &mut [f32]) {
         self.extreme::<false>(values);
     }
 

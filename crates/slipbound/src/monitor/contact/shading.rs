@@ -1,5 +1,12 @@
 //! The contact region of a smooth gel: where the colour of coarse cells has left the rest picture.
 //!
+//! ```text
+//!   object       \\_____________/        the gel slopes most at the rim of the contact, and less from there on outwards:
+//!   gel    ____/                 \____    the region ends where the change falls below a share of the strongest nearby
+//!   change   .:|:._  middle  _.:|:.
+//!              ^ filled: no way out, or only to one side of the view or to two opposite ones, where the view cuts the object
+//! ```
+//!
 //! Cells under a marker, then or now, are left out and filled from their neighbours; a common change of
 //! brightness (exposure, a warming LED) is divided out first.
 
@@ -29,6 +36,8 @@ pub(crate) struct ShadingContact {
     smooth: Binomial,
     score: Vec<f32>,
     disc: Disc,
+    rim_fraction: f32,
+    rim: Vec<f32>,
     work: Vec<f32>,
     /// The greatest change but one in a hundred of the last frame.
     last_peak: f32,
@@ -36,6 +45,8 @@ pub(crate) struct ShadingContact {
     changed: Mask,
     pieces: Components,
     measures: Vec<(usize, f32)>,
+    /// Per piece of what has not changed: at which sides of the view it ends.
+    sides: Vec<u8>,
     components: Components,
 }
 
@@ -46,6 +57,7 @@ impl ShadingContact {
         rest: &[[f32; 3]],
         rest_covered: &[bool],
         close_pitch: f64,
+        rim_fraction: f64,
         least_px: f64,
     ) -> Self {
         let map = CellMap::new(sensor, cells);
@@ -57,6 +69,8 @@ impl ShadingContact {
             covered: vec![false; count],
             cover_radius_px: cover_radius_px(sensor),
             disc: Disc::new(map.columns, count, (close_pitch * sensor.pitch_px / 2.0 / cell_px).round() as usize),
+            rim_fraction: rim_fraction as f32,
+            rim: vec![0.0; count],
             least_cells: (least_px / (cell_px * cell_px)).ceil() as usize,
             ratios: Vec::with_capacity(count),
             change: vec![[0.0; 4]; count],
@@ -67,14 +81,15 @@ impl ShadingContact {
             changed: Mask::new(SizePx::new(map.columns, map.rows)),
             pieces: Components::new(SizePx::new(map.columns, map.rows)),
             measures: Vec::with_capacity(count),
+            sides: Vec::with_capacity(count),
             components: Components::new(sensor.rectified_px()),
             map,
         }
     }
 
-    /// Writes the contact region; returns the mean change inside it in levels. `change_fraction`: what changes less than
-    /// this share of the strongest change is light that the imprint reflects elsewhere, and so is a piece that nowhere reaches
-    /// twice that share.
+    /// Writes the contact region; returns the mean change inside it in levels, and the area that has changed, beyond the rim of the
+    /// contact too, px2. `change_fraction`: what changes less than this share of the strongest change is light that the imprint reflects
+    /// elsewhere, and so is a piece that nowhere reaches twice that share.
     pub(crate) fn find(
         &mut self,
         cells: &Cells,
@@ -82,7 +97,7 @@ impl ShadingContact {
         change_levels: f32,
         change_fraction: f32,
         region: &mut Mask,
-    ) -> f64 {
+    ) -> (f64, f64) {
         self.covered.copy_from_slice(&self.rest_covered);
         for centre in markers {
             self.map.cover(centre, self.cover_radius_px, &mut self.covered);
@@ -101,13 +116,26 @@ impl ShadingContact {
         let peak = self.peak();
         let change_levels = change_levels.max(change_fraction * peak);
         let strength = mean_above(&self.score, change_levels);
+        self.rim.copy_from_slice(&self.score);
         // Joins the lines that the rim of an object leaves into the region between them.
-        self.disc.close(&mut self.score);
-        self.drop_small(change_levels, 2.0 * change_fraction * peak);
-        mask_above(&self.score, self.map.columns, self.map.cell_px, change_levels, &mut self.changed, region);
+        self.disc.greatest(&mut self.score);
+        // Deviation: D20 the rim ends the region
+        if self.rim_fraction > 0.0 {
+            over_near(&mut self.rim, &self.score, change_levels, self.rim_fraction);
+        }
+        self.disc.least(&mut self.score);
+        let changed_count = self.drop_small(change_levels, 2.0 * change_fraction * peak);
+        if self.rim_fraction > 0.0 {
+            self.rim.iter_mut().zip(&self.score).for_each(|(rim, &kept)| *rim = if kept > 0.0 { *rim } else { 0.0 });
+            self.disc.close(&mut self.rim);
+            self.fill_cut(change_levels);
+        } else {
+            self.rim.copy_from_slice(&self.score);
+        }
+        mask_above(&self.rim, self.map.columns, self.map.cell_px, change_levels, &mut self.changed, region);
         // The flat middle of an object changes less than its rim.
         self.components.fill_holes(region);
-        strength
+        (strength, (changed_count * self.map.cell_px * self.map.cell_px) as f64)
     }
 
     /// What each channel must be multiplied by to undo a common change of brightness: the median of rest / now.
@@ -146,8 +174,30 @@ impl ShadingContact {
         self.last_peak
     }
 
-    /// Drops pieces that are small or reach `peak` nowhere.
-    fn drop_small(&mut self, level: f32, peak: f32) {
+    /// Fills what the region encloses together with one side of the view or with two opposite ones: the middle of an object that the
+    /// view cuts.
+    fn fill_cut(&mut self, level: f32) {
+        let (columns, rows) = (self.map.columns, self.map.rows);
+        at_least(&self.rim, level, &mut self.changed);
+        let runs = self.pieces.clear_runs_by_sides(&self.changed);
+        self.sides.clear();
+        for run in runs.clone() {
+            let (left, right) = (run.columns.start == 0, run.columns.end == columns);
+            let (top, bottom) = (run.row == 0, run.row + 1 == rows);
+            self.sides.push(0);
+            self.sides[run.piece] |=
+                u8::from(left) * LEFT | u8::from(right) * RIGHT | u8::from(top) * TOP | u8::from(bottom) * BOTTOM;
+        }
+        for run in runs {
+            let sides = self.sides[run.piece];
+            if sides.count_ones() <= 1 || sides == LEFT | RIGHT || sides == TOP | BOTTOM {
+                self.rim[run.row * columns..][run.columns].fill(level);
+            }
+        }
+    }
+
+    /// Drops pieces that are small or reach `peak` nowhere; returns the cells of the others.
+    fn drop_small(&mut self, level: f32, peak: f32) -> usize {
         at_least(&self.score, level, &mut self.changed);
         let columns = self.map.columns;
         let (runs, measures, score) = (self.pieces.runs_by_sides(&self.changed), &mut self.measures, &mut self.score);
@@ -162,16 +212,34 @@ impl ShadingContact {
                 *first = (first.0 + cells.len(), first.1.max(highest));
             }
         }
+        let mut kept = 0;
         for run in runs {
             let (count, highest) = measures[run.piece];
             if count < self.least_cells || highest < peak {
                 score[run.row * columns..][run.columns].fill(0.0);
+            } else {
+                kept += run.columns.len();
             }
         }
+        kept
     }
 }
 
+/// Sides of the view.
+const LEFT: u8 = 1;
+const RIGHT: u8 = 2;
+const TOP: u8 = 4;
+const BOTTOM: u8 = 8;
+
 wide! {
+    /// Lowers each change to `level` where it is a given share of the strongest nearby, and below that where it is less.
+    fn over_near(change: &mut [f32], near: &[f32], level: f32, fraction: f32) {
+        for (change, &near) in change.iter_mut().zip(near) {
+            let by_near = if near > 0.0 { level * *change / (fraction * near) } else { 0.0 };
+            *change = if by_near < *change { by_near } else { *change };
+        }
+    }
+
     /// Of each cell, the change of the channel that changed most; zero where nothing is known.
     fn strongest_channels(change: &[[f32; 4]], score: &mut [f32]) {
         for (score, c) in score.iter_mut().zip(change) {
