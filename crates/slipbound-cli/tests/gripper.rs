@@ -1,8 +1,9 @@
 //! The commands `gripper` and `emulate` from outside, over loopback.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpListener;
 use std::process::{Child, ChildStdout, Command, Stdio};
-use std::thread::sleep;
+use std::thread::{self, sleep};
 use std::time::{Duration, Instant};
 
 fn slipbound(arguments: &[&str]) -> Command {
@@ -209,4 +210,30 @@ fn a_recording_falls_on_nothing_that_is_read_and_on_no_other_file() {
         }
         assert_eq!(std::fs::read(&path).expect("there"), before, "{path}");
     }
+}
+
+#[test]
+fn a_gripper_that_says_why_it_cannot_grip_is_not_waited_for() {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = format!("gcl://{}", listener.local_addr().expect("an address"));
+    // Idle, whatever it is asked; a grip fails.
+    thread::spawn(move || {
+        let (link, _) = listener.accept().expect("a client");
+        for line in BufReader::new(link.try_clone().expect("a second handle")).lines().map_while(Result::ok) {
+            let answer = match line.as_str() {
+                "POS?" => "POS=110.00\n",
+                "FORCE?" => "FORCE=0.00\n",
+                "GRIPSTATE?" => "GRIPSTATE=0\n",
+                line if line.starts_with("GRIP(") => "ACK GRIP\nERR GRIP 18\n",
+                _ => "ACK BYE\n",
+            };
+            let _ = (&link).write_all(answer.as_bytes()); // the client may have left
+        }
+    });
+    let from = Instant::now();
+    let output = slipbound(&["gripper", &address, "grasp", "20"]).output().expect("runs");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("expected GRIP to be done, got status 18, command failed"), "{told}");
+    assert!(from.elapsed() < Duration::from_secs(15), "it waited {:?}", from.elapsed());
 }

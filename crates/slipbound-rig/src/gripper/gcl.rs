@@ -44,6 +44,13 @@ struct Motion {
     since_ns: u64,
 }
 
+/// A grip that ended in an error, until the gripper's state says what became of it.
+#[derive(Debug)]
+struct FailedGrip {
+    why: String,
+    since_ns: u64,
+}
+
 /// The protocol.
 #[derive(Debug, Default)]
 pub struct Gcl {
@@ -56,6 +63,9 @@ pub struct Gcl {
     goal: Goal,
     in_flight: Option<InFlight<Message>>,
     motion: Option<Motion>,
+    /// The motion that our STOP has ended and whose end the gripper has not told yet.
+    stopped: Option<&'static str>,
+    failed_grip: Option<FailedGrip>,
     /// The force of the last grip that was answered, N per finger.
     gripped_n: Option<f64>,
     is_release_given: bool,
@@ -130,14 +140,14 @@ impl Gcl {
             "FIN" => {
                 driver.heard();
                 self.motion.take_if(|motion| motion.name == name);
+                self.stopped.take_if(|stopped| *stopped == name);
             }
             "ERR" => {
-                // An error without a command is the answer to what is in flight.
                 let (name, code) = match words.next() {
                     Some(code) => (name, code),
-                    None => (self.in_flight.as_ref().map_or("", |sent| sent.message.name()), name),
+                    None => (self.meant(), name),
                 };
-                self.take_error(driver, name, status::read(code));
+                self.take_error(driver, name, code);
             }
             "" | "END" => {}
             _ => driver.push_event(DriverEvent::Garbled { bytes_count: line.len() }),
@@ -160,7 +170,12 @@ impl Gcl {
         match name {
             "POS" => driver.gripper.opening_mm = Some(number).filter(|mm| (-10.0..=1000.0).contains(mm)),
             "FORCE" => driver.gripper.force_n = driver.config.from_own_n(number),
-            _ => self.grasp = (0.0..=7.0).contains(&number).then_some(number as u8),
+            _ => {
+                self.grasp = (0.0..=7.0).contains(&number).then_some(number as u8);
+                if self.grasp != Some(grasp::GRASPING) {
+                    self.tell_failed_grip(driver);
+                }
+            }
         }
         driver.gripper.jaws = if self.is_stopped { Jaws::Stopped } else { grasp::jaws(self.grasp) };
     }
@@ -174,11 +189,14 @@ impl Gcl {
         driver.heard();
         match message {
             Message::Grip { force_n } => {
-                self.gripped_n = Some(force_n);
-                self.is_release_given = false;
+                (self.gripped_n, self.is_release_given) = (Some(force_n), false);
+                self.failed_grip = None;
                 driver.gripper.target_n = Some(force_n);
             }
-            Message::Command("STOP") => (self.motion, self.gripped_n, self.is_release_given) = (None, None, false),
+            Message::Command("STOP") => {
+                self.stopped = self.motion.take().map(|motion| motion.name);
+                (self.gripped_n, self.is_release_given) = (None, false);
+            }
             Message::Command("FSACK") => {
                 (self.is_stopped, self.gripped_n, self.is_release_given) = (false, None, false);
                 driver.forget_lost_link();
@@ -190,9 +208,25 @@ impl Gcl {
         }
     }
 
-    fn take_error(&mut self, driver: &mut DriverState, name: &str, code: u16) {
+    /// What an error without a name is about: the command in flight, or else the motion; a question hardly fails.
+    fn meant(&self) -> &'static str {
+        match (&self.in_flight, self.motion) {
+            (Some(InFlight { message: Message::Question(_), .. }) | None, Some(motion)) => motion.name,
+            (Some(sent), _) => sent.message.name(),
+            (None, None) => "",
+        }
+    }
+
+    fn take_error(&mut self, driver: &mut DriverState, name: &str, code: &str) {
         driver.heard();
-        let sent = self.take_in_flight(name);
+        let (status, why) = (status::read(code), status::answered(code));
+        let is_aborted = status == status::ABORTED;
+        if is_aborted && self.stopped.take_if(|stopped| *stopped == name).is_some() {
+            return;
+        }
+        // What has not begun is not aborted: that is the motion before it.
+        let ends_motion = is_aborted && self.motion.is_some_and(|motion| motion.name == name);
+        let sent = if ends_motion { None } else { self.take_in_flight(name) };
         let name = match sent {
             Some(message) => {
                 self.goal = Goal::Keep;
@@ -203,23 +237,44 @@ impl Gcl {
                 None => return,
             },
         };
-        match (name, code) {
-            (_, status::ABORTED) => {}
-            // That no part was found is said by the state.
-            ("GRIP", status::FAILED) if sent.is_none() => {}
+        let is_superseded =
+            || self.in_flight.as_ref().is_some_and(|sent| !matches!(sent.message, Message::Question(_)));
+        match (name, status) {
+            (_, status::ABORTED) if sent.is_none() && (name != "GRIP" || is_superseded()) => {}
+            // That no part was found is said by the state, which is asked in its turn.
+            ("GRIP", status::FAILED | status::ABORTED) if sent.is_none() => {
+                self.failed_grip = Some(FailedGrip { why, since_ns: driver.now_ns() });
+            }
             ("GRIP", status::DENIED) if self.is_holding() => {
                 self.is_regrip_refused = true;
                 driver.raise_refused("a new force while holding", "a GRIP that is denied; take wsg50://");
             }
             (_, status::DENIED) => {
                 self.is_stopped = true;
-                let why = self.why_stopped(driver);
-                driver.push_event(DriverEvent::FastStop { why });
+                let why_stopped = self.why_stopped(driver);
+                driver.push_event(DriverEvent::FastStop { why: why_stopped });
                 driver.gripper.jaws = Jaws::Stopped;
-                driver.raise_refused(name, status::in_words(code));
+                driver.raise_refused(name, why);
             }
-            (_, code) => driver.raise_refused(name, status::in_words(code)),
+            ("GRIP", _) => self.refuse_grip(driver, why),
+            _ => driver.raise_refused(name, why),
         }
+    }
+
+    /// A grip that failed was refused, unless the state tells that no part was found or that it was lost.
+    fn tell_failed_grip(&mut self, driver: &mut DriverState) {
+        let Some(failed) = self.failed_grip.take() else { return };
+        if !matches!(self.grasp, Some(grasp::NO_PART | grasp::PART_LOST)) {
+            self.refuse_grip(driver, failed.why);
+        }
+    }
+
+    /// The gripper did not grip; it is sent again when it is asked for again.
+    fn refuse_grip(&mut self, driver: &mut DriverState, why: String) {
+        if !self.is_holding() {
+            (self.goal, self.gripped_n) = (Goal::Keep, None);
+        }
+        driver.raise_refused("GRIP", why);
     }
 
     fn is_holding(&self) -> bool {
@@ -268,6 +323,10 @@ impl Protocol for Gcl {
         let (now_ns, motion_ns) = (driver.now_ns(), driver.config.motion_ms * 1_000_000);
         if let Some(motion) = self.motion.take_if(|motion| now_ns.saturating_sub(motion.since_ns) > motion_ns) {
             driver.raise_unfinished(motion.name);
+        }
+        let reply_ns = driver.config.reply_ms * 1_000_000;
+        if self.failed_grip.as_ref().is_some_and(|failed| now_ns.saturating_sub(failed.since_ns) > reply_ns) {
+            self.tell_failed_grip(driver);
         }
     }
 

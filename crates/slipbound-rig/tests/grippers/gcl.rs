@@ -1,9 +1,10 @@
 //! WSG-50, text interface, in lock-step.
 
-use crate::bench::{Bench, config};
-use slipbound::port::Jaws;
+use crate::bench::{Bench, MS, config, driver};
+use slipbound::port::{GripCommand, Jaws};
 use slipbound_rig::gripper::config::{Config, Lowering};
-use slipbound_rig::gripper::{Error, Request};
+use slipbound_rig::gripper::{Driver, Error, Request};
+use slipbound_rig::link::Endpoint;
 
 /// Lines sent that are no questions.
 fn commands(bench: &Bench) -> Vec<String> {
@@ -87,4 +88,127 @@ fn nothing_a_lost_part_and_a_fast_stop_are_told() {
     bench.until(2000, |state| state.jaws == Jaws::Holding);
     bench.run(1000);
     assert!((bench.plant.force_n - 25.0).abs() < 0.1 && bench.least_n > 19.9, "{}", bench.least_n);
+}
+
+/// A driver, and a gripper that says what it is told to say: its answers to questions are those of `state`.
+struct Scripted {
+    driver: Driver,
+    now_ns: u64,
+    /// GRIPSTATE.
+    state: u8,
+}
+
+impl Scripted {
+    /// 20 N were asked for, and GRIP was sent.
+    fn gripping() -> Self {
+        let mut driver = driver("gcl", config("gcl"));
+        driver.linked(0);
+        let mut scripted = Scripted { driver, now_ns: 0, state: 0 };
+        scripted.run(200);
+        scripted.grip();
+        assert!(scripted.run(100), "GRIP is sent");
+        scripted
+    }
+
+    fn grip(&mut self) {
+        let request = Request::Grip(GripCommand::Hold { force_n: 20.0 });
+        self.driver.request(self.now_ns, request).expect("taken over");
+    }
+
+    fn say(&mut self, line: &str) {
+        self.driver.receive(self.now_ns, format!("{line}\n").as_bytes());
+    }
+
+    /// Answers questions for so many ms; whether a GRIP was among what was sent.
+    fn run(&mut self, ms: u64) -> bool {
+        let mut is_gripping = false;
+        for _ in 0..ms {
+            self.now_ns += MS;
+            self.driver.tick(self.now_ns);
+            let sent = String::from_utf8(std::mem::take(self.driver.outgoing())).expect("ASCII");
+            for line in sent.lines() {
+                match line.strip_suffix('?') {
+                    Some("POS") => self.say("POS=110.00"),
+                    Some("FORCE") => self.say("FORCE=0.00"),
+                    Some(name) => self.say(&format!("{name}={}", self.state)),
+                    None => is_gripping |= line.starts_with("GRIP"),
+                }
+            }
+        }
+        is_gripping
+    }
+
+    /// What the driver tells within so many ms, while questions are answered.
+    fn error_within(&mut self, ms: u64) -> Option<String> {
+        (0..ms).find_map(|_| {
+            self.run(1);
+            self.driver.state(self.now_ns).err().map(|error| error.to_string())
+        })
+    }
+}
+
+#[test]
+fn a_grip_that_fails_while_the_gripper_is_idle_is_told_at_once_with_its_reason() {
+    for (answers, said) in [
+        (&["ERR GRIP 18"][..], "status 18, command failed"),
+        (&["ERR GRIP E_CMD_FAILED"], "status 18, command failed"),
+        (&["ERR GRIP 19"], "status 19, aborted"),
+        (&["ERR GRIP E_JAWS_COLD"], "\"E_JAWS_COLD\""),
+        (&["ACK GRIP", "ERR GRIP 18"], "status 18, command failed"),
+        (&["ACK GRIP", "ERR 18"], "status 18, command failed"),
+        (&["ACK GRIP", "ERR GRIP 19"], "status 19, aborted"),
+        (&["ACK GRIP", "ERR GRIP 4"], "status 4, another motion is under way"),
+    ] {
+        let mut scripted = Scripted::gripping();
+        for answer in answers {
+            scripted.say(answer);
+        }
+        let error = scripted.error_within(250).unwrap_or_else(|| panic!("{answers:?}: nothing told"));
+        assert!(error.contains("expected GRIP to be done") && error.contains(said), "{answers:?}: {error}");
+        assert!(scripted.error_within(1000).is_none() && !scripted.driver.is_busy(), "{answers:?}: told once");
+        assert!(!scripted.run(500), "{answers:?}: not given again by itself");
+        scripted.grip();
+        assert!(scripted.run(100), "{answers:?}: the same force asked for again is sent again");
+    }
+}
+
+#[test]
+fn a_grip_that_fails_says_its_reason_even_where_the_state_never_changes() {
+    let mut scripted = Scripted::gripping();
+    scripted.state = 1; // grasping, for good
+    scripted.say("ACK GRIP");
+    scripted.say("ERR GRIP 18");
+    let error = scripted.error_within(700).expect("told");
+    assert!(error.contains("status 18, command failed"), "{error}");
+}
+
+#[test]
+fn a_grip_that_found_nothing_is_no_error_nor_one_that_our_own_stop_ended() {
+    let mut scripted = Scripted::gripping();
+    scripted.state = 1;
+    scripted.say("ACK GRIP");
+    scripted.run(50);
+    scripted.say("ERR GRIP 18");
+    scripted.run(100);
+    scripted.state = 2;
+    assert_eq!(scripted.error_within(1000), None);
+    assert_eq!(scripted.driver.state(scripted.now_ns).expect("there").jaws, Jaws::Nothing);
+
+    // The end of what was stopped may be told before the answer to STOP, or after it.
+    for answers in [["ERR GRIP 19", "ACK STOP"], ["ACK STOP", "ERR GRIP 19"]] {
+        let mut scripted = Scripted::gripping();
+        scripted.say("ACK GRIP");
+        scripted
+            .driver
+            .request(scripted.now_ns, Request::Grip(GripCommand::Hold { force_n: 30.0 }))
+            .expect("taken over");
+        scripted.run(60); // STOP is sent
+        for answer in answers {
+            scripted.say(answer);
+        }
+        scripted.run(60); // GRIP is sent
+        scripted.say("ACK GRIP");
+        assert_eq!(scripted.error_within(600), None, "{answers:?}");
+        assert_eq!(scripted.driver.state(scripted.now_ns).expect("there").target_n, Some(30.0), "{answers:?}");
+    }
 }

@@ -90,6 +90,14 @@ pub mod status {
         text.parse().ok().or_else(named).unwrap_or(u16::MAX)
     }
 
+    /// What the text interface answered, in words; a status that nobody knows as it came.
+    pub fn answered(text: &str) -> String {
+        match read(text) {
+            u16::MAX => format!("{text:?}"),
+            code => in_words(code),
+        }
+    }
+
     /// The status in words.
     pub fn in_words(status: u16) -> String {
         let words = match status {
