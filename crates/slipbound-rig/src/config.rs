@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use std::path::Path;
 
 pub use error::Error;
-pub(crate) use layer::{Layer, blame, read_most, typed};
+pub(crate) use layer::{Layer, blame, read_most, read_most_bytes, typed};
 pub use settings::{load_settings, load_task_settings, parse_settings, parse_task_settings, settings_to_toml};
 
 /// A TOML file of another program's own settings: the same reading, and the same words for a mistake.

@@ -6,7 +6,7 @@ use jpeg_encoder::{ColorType, Encoder};
 use proptest::prelude::*;
 use slipbound::image::SizePx;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
-use slipbound_rig::container::{MarkedSource, Recorder, ReportLines, TappedSource};
+use slipbound_rig::container::{self, MarkedSource, Recorder, ReportLines, TappedSource};
 use slipbound_rig::source;
 use std::fs;
 use std::io::Write as _;
@@ -141,6 +141,66 @@ fn a_file_that_is_cut_anywhere_gives_what_came_before_and_says_so() {
         }
     }
     assert_eq!(most_count, judged.len(), "the longest parts hold all");
+}
+
+/// As a program leaves it that writes chunk by chunk and is killed: the head of the last one does not know its length yet.
+#[test]
+fn a_chunk_that_was_never_closed_ends_the_file_and_is_told_by_its_number() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    let judged = record(&path, 300, |_| true);
+    let whole = fs::read(&path).expect("reads");
+    let chunks = chunks_at(&whole);
+    assert!(!chunks.is_empty());
+    for (number, &at) in chunks.iter().enumerate() {
+        let mut killed = whole.clone();
+        killed[at + 1..at + 9].copy_from_slice(&u64::MAX.to_le_bytes());
+        killed.truncate(at + 3000); // where the disk had got to
+        fs::write(&path, &killed).expect("writes");
+        let shown = path.to_str().expect("UTF-8");
+        let told = match source::open(shown) {
+            Err(e) => e.to_string(),
+            Ok(_) => {
+                let (seen, told) = drain(shown);
+                assert!(judged.starts_with(&seen), "chunk {number}: {seen:?}");
+                told.unwrap_or_default()
+            }
+        };
+        assert!(told.contains(&format!("chunk {number} was never closed")), "chunk {number}: {told}");
+    }
+}
+
+/// Where the chunks of a file begin.
+fn chunks_at(whole: &[u8]) -> Vec<usize> {
+    let (mut at, mut chunks) = (8, Vec::new());
+    while let Some(head) = whole.get(at..at + 9).filter(|head| head[0] != 0x0F) {
+        if head[0] == 0x06 {
+            chunks.push(at);
+        }
+        at += 9 + u64::from_le_bytes(head[1..].try_into().expect("8 bytes")) as usize;
+    }
+    chunks
+}
+
+#[test]
+fn settings_of_a_run_that_are_too_long_are_not_carried_into_a_recording() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (folder, file) = (scratch.path().join("run"), scratch.path().join("run.mcap"));
+    fs::create_dir(&folder).expect("a folder");
+    fs::write(&file, "from before").expect("writes");
+    let write = |name: &str, bytes: usize| fs::write(folder.join(name), vec![b'#'; bytes]).expect("writes");
+    for name in ["run.toml", "left.sensor.toml"] {
+        write("run.toml", 1 << 20);
+        write(name, (1 << 20) + 7);
+        let refused = container::to_mcap(&folder, &file).expect_err("too long").to_string();
+        let expected = format!("{name}: cannot read: expected at most 1048576 bytes of TOML, got 1048583");
+        assert!(refused.ends_with(&expected), "{refused}");
+        assert_eq!(fs::read_to_string(&file).expect("there"), "from before");
+    }
+    write("left.sensor.toml", 1 << 20);
+    write("run.toml", 1 << 20);
+    write("page.html", 3 << 20);
+    assert_eq!(container::to_mcap(&folder, &file).expect("carried").files_count, 3);
 }
 
 /// `PROPTEST_CASES`, or 48: each writes a file.

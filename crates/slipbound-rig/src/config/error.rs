@@ -54,12 +54,14 @@ pub enum Error {
         source: SettingError,
     },
     /// It is longer than any such file.
-    #[error("{file}: expected at most {most_bytes} bytes of TOML, got more")]
+    #[error("{file}: expected at most {most_bytes} bytes of TOML, got {got}")]
     TooLong {
         /// The file.
         file: String,
         /// The most, bytes.
         most_bytes: u64,
+        /// Its length, bytes; `more` for a device or pipe that does not say.
+        got: String,
     },
     /// It is not text at all.
     #[error("{file}: expected TOML, got bytes that are no text")]

@@ -4,7 +4,7 @@
 use super::error::Error;
 use serde::de::DeserializeOwned;
 use slipbound::setting::nearest;
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::io::{self, Read};
 use std::path::Path;
 use toml::{Table, Value};
@@ -35,24 +35,40 @@ const MOST_BYTES: u64 = 1 << 20;
 
 /// A file of text, of at most 1 MiB; a device or pipe that never ends is read no further.
 pub(crate) fn read_text(path: &Path) -> Result<String, Error> {
+    String::from_utf8(read_bytes(path)?).map_err(|_| Error::NotText { file: path.display().to_string() })
+}
+
+fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
     let failed = |source| Error::Read { path: path.to_owned(), source };
     let mut bytes = Vec::new();
-    File::open(path).map_err(failed)?.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
+    let mut file = File::open(path).map_err(failed)?;
+    file.by_ref().take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > MOST_BYTES {
-        return Err(Error::TooLong { file: path.display().to_string(), most_bytes: MOST_BYTES });
+        let length = file.metadata().ok().filter(Metadata::is_file).map(|facts| facts.len());
+        let got = length.map_or("more".into(), |length| length.to_string());
+        return Err(Error::TooLong { file: path.display().to_string(), most_bytes: MOST_BYTES, got });
     }
-    String::from_utf8(bytes).map_err(|_| Error::NotText { file: path.display().to_string() })
+    Ok(bytes)
 }
 
 /// The same for other files of TOML.
 pub(crate) fn read_most(path: &Path) -> io::Result<String> {
-    read_text(path).map_err(|error| match error {
+    read_text(path).map_err(without_path)
+}
+
+/// The same for one that is passed on as it is.
+pub(crate) fn read_most_bytes(path: &Path) -> io::Result<Vec<u8>> {
+    read_bytes(path).map_err(without_path)
+}
+
+fn without_path(error: Error) -> io::Error {
+    match error {
         Error::Read { source, .. } => source,
-        Error::TooLong { most_bytes, .. } => {
-            io::Error::other(format!("expected at most {most_bytes} bytes of TOML, got more"))
+        Error::TooLong { most_bytes, got, .. } => {
+            io::Error::other(format!("expected at most {most_bytes} bytes of TOML, got {got}"))
         }
         other => io::Error::other(other),
-    })
+    }
 }
 
 /// A typed value from merged layers; the first layer that holds the key is the one to blame.

@@ -16,7 +16,7 @@ use super::foxglove;
 use super::frame_record::{Fate, FrameRecord, camera_topic};
 use super::recorder;
 use super::records::Records;
-use crate::config::read_most;
+use crate::config::{read_most, read_most_bytes};
 use crate::run::frames::{ListedFrame, frame_file, listed};
 use crate::run::{self, Error};
 use mcap::records::Record;
@@ -33,6 +33,8 @@ const LINES: [(&str, &str); 3] =
 const RECORDS: &str = ".frames.jsonl";
 const REPORT: &str = ".report.jsonl";
 const FACTS: &str = ".metadata.json";
+/// Media type of settings.
+const TOML: &str = "text/toml";
 
 /// What was carried over, and what was not.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -85,6 +87,12 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
         let problem = "expected a run folder with run.toml or NAME.frames.jsonl, got neither".into();
         return Err(Error::Syntax { path: folder.to_owned(), problem }.into());
     }
+    // Before the recording is touched: settings of any length would be carried into it, and nothing reads those.
+    let mut settings = HashMap::new();
+    for name in names.iter().filter(|name| media_type(name) == TOML) {
+        let path = folder.join(name);
+        settings.insert(name, read_most_bytes(&path).map_err(|source| Error::Read { path, source })?);
+    }
     let created = File::create(file).map_err(|source| recorder::Error::Create { path: file.to_owned(), source })?;
     let wrong = |e| recorder::Error::Write { path: file.to_owned(), source: Box::new(e) };
     let mut book = Book::create(created).map_err(wrong)?;
@@ -92,7 +100,7 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
     let mut lines = Vec::new();
     for name in &names {
         let path = folder.join(name);
-        let bytes = read(&path)?;
+        let bytes = settings.remove(name).map_or_else(|| read(&path), Ok)?;
         if let Some(topic) = topic_of_lines(name) {
             lines.extend(dated(&topic, &bytes));
         } else if let Some(name) = name.strip_suffix(FACTS) {
@@ -209,7 +217,7 @@ fn run_fingers(folder: &Path) -> Option<Vec<String>> {
 
 fn media_type(name: &str) -> &'static str {
     match Path::new(name).extension().and_then(|e| e.to_str()) {
-        Some("toml") => "text/toml",
+        Some("toml") => TOML,
         Some("html") => "text/html",
         Some("png") => "image/png",
         _ => "application/octet-stream",
