@@ -2,12 +2,12 @@
 
 mod picture;
 
-use picture::{Painter, Touch};
+use picture::{Painter, Touch, frame};
 use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome, CycleView, FaultKind};
 use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::{Health, Mounting, Side};
 use slipbound::image::SizePx;
-use slipbound::monitor::{RestKind, Settings, SlipRule};
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipRule};
 use slipbound::plane::Vec2;
 use slipbound::port::{
     Clock, DriverEvent, FrameBuffer, FrameSource, GripCommand, Gripper, GripperError, GripperErrorKind, GripperState,
@@ -17,6 +17,8 @@ use slipbound::port::{
 use slipbound::sensor::Skin;
 use slipbound::task::{Phase, TaskKind, TaskSettings};
 use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 const FRAME_NS: u64 = 33_333_333;
 const SIZE: SizePx = SizePx::new(640, 480);
@@ -247,6 +249,38 @@ fn an_unplugged_camera_ends_the_loop_with_the_wrist_paused_and_the_force_kept() 
     assert_eq!(error.to_string(), "left: my camera: unplugged");
     assert_eq!((diary.words.last(), wrist.0.last()), (Some(&"left"), Some(&WristMotion::Pause)));
     assert_eq!(gripper.command, Some(GripCommand::Hold { force_n: 10.0 }));
+}
+
+/// Making a monitor takes the time of many frames, in which those of the other finger would grow newer: the clocks of two
+/// cameras seemed to differ by it.
+#[test]
+fn the_first_frames_of_all_fingers_are_taken_before_the_monitor_of_one_is_made() {
+    struct Counted(Camera, Arc<AtomicUsize>);
+    impl FrameSource for Counted {
+        fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+            self.1.fetch_add(1, Ordering::Relaxed);
+            self.0.next(into)
+        }
+    }
+    let given: [Arc<AtomicUsize>; 2] = Default::default();
+    let finger = |(side, name, rest_px, pitch_px), given: &Arc<AtomicUsize>| {
+        let of_rest = Painter::new(rest_px, pitch_px, pitch_px / 3.0, Skin::Smooth, 0.5, 11);
+        let mut rest = RestBuilder::new(&of_rest.sensor, &Settings::default(), rest_px).expect("valid");
+        rest.add(&frame(&of_rest.paint(&of_rest.rest, None, 0), rest_px, 0)).expect("bright");
+        let rest = rest.build(RestKind::Unloaded).expect("markers");
+        let painter = Painter::new(SIZE, PITCH_PX, 8.0, Skin::Smooth, 0.5, 11);
+        let sensor = painter.sensor.clone();
+        let camera = Counted(Camera { painter, scenes: scenes(&[(9, Scene::Open)]).into(), seq: 0 }, given.clone());
+        FingerPipeline::new(name, Mounting::on(side), sensor, Settings::default(), Box::new(camera)).with_rest(rest)
+    };
+    // A rest frame of another size ends the loop where the monitor of the left finger would be made.
+    let hand = [(Side::Left, "left", SizePx::new(320, 240), 16.0), (Side::Right, "right", SIZE, PITCH_PX)];
+    let fingers = hand.into_iter().zip(&given).map(|(of, given)| finger(of, given)).collect();
+    let mut control = ControlLoop::new(fingers, hold().task(TaskKind::Lift, None).expect("valid")).expect("a hand");
+    let (mut gripper, mut wrist, mut diary) = (MyGripper::default(), MyWrist::default(), Diary::default());
+    let error = control.cycle(0, &mut gripper, &mut wrist, &mut diary).expect_err("another size").to_string();
+    assert!(error.contains("left") && error.contains("rest.size"), "{error}");
+    assert_eq!(given.map(|count| count.load(Ordering::Relaxed)), [1, 1]);
 }
 
 #[test]
