@@ -6,14 +6,17 @@
 2. The same recording, written again by PyPI's mcap with its chunks compressed by zstd and by lz4, is judged to the same lines.
 3. PyPI's rosbags writes ROS 2 CompressedImage and Image messages into an MCAP bag and one in SQLite; slipbound watches them to the same reports
    as the folder with the same pictures.
+4. A stream is recorded, and `record` is killed with -9; PyPI's mcap reads what is there, by time, as it does by default.
 
     python3 bench/live/read_back.py [path of the program slipbound]
 """
 
 import json
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 from mcap.reader import make_reader
@@ -168,5 +171,33 @@ def watched(folder, bag, files, report):
     print(f"{bag.name}, written by rosbags: {len(watched) - 1} compressed and {len(grey)} grey pictures read, {sum(same)} reports alike")
 
 
+def killed(folder):
+    command = [PROGRAM, "emulate", "hand", "--task", "lift", "-o", "hand"]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as hand:
+        try:
+            streams = [hand.stdout.readline().partition(": ")[2].strip() for _ in ("left", "right")]
+            path = folder / "killed.mcap"
+            record = subprocess.Popen([PROGRAM, "record", *streams, "-o", path], stderr=subprocess.PIPE)
+            began, bytes_count = time.monotonic(), 0
+            # Not while a chunk is being written, which takes some milliseconds every half second.
+            while time.monotonic() - began < 4 or path.stat().st_size == bytes_count:
+                assert time.monotonic() - began < 60, f"{path.stat().st_size} bytes"
+                bytes_count = path.stat().st_size if path.exists() else 0
+                time.sleep(0.02)
+            time.sleep(0.1)
+            record.kill()
+            record.communicate()
+        finally:
+            hand.send_signal(signal.SIGINT)
+    with open(path, "rb") as file:
+        found = [(channel.topic, message.log_time) for _, channel, message in make_reader(file).iter_messages()]
+    assert [at for _, at in found] == sorted(at for _, at in found), "by time"
+    left, right = (sum(topic == f"/{finger}/camera" for topic, _ in found) for finger in ("left", "right"))
+    # 30 Hz for some seconds, on a computer that may have other work.
+    assert min(left, right) > 30, f"{left} and {right} pictures"
+    print(f"killed with -9: {left} and {right} pictures read by mcap, by time")
+
+
 with tempfile.TemporaryDirectory() as scratch:
     ros(Path(scratch), *ours(Path(scratch)))
+    killed(Path(scratch))

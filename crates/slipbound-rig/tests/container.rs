@@ -143,6 +143,37 @@ fn a_file_that_is_cut_anywhere_gives_what_came_before_and_says_so() {
     assert_eq!(most_count, judged.len(), "the longest parts hold all");
 }
 
+/// Readers that look for the end first read nothing of a file without one.
+#[test]
+fn a_recording_of_ours_has_an_end_whenever_its_program_is_killed_and_says_that_it_was() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (path, killed) = (scratch.path().join("run.mcap"), scratch.path().join("killed.mcap"));
+    let recorder = Recorder::create(&path, &["left".into()], false).expect("creates");
+    let frames = |seqs: &[u64]| {
+        let mut tapped = TappedSource::new(Script { seqs: seqs.to_vec() }, 0, recorder.inlet(), true);
+        let mut frame = FrameBuffer::default();
+        while tapped.next(&mut frame).expect("goes on") != Next::End {}
+    };
+    for (seqs, expected) in [(&[1, 0][..], &[0, 1][..]), (&[3, 2], &[0, 1, 2, 3])] {
+        frames(seqs);
+        let seen = (0..200).find_map(|_| {
+            std::thread::sleep(std::time::Duration::from_millis(50));
+            let bytes = fs::read(&path).expect("reads");
+            let ended = bytes.ends_with(mcap::MAGIC) && bytes.len() > 1000;
+            fs::write(&killed, bytes).expect("writes");
+            let shown = killed.to_str().expect("UTF-8");
+            let (seen, told) = source::open(shown).ok().map(|_| drain(shown))?;
+            (ended && seen.len() == expected.len()).then_some((seen, told))
+        });
+        let (seen, told) = seen.expect("a file with an end within 10 s");
+        assert_eq!(seen.iter().map(|given| given.0).collect::<Vec<_>>(), expected);
+        assert!(told.is_some_and(|told| told.contains("cut off or damaged (its program was killed)")));
+    }
+    recorder.finish().expect("closes");
+    let (seen, told) = drain(path.to_str().expect("UTF-8"));
+    assert_eq!((seen.len(), told), (4, None), "closed as it should be");
+}
+
 /// As a program leaves it that writes chunk by chunk and is killed: the head of the last one does not know its length yet.
 #[test]
 fn a_chunk_that_was_never_closed_ends_the_file_and_is_told_by_its_number() {

@@ -1,11 +1,14 @@
 //! The file of a recording: its schemas, a channel a topic, messages.
 
 use super::{annotations, foxglove};
-use mcap::records::{MessageHeader, Metadata};
-use mcap::{Attachment, McapError, WriteOptions, Writer};
+use mcap::records::{MessageHeader, Metadata, op};
+use mcap::{Attachment, MAGIC, McapError, WriteOptions, Writer};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Seek, Write};
+
+/// How the library is named that wrote a recording of ours; its version follows.
+pub(super) const LIBRARY: &str = "slipbound ";
 
 /// A chunk is closed beyond this size, bytes.
 const CHUNK_BYTES: u64 = 8 << 20;
@@ -98,9 +101,27 @@ impl Times {
     }
 }
 
+/// How a file ends whose program was killed: end of the data and footer without checksum or summary, magic.
+///
+/// ```text
+///   kind 15, length 4, 0 | kind 2, length 20, 0, 0, 0 | magic
+/// ```
+const END: [u8; 50] = {
+    let mut end = [0; 50];
+    (end[0], end[1], end[13], end[14]) = (op::DATA_END, 4, op::FOOTER, 20);
+    let mut i = 0;
+    while i < MAGIC.len() {
+        end[42 + i] = MAGIC[i];
+        i += 1;
+    }
+    end
+};
+
 /// A recording that is being written, without any thread.
 pub struct Book {
     writer: Writer<BufWriter<File>>,
+    /// The same file at the same place; None where there is no going back in it, as in a pipe.
+    end: Option<File>,
     /// By topic and kind: a source may give pictures now and pixels then.
     channels: BTreeMap<(String, Kind), u16>,
     schemas: [u16; Kind::ALL.len()],
@@ -109,11 +130,13 @@ pub struct Book {
 impl Book {
     /// Begins the file: chunks are not compressed.
     pub fn create(file: File) -> Result<Self, McapError> {
-        let library = concat!("slipbound ", env!("CARGO_PKG_VERSION"));
+        let library = format!("{LIBRARY}{}", env!("CARGO_PKG_VERSION"));
         // A chunk goes to the file when it is whole: of one that is written as it grows, a killed program leaves a head that
         // claims 2^64 bytes, at which other readers stop, or fail.
         let options = WriteOptions::new().library(library).compression(None).chunk_size(Some(CHUNK_BYTES));
         let options = options.disable_seeking(true);
+        let mut end = file.metadata()?.is_file().then(|| file.try_clone()).transpose()?;
+        end.take_if(|end| end.stream_position().is_err());
         let mut writer = options.create(BufWriter::new(file))?;
         let mut schemas = [0; Kind::ALL.len()];
         for (into, kind) in schemas.iter_mut().zip(Kind::ALL) {
@@ -121,7 +144,7 @@ impl Book {
             let encoding = if kind.is_binary() { "protobuf" } else { "jsonschema" };
             *into = writer.add_schema(name, encoding, &description)?;
         }
-        Ok(Book { writer, channels: BTreeMap::new(), schemas })
+        Ok(Book { writer, end, channels: BTreeMap::new(), schemas })
     }
 
     /// Writes a message of this number.
@@ -153,9 +176,15 @@ impl Book {
         self.writer.write_metadata(&Metadata { name, metadata: facts })
     }
 
-    /// Closes the chunk, so that it is not lost.
+    /// Closes the chunk, so that it is not lost. The file ends as one does until more is written in place of its end: readers
+    /// that look there first, as that of PyPI's `mcap`, read nothing of a file without.
     pub fn flush(&mut self) -> Result<(), McapError> {
-        self.writer.flush()
+        self.writer.flush()?;
+        if let Some(end) = &mut self.end {
+            end.write_all(&END)?;
+            end.seek_relative(-(END.len() as i64))?;
+        }
+        Ok(())
     }
 
     /// Closes the file.

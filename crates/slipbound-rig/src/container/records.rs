@@ -7,6 +7,7 @@
 //! What a file claims is checked before it is believed: no length makes it take more memory than there are bytes, and no
 //! record is longer than what is left of its chunk.
 
+use super::book::LIBRARY;
 use super::unpack::{Lz4, Unpack, Unpacker, Zstd};
 use crate::source::Error;
 use crc::{CRC_32_ISO_HDLC, Crc, Digest, Table};
@@ -39,6 +40,8 @@ pub(super) struct Records {
     input: BufReader<File>,
     chunk: Option<Chunk>,
     chunks_count: u64,
+    /// Whether we have written it: then a summary comes before its end.
+    is_ours: bool,
     is_over: bool,
     /// Why it could not be followed further.
     pub broken: Option<String>,
@@ -79,7 +82,7 @@ impl Records {
             false => "expected a file of MCAP, got none",
         };
         let broken = (!is_mcap).then(|| told(why));
-        Ok(Records { input, chunk: None, chunks_count: 0, is_over: !is_mcap, broken, damaged: None })
+        Ok(Records { input, chunk: None, chunks_count: 0, is_ours: false, is_over: !is_mcap, broken, damaged: None })
     }
 
     /// What is wrong with the file, as far as it was read.
@@ -124,9 +127,17 @@ impl Records {
         if kind == op::FOOTER {
             self.is_over = true;
             let magic: [u8; 8] = self.take()?;
-            return if magic == *mcap::MAGIC { Ok(None) } else { Err("expected the end of the file, got more".into()) };
+            if magic != *mcap::MAGIC {
+                return Err("expected the end of the file, got more".into());
+            }
+            let has_summary = matches!(parsed(kind, &data)?, Record::Footer(footer) if footer.summary_start != 0);
+            return if self.is_ours && !has_summary { Err("its program was killed".into()) } else { Ok(None) };
         }
-        parsed(kind, &data).map(Some)
+        let record = parsed(kind, &data)?;
+        if let Record::Header(header) = &record {
+            self.is_ours = header.library.starts_with(LIBRARY);
+        }
+        Ok(Some(record))
     }
 
     fn begin_chunk(&mut self, length: u64) -> Result<(), Broken> {
