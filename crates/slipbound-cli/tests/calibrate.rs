@@ -42,6 +42,41 @@ fn one_frame_of_the_papers_finger_gives_its_homography_back() {
     }
 }
 
+/// A clear gel shows so little that the noise of a single frame is most of it; the mean of ten has a third of that noise.
+#[test]
+fn a_calibrated_clear_gel_is_untouched_in_every_frame_at_rest() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for seed in ["1", "2"] {
+        let scene = format!("press?camera=gelsight_mini&grid=fast&jpeg_quality=85&seed={seed}");
+        let [name, file, rest] = [seed.to_owned(), format!("{seed}.toml"), format!("{seed}.rest")];
+        for words in [
+            &["simulate", &scene, "-o", &name][..],
+            &["calibrate", &name, "-o", &file],
+            &["tare", &name, "--sensor", &file, "-o", &rest],
+        ] {
+            let done = slipbound(folder.path(), words);
+            assert!(done.status.success(), "{words:?}: {}", String::from_utf8_lossy(&done.stderr));
+        }
+    }
+}
+
+/// A weave looks like an imprint to whoever takes the finger for a bare gel; that is said.
+#[test]
+fn a_weave_that_was_taken_for_a_gel_is_told_of() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let told = |words: &[&str]| {
+        let done = slipbound(folder.path(), words);
+        String::from_utf8_lossy(&done.stdout).into_owned() + &String::from_utf8_lossy(&done.stderr)
+    };
+    told(&["simulate", "twist?grid=fast", "--seed", "3", "-o", "weave"]);
+    let calibrated = told(&["calibrate", "weave", "-o", "gel.toml", "--flip", "vertical"]);
+    assert!(calibrated.contains("look touched") && calibrated.contains("--skin fabric"), "{calibrated}");
+    for words in [["tare", "weave", "--sensor", "gel.toml"], ["doctor", "weave", "--sensor", "gel.toml"]] {
+        let refused = told(&words);
+        assert!(refused.contains("free it and start again") && refused.contains("--skin fabric"), "{refused}");
+    }
+}
+
 /// The weave of the simulated GelSlim is sharper in the mixture of colours that calibration takes than in that of the built-in finger.
 #[test]
 fn a_calibrated_fabric_skin_is_untouched_at_rest_and_slips_where_the_built_in_one_does() {

@@ -128,7 +128,7 @@ fn from_mean(frames: &[Frame<'_>], known: &KnownFacts) -> Result<Calibration, Ca
     sensor.check().map_err(CalibrationError::Fact)?;
     let (rectified, table) = grid.rectified(&weighted, size);
     sensor.defects_px = defects::find(&rectified, &table, &grid);
-    sensor.bare_sharpness = facts::bare_sharpness(&sensor, &frames[0], &mean_rgb);
+    sensor.bare_sharpness = facts::bare_sharpness(&sensor, frames, &mean_rgb);
     let straight = fit::fit(&grid.pairs(), 0, grid.pitch_px);
     let straight = straight.map_or(vec![], |m| grid.pairs().iter().map(|p| m.residual_px(p) / grid.pitch_px).collect());
     let marker = |(&(i, j), dot): (&(i32, i32), &Dot)| GridMarker {

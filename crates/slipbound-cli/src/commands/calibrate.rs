@@ -11,7 +11,7 @@ use anyhow::anyhow;
 use slipbound::calibrate::{Calibration, FRAMES_MOST, calibrate};
 use slipbound::image::Frame;
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
-use slipbound::sensor::Polarity;
+use slipbound::sensor::{Polarity, Skin};
 use slipbound_rig::calibration::{self, HangingMass, HangingMassError, MeasuredShear, ShearFileError};
 use slipbound_rig::sensors;
 use slipbound_rig::source::{ReadAhead, most_common_size};
@@ -54,8 +54,9 @@ impl Calibrate {
         let [from, to] = found.averaged.map(|i| same[i].seq);
         if !found.untouched {
             terminal.note(&format!(
-                "{}: frames {from} to {to} look touched; better take the finger at rest, or say which frames: --frames A..B",
-                self.source
+                "{}: frames {from} to {to} look touched; better take the finger at rest, or say which frames: --frames A..B{}",
+                self.source,
+                if found.sensor.skin == Skin::Smooth { "; a weave looks so, too: --skin fabric" } else { "" }
             ));
         }
         self.write_output(&calibration::sensor_file(&found))?;

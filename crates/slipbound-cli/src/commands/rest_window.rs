@@ -64,12 +64,24 @@ impl<'a> Window<'a> {
         match untouched.filter(|_| found.rest.kind() == RestKind::InContact) {
             None => Ok(found),
             Some(asker) => {
-                let expected = "expected a finger that nothing touches, got one in contact: free it and start again";
+                let advice = advice_where_touched(sensor.skin);
+                let expected = format!("expected a finger that nothing touches, got one in contact: {advice}");
                 let seen = self.frames.iter().zip(looks).find(|(frame, _)| frame.seq == found.seqs.start);
                 let seen = seen
                     .map_or_else(String::new, |(frame, look)| format!("; {}", imprint(frame, look, bare, sensor.skin)));
                 Err(anyhow!("{asker}: {source}: {expected}{seen}").into())
             }
+        }
+    }
+}
+
+/// What to do about a finger that looks touched.
+pub fn advice_where_touched(skin: Skin) -> &'static str {
+    match skin {
+        Skin::Fabric => "free it and start again",
+        // A weave looks like an imprint on a gel.
+        Skin::Smooth => {
+            "free it and start again, or, where a weave covers the gel: `slipbound calibrate --skin fabric`"
         }
     }
 }

@@ -55,10 +55,7 @@ fn facts(sensor: &Sensor) -> String {
     let skin = if sensor.skin == Skin::Fabric { "fabric" } else { "smooth" };
     line(format!("skin = \"{skin}\"                   # as given by --skin: a weave shows only where it is pressed"));
     if let Some(sharpness) = sensor.bare_sharpness {
-        line(format!(
-            "bare_sharpness = {}          # of the averaged picture; sharper is an imprint",
-            number(sharpness)
-        ));
+        line(format!("bare_sharpness = {}          # of the frames at rest; sharper is an imprint", number(sharpness)));
     }
     if !sensor.defects_px.is_empty() {
         line(

@@ -1,7 +1,7 @@
 //! The facts of a sensor file, from the grid and from what the user knows.
 
 use super::colours;
-use super::fit::scaled_to_one;
+use super::fit::{median, scaled_to_one};
 use super::grid::Grid;
 use crate::image::{Frame, Pixels, Rgb, SizePx};
 use crate::monitor::{RestBuilder, Settings};
@@ -82,10 +82,13 @@ pub(super) fn sensor(grid: &Grid, grey_weights_rgb: [f64; 3], image_px: SizePx, 
     }
 }
 
-/// How sharp the untouched finger looks, as the monitor measures it.
-pub(super) fn bare_sharpness(sensor: &Sensor, frame: &Frame<'_>, mean_rgb: &[u8]) -> Option<f64> {
+/// How sharp the untouched finger looks, as the monitor measures it: single frames, for it looks at those, too, and the noise in
+/// them counts where the gel shows little; or their mean where that is sharper.
+pub(super) fn bare_sharpness(sensor: &Sensor, frames: &[Frame<'_>], mean_rgb: &[u8]) -> Option<f64> {
     let mut builder = RestBuilder::new(sensor, &Settings::default(), sensor.image_px).ok()?;
     let pixels = Pixels::Rgb(Rgb::new(mean_rgb, sensor.image_px).ok()?);
-    let look = builder.look(&Frame { pixels, ..*frame });
-    look.sharpness.is_finite().then(|| (look.sharpness * 1000.0).round() / 1000.0)
+    let of_mean = builder.look(&Frame { pixels, ..*frames.first()? }).sharpness;
+    let of_frames: Vec<f64> = frames.iter().map(|frame| builder.look(frame).sharpness).collect();
+    let sharpness = median(&of_frames).max(of_mean);
+    sharpness.is_finite().then(|| (sharpness * 1000.0).round() / 1000.0)
 }

@@ -1,12 +1,13 @@
 //! What the frames say of the finger: its lighting, its markers and their noise.
 
 use super::finding::{Finding, bad, good, judged};
+use crate::commands::rest_window::advice_where_touched;
 use crate::commands::standing::Standing;
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::image::SizePx;
 use slipbound::monitor::{Rest, RestKind, Settings, SlipMonitor};
 use slipbound::port::FrameBuffer;
-use slipbound::sensor::Sensor;
+use slipbound::sensor::{Sensor, Skin};
 
 /// Levels from which on a pixel is as bright as it can be, and up to which it is black.
 const BRIGHT_LEVEL: u8 = 250;
@@ -66,13 +67,14 @@ pub fn markers(frames: &[FrameBuffer], sensor: &Sensor, saved: Option<Rest>) -> 
         Err(e) => return vec![bad("markers", e.to_string(), fits)],
     };
     if let Some(reason) = monitor.refusal() {
-        return vec![untouched(kind == RestKind::Unloaded), bad("markers", reason.to_string(), fits)];
+        return vec![untouched(kind == RestKind::Unloaded, sensor.skin), bad("markers", reason.to_string(), fits)];
     }
     let standing = Standing::see(frames, &mut monitor);
-    let mut findings = vec![untouched(match is_saved {
+    let is_untouched = match is_saved {
         true => standing.touched_seq.is_none(),
         false => kind == RestKind::Unloaded,
-    })];
+    };
+    let mut findings = vec![untouched(is_untouched, sensor.skin)];
     if let (true, Some(drift_px)) = (is_saved, standing.drift_px) {
         let is = format!("the middle marker is {drift_px:.3} px from where it was");
         findings.push(judged("rest", is, drift_px <= MOST_NOISE_PX, anew));
@@ -87,10 +89,10 @@ pub fn markers(frames: &[FrameBuffer], sensor: &Sensor, saved: Option<Rest>) -> 
     findings
 }
 
-fn untouched(is_untouched: bool) -> Finding {
+fn untouched(is_untouched: bool, skin: Skin) -> Finding {
     match is_untouched {
         true => good("untouched", "nothing touches the finger"),
-        false => bad("untouched", "something touches the finger", "free it and start again"),
+        false => bad("untouched", "something touches the finger", advice_where_touched(skin)),
     }
 }
 
