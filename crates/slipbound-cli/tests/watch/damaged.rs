@@ -132,7 +132,9 @@ fn hostile_names_and_headers_and_endless_settings_do_no_harm() {
     trial.watch("run", &[]).expect(3, &["002.png) is torn: PNG"]);
 
     trial.write("large.toml", "# a comment\n".repeat(200_000).as_bytes());
-    trial.watch("run", &["--settings", "large.toml"]).expect(2, &["expected at most 1048576 bytes of TOML, got 2400000"]);
+    trial
+        .watch("run", &["--settings", "large.toml"])
+        .expect(2, &["expected at most 1048576 bytes of TOML, got 2400000"]);
     #[cfg(unix)]
     {
         let output = trial.command(&["watch", "run", "--sensor", "/dev/zero"]).output().expect("runs");

@@ -47,7 +47,7 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     let ramp_s = between_log(&mut random, 0.4, 4.0);
     let turn_deg = random.between(-15.0, 15.0) + if random.fraction() < 0.3 { 90.0 } else { 0.0 };
     let (x_mm, y_mm) = (random.between(-1.5, 1.5), random.between(-1.0, 1.0));
-    let camera = if random.fraction() < 0.3 { "gelsight_mini" } else { "gelslim" };
+    let camera = if random.fraction() < 0.2 { "gelsight_mini" } else { "gelslim" };
     let kind = random.fraction();
     let regrips = number % 1000 >= REGRIP_FROM;
     let force_n = if regrips { between_log(&mut random, 4.0, 40.0) } else { force_n };

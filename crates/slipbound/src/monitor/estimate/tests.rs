@@ -69,8 +69,7 @@ fn the_load_is_the_sum_over_all_markers() {
     let shear_n = estimator.estimates.shear_n.expect("stiffness known");
     assert!((shear_n.value - 0.1 * 0.6 * pressed).abs() < 1e-9, "{shear_n:?} of {pressed} markers");
     assert!(estimator.estimates.torque_nmm.expect("pitch known").value.abs() < 1e-6);
-    let lags = push(1.0, Some(10.0), 0.9, 0.6);
-    assert!(lags.estimates.friction.is_some(), "a rim that lags tells of friction: {:?}", lags.estimates);
+    assert!(estimator.estimates.friction.is_some());
 }
 
 #[test]
