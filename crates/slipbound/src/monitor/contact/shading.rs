@@ -185,8 +185,9 @@ impl ShadingContact {
             let (left, right) = (run.columns.start == 0, run.columns.end == columns);
             let (top, bottom) = (run.row == 0, run.row + 1 == rows);
             self.sides.push(0);
-            self.sides[run.piece] |=
-                u8::from(left) * LEFT | u8::from(right) * RIGHT | u8::from(top) * TOP | u8::from(bottom) * BOTTOM;
+            for (touches, side) in [(left, LEFT), (right, RIGHT), (top, TOP), (bottom, BOTTOM)] {
+                self.sides[run.piece] |= if touches { side } else { 0 };
+            }
         }
         for run in runs {
             let sides = self.sides[run.piece];
