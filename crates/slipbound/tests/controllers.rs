@@ -172,7 +172,8 @@ fn the_more_slippery_the_more_is_held_in_reserve() {
             controller.decide(frame * FRAME_NS, &hand, &gripper(force_n)).force_n
         })
     };
-    for (friction, used) in [(None, 0.55), (Some(0.2), 0.55), (Some(0.3), 0.55), (Some(0.6), 0.64), (Some(1.2), 0.73)] {
+    for (friction, used) in [(None, 0.55), (Some(0.2), 0.55), (Some(0.3), 0.55), (Some(0.6), 0.655), (Some(1.2), 0.76)]
+    {
         assert!((holds_n(friction) - 13.0 / used).abs() < 0.1, "{friction:?}: {}", holds_n(friction));
     }
 }
@@ -224,7 +225,7 @@ fn a_contact_that_can_hardly_be_judged_is_held_with_more_in_reserve_and_nothing_
             controller.decide(frame * FRAME_NS, &hand, &gripper(force_n)).force_n
         })
     };
-    for (quality, used) in [(1.0, 0.55), (0.6, 0.55), (0.5, 0.385), (0.4, 0.22), (0.1, 0.22)] {
+    for (quality, used) in [(1.0, 0.55), (0.6, 0.55), (0.5, 0.5225), (0.4, 0.495), (0.1, 0.495)] {
         assert!((holds_n(quality, 10.0) - 7.0 / used).abs() < 0.1, "{quality}: {}", holds_n(quality, 10.0));
     }
     let mut trusting = settings;
@@ -286,7 +287,7 @@ fn settings_that_are_no_numbers_or_out_of_range_are_refused_by_name() {
     with(|s| s.grip.blind_force_n = Some(100.0), "grip.blind_force_n");
     with(|s| s.on_slip.step_n = f64::INFINITY, "on_slip.step_n");
     with(|s| s.margin.target_fraction = 1.5, "margin.target_fraction");
-    with(|s| s.margin.slippery_target_fraction = 0.74, "margin.slippery_target_fraction");
+    with(|s| s.margin.slippery_target_fraction = 0.77, "margin.slippery_target_fraction");
     with(|s| s.margin.unsure_target_share = f64::NAN, "margin.unsure_target_share");
     with(|s| s.screw.rate_rad_per_s = 0.0, "screw.rate_rad_per_s");
     with(|s| s.unscrew.open_rad = -1.0, "unscrew.open_rad");

@@ -12,7 +12,7 @@ use slipbound::monitor::SlideFeatures;
 use slipbound::port::{FrameBuffer, FrameSource, Next};
 
 /// The first trial of the split: those below it taught the estimates, which are features here, and would look better than they are.
-const FIRST_TRIAL: u64 = 1000;
+const FIRST_TRIAL: u64 = 2000;
 
 /// Every fifth is a guided slide.
 const SLIDES_EVERY: u64 = 5;

@@ -12,7 +12,7 @@
 //! the target is lower. The friction is the monitor's estimate; where it is unknown the contact is assumed to be
 //! slippery.
 //!
-//! Where the contact is too small, too weak or too much cut by the view to be judged, the margin is a poor witness: two fifths of the
+//! Where the contact is too small, too weak or too much cut by the view to be judged, the margin is a poor witness: nine tenths of the
 //! target is held then ([`MarginSettings::unsure_target_share`]), and under a load nothing is let go.
 //! Nor is it after a slide, until the load has fallen.
 //!
@@ -44,7 +44,7 @@ const GROWN_N: f64 = 0.1;
 const EXCESS: f64 = 1.5;
 
 /// Contact quality up to which a margin is doubtful, and from which it is not: what runs off the view on both sides carries load
-/// that is not seen, and its rim slips where nothing shows it. On such contacts 0.3 to 0.5 of the true fraction is told as used.
+/// that is not seen, and its rim slips where nothing shows it.
 const DOUBTFUL_QUALITY: (f64, f64) = (0.4, 0.6);
 /// From this fraction on nothing is let go on a doubtful word.
 const DOUBTFUL_LOADED_FRACTION: f64 = 0.15;
@@ -92,9 +92,9 @@ impl Default for MarginSettings {
     fn default() -> Self {
         MarginSettings {
             stiffness_mpa_per_mm: 0.0,
-            target_fraction: 0.73,
+            target_fraction: 0.76,
             slippery_target_fraction: 0.55,
-            unsure_target_share: 0.4,
+            unsure_target_share: 0.9,
             urgent_fraction: 0.8,
             average_ns: 100_000_000,
             slack_fraction: 0.05,

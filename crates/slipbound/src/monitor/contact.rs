@@ -43,7 +43,7 @@ pub struct ContactSettings {
     /// Fabric: side of the square that removes what is thinner, markers among it. The released code: 11 px.
     pub erode_pitch: f64,
     /// Fabric: diameter of the ellipse that gives the region its size back. The released code: 25 px, which
-    /// makes the region of a small contact half a pitch too wide all round; simulated contacts overlap theirs best at 18 px.
+    /// makes the region half a pitch too wide all round; simulated contacts overlap theirs best at 8 to 10 px.
     pub dilate_pitch: f64,
     /// Fabric: whether what looks like contact in the rest frame (a scratch, a reflex) is left out from then on.
     pub hide_rest_edges: bool,
@@ -79,7 +79,7 @@ impl Default for ContactSettings {
             close_pitch: 6.0 / 15.2,
             erode_pitch: 11.0 / 15.2,
             // Deviation: D12 tighter region
-            dilate_pitch: 18.0 / 15.2,
+            dilate_pitch: 10.0 / 15.2,
             hide_rest_edges: true,
             // Deviation: D19 weak pieces dropped
             drop_weak_pieces: true,

@@ -120,7 +120,7 @@ impl Estimator {
                 .map(|s| s.stiffness_n_per_pitch / (sensor.pitch_px * sensor.pitch_px * sensor.pitch_px)),
             inside,
             trees: said::shipped(),
-            reference: Reference::new(markers.len()),
+            reference: Reference::new(markers),
             window: Window::new(),
             stretches: Stretches::default(),
             last_motion: LastMotion::default(),

@@ -54,6 +54,8 @@ struct Base {
 #[derive(Debug, Clone)]
 pub(super) struct Reference {
     bases: Vec<Base>,
+    /// Markers from the least x at rest to the largest.
+    by_x: Vec<u32>,
     recent: Recent,
     touched_s: f64,
     taken: bool,
@@ -67,10 +69,13 @@ pub(super) struct Reference {
 }
 
 impl Reference {
-    pub fn new(markers_count: usize) -> Self {
+    pub fn new(markers: &[Marker]) -> Self {
+        let mut by_x: Vec<u32> = (0..markers.len() as u32).collect();
+        by_x.sort_by(|&a, &b| markers[a as usize].rest.x.total_cmp(&markers[b as usize].rest.x));
         Reference {
-            bases: vec![Base::default(); markers_count],
-            recent: Recent::new(markers_count),
+            bases: vec![Base::default(); markers.len()],
+            by_x,
+            recent: Recent::new(markers.len()),
             touched_s: 0.0,
             taken: false,
             taken_grip_n: None,
@@ -150,13 +155,19 @@ impl Reference {
             return;
         }
         self.rolled_px = by;
-        let reach_squared = (REACH_PITCH * pitch_px) * (REACH_PITCH * pitch_px);
+        let reach_px = REACH_PITCH * pitch_px;
         for to in markers {
             let (mut sum, mut weights) = (Vec2::ZERO, 0.0);
-            for (from, base) in markers.iter().zip(&self.bases) {
-                let off = (from.rest + by - to.rest).length_squared();
-                if off < reach_squared {
-                    let weight = 1.0 / (off * off + 1e-6);
+            let place = to.rest - by;
+            let first = self.by_x.partition_point(|&from| markers[from as usize].rest.x < place.x - reach_px);
+            for &from in &self.by_x[first..] {
+                let off = markers[from as usize].rest - place;
+                if off.x > reach_px {
+                    break;
+                }
+                if off.length_squared() < reach_px * reach_px {
+                    let weight = 1.0 / (off.length_squared() * off.length_squared() + 1e-6);
+                    let base = &self.bases[from as usize];
                     (sum, weights) = (sum + base.taken_squeeze * weight, weights + weight);
                 }
             }
@@ -291,7 +302,7 @@ mod tests {
             markers.clone()
         };
         let pressed = press(middle);
-        let mut reference = Reference::new(pressed.len());
+        let mut reference = Reference::new(&pressed);
         reference.take(Some(10.0), &pressed, false);
         let mut now = pressed;
         for frame in 0..60 {
@@ -323,7 +334,7 @@ mod tests {
             let rest = Vec2::new(100.0 + 30.0 * f64::from(id), 100.0);
             marker(id, rest, rest + Vec2::new(f64::from(id), 0.0))
         });
-        let mut reference = Reference::new(2);
+        let mut reference = Reference::new(&markers);
         reference.take(None, &markers, false);
         for frame in 0..30 {
             // Two thirds of a pitch to and fro: more than a step.
@@ -336,7 +347,7 @@ mod tests {
     fn a_new_contact_has_not_rolled() {
         let marker =
             Marker { in_contact: true, now: Vec2::new(103.0, 100.0), ..Marker::at_rest(0, Vec2::new(100.0, 100.0)) };
-        let mut reference = Reference::new(1);
+        let mut reference = Reference::new(&[marker]);
         reference.take(None, &[marker], false);
         for at in [0.0, 300.0, 300.0, 300.0, 300.0] {
             reference.roll(0.1, Vec2::new(at, 0.0), PITCH_PX, &[marker]);
