@@ -319,9 +319,13 @@ impl Contact {
     }
 }
 
+/// `bare_sharpness` of sensor files is measured with a region that is grown back by so much, whatever the settings say, pitches.
+const SHARPNESS_DILATE_PITCH: f64 = 18.0 / 15.2;
+
 /// How much of the picture looks like pressed weave, without any rest frame: for fabric skins only.
 pub(super) fn texture_share(sensor: &Sensor, settings: &ContactSettings, imprint: &Imprint) -> f64 {
-    let mut texture = TextureContact::new(sensor, settings);
+    let settings = ContactSettings { dilate_pitch: SHARPNESS_DILATE_PITCH, ..settings.clone() };
+    let mut texture = TextureContact::new(sensor, &settings);
     let mut region = Mask::new(imprint.size());
     // Every piece, as `bare_sharpness` of a sensor counts them.
     texture.find_with(&imprint.flat, imprint.seen(), false, &mut region);

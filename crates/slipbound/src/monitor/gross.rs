@@ -229,20 +229,24 @@ mod tests {
     #[test]
     fn a_slide_is_said_at_once_and_until_the_imprint_stands_on_a_gel_that_carries_it() {
         for knows_grip in [true, false] {
-            let mut watch = GrossWatch::new();
-            let mut see = |used, stick, recent: Recent| {
+            let (mut watch, mut at_s, mut load) = (GrossWatch::new(), 0.0, 1.0);
+            let mut see = |used, stick, recent: Recent, growth_per_s: f64| {
+                (at_s, load) = (at_s + 1.0 / 30.0, load * libm::exp(growth_per_s / 30.0));
                 let field = field(if knows_grip { 0.85 * used } else { 0.0 });
-                watch.see(&estimates(used, stick), knows_grip, &seen(&evidence(true), Some(&recent), &field))
+                let loaded = Some((&field, Loaded { at_s, load, grip_n: 20.0 }));
+                let evidence = evidence(true);
+                let seen = Seen { loaded, ..seen(&evidence, Some(&recent), &field) };
+                watch.see(&estimates(used, stick), knows_grip, &seen)
             };
             for _ in 0..5 {
-                assert!(!see(0.5, 0.7, moving(1.0, 1.5)), "it sticks, and is carried along");
-                assert!(!see(0.75, 0.4, moving(2.0, 0.5)), "its rim creeps");
+                assert!(!see(0.5, 0.7, moving(1.0, 1.5), 1.0), "it sticks, and is carried along");
+                assert!(!see(0.75, 0.4, moving(2.0, 0.5), 1.0), "its rim creeps under a load that grows");
             }
-            assert!(see(1.0, 0.02, moving(12.0, 0.0)));
-            assert!(see(0.9, 0.1, moving(8.0, 0.0)), "it goes on");
-            assert!(see(0.8, 0.25, moving(2.0, 0.5)), "more slowly");
-            assert!(!see(0.3, 0.9, moving(0.0, 0.0)), "gripped again");
-            assert!(!see(0.8, 0.25, moving(2.0, 0.5)), "what it goes on with does not begin it");
+            assert!(see(1.0, 0.02, moving(12.0, 0.0), 0.0));
+            assert!(see(0.9, 0.1, moving(8.0, 0.0), 0.0), "it goes on");
+            assert!(see(0.8, 0.25, moving(2.0, 0.5), 1.0), "more slowly");
+            assert!(!see(0.3, 0.9, moving(0.0, 0.0), 0.0), "gripped again");
+            assert!(!see(0.8, 0.25, moving(2.0, 0.5), 1.0), "what it goes on with does not begin it");
         }
     }
 
