@@ -239,8 +239,10 @@ mod tests {
                 watch.see(&estimates(used, stick), knows_grip, &seen)
             };
             for _ in 0..5 {
-                assert!(!see(0.5, 0.7, moving(1.0, 1.5), 1.0), "it sticks, and is carried along");
-                assert!(!see(0.75, 0.4, moving(2.0, 0.5), 1.0), "its rim creeps under a load that grows");
+                assert!(!see(0.5, 0.7, moving(1.0, 1.5), 0.0), "it sticks, and is carried along");
+                // From the picture alone an imprint that moves so under a load that stands is taken for a slide.
+                let growth_per_s = if knows_grip { 0.0 } else { 1.0 };
+                assert!(!see(0.75, 0.4, moving(2.0, 0.5), growth_per_s), "its rim creeps");
             }
             assert!(see(1.0, 0.02, moving(12.0, 0.0), 0.0));
             assert!(see(0.9, 0.1, moving(8.0, 0.0), 0.0), "it goes on");
