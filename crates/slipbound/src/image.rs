@@ -215,11 +215,18 @@ const COLUMN_BITS: [(usize, u64); 6] = [
     (32, 0xffff_ffff_0000_0000),
 ];
 
+/// Whether the bits that are set, of which there are some, are neighbours.
+fn is_run(word: u64) -> bool {
+    let above = word.wrapping_add(word & word.wrapping_neg());
+    above & word == 0
+}
+
 /// How many bits are set. Most words of a region are full or empty, and a CPU of the baseline has no instruction that counts.
 fn ones_count(word: u64) -> usize {
     match word {
         0 => 0,
         u64::MAX => 64,
+        _ if is_run(word) => 64 - word.leading_zeros() as usize - word.trailing_zeros() as usize,
         _ => word.count_ones() as usize,
     }
 }
@@ -228,6 +235,12 @@ fn ones_count(word: u64) -> usize {
 fn columns_sum(word: u64) -> usize {
     match word {
         u64::MAX => 64 * 63 / 2,
+        // A single run, as most words at a rim have.
+        0 => 0,
+        _ if is_run(word) => {
+            let (first, count) = (word.trailing_zeros() as usize, ones_count(word));
+            count * first + count * (count - 1) / 2
+        }
         _ => COLUMN_BITS.iter().map(|(weight, columns)| weight * (word & columns).count_ones() as usize).sum(),
     }
 }

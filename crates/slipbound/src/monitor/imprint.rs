@@ -14,7 +14,7 @@ use crate::pixels::cells::Cells;
 use crate::pixels::checksum::checksum;
 use crate::pixels::flatten::Flatten;
 use crate::pixels::gaussian::Gaussian;
-use crate::pixels::grey::{GreyWeights, grey_from_gray, grey_from_rgb};
+use crate::pixels::grey::{GreyWeights, grey_rows_from_gray, grey_rows_from_rgb};
 use crate::pixels::mean::mean_levels;
 use crate::pixels::warp::WarpTable;
 use crate::plane::Vec2;
@@ -145,16 +145,23 @@ impl Imprint {
             return Err(Reason::FrameSize { expected: self.camera_px, got });
         }
         let upright = self.warp.as_mut().map_or(&mut self.grey, |(_, upright)| upright);
-        match &frame.pixels {
-            Pixels::Rgb(rgb) => grey_from_rgb(*rgb, &self.weights, self.flip, upright),
-            Pixels::Gray(gray) => grey_from_gray(*gray, self.flip, upright),
+        let cell_px = self.cells.cell_px();
+        let mut from = 0;
+        // A strip of the camera's rows is fetched once for all that is made of it.
+        for cell_row in 0..=self.cells.rows() {
+            let end = if cell_row < self.cells.rows() { from + cell_px } else { got.height };
+            match &frame.pixels {
+                Pixels::Rgb(rgb) => grey_rows_from_rgb(*rgb, &self.weights, self.flip, from..end, upright),
+                Pixels::Gray(gray) => grey_rows_from_gray(*gray, self.flip, from..end, upright),
+            }
+            if self.has_cells && cell_row < self.cells.rows() {
+                self.cells.run_rows(&frame.pixels, cell_row..cell_row + 1);
+            }
+            from = end;
         }
         self.mean_levels = mean_levels(upright, got.width);
         if self.mean_levels < self.dark_below_levels {
             return Err(Reason::Dark { mean_levels: self.mean_levels });
-        }
-        if self.has_cells {
-            self.cells.run(&frame.pixels);
         }
         if let Some((table, upright)) = &self.warp {
             table.apply(upright, &mut self.grey);

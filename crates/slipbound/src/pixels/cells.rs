@@ -2,6 +2,7 @@
 
 use super::wide::wide;
 use crate::image::{ByteOrder, Pixels, SizePx};
+use std::ops::Range;
 
 /// A coarse picture: block means in grey levels, row by row.
 #[derive(Debug, Clone)]
@@ -46,21 +47,28 @@ impl Cells {
 
     /// Takes the means of a picture of the size given to `new`.
     pub fn run(&mut self, pixels: &Pixels<'_>) {
+        self.run_rows(pixels, 0..self.rows);
+    }
+
+    /// Takes the means of some rows of cells alone; the others stay.
+    pub fn run_rows(&mut self, pixels: &Pixels<'_>, cell_rows: Range<usize>) {
         match pixels {
             Pixels::Rgb(image) => {
-                self.run_rows::<3>(|y| image.row(y));
+                self.run_channels::<3>(cell_rows.clone(), |y| image.row(y));
                 if image.order() == ByteOrder::Bgr {
-                    self.means.iter_mut().for_each(|mean| mean.reverse());
+                    let cells = cell_rows.start * self.columns..cell_rows.end * self.columns;
+                    self.means[cells].iter_mut().for_each(|mean| mean.reverse());
                 }
             }
-            Pixels::Gray(image) => self.run_rows::<1>(|y| image.row(y)),
+            Pixels::Gray(image) => self.run_channels::<1>(cell_rows, |y| image.row(y)),
         }
     }
 
-    fn run_rows<'a, const CHANNELS: usize>(&mut self, row: impl Fn(usize) -> &'a [u8]) {
+    fn run_channels<'a, const CHANNELS: usize>(&mut self, cell_rows: Range<usize>, row: impl Fn(usize) -> &'a [u8]) {
         let (c, used) = (self.cell_px, self.columns * self.cell_px * CHANNELS);
         let per_level = 1.0 / (c * c) as f32;
-        for (cell_row, means) in self.means.chunks_exact_mut(self.columns.max(1)).enumerate() {
+        for cell_row in cell_rows {
+            let means = &mut self.means[cell_row * self.columns..][..self.columns];
             let sums = &mut self.sums[..used];
             let (mut y, end) = (cell_row * c, (cell_row + 1) * c);
             let four = |y: usize| [0, 1, 2, 3].map(|below| row(y + below));

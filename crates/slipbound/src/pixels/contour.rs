@@ -3,6 +3,9 @@
 use super::threshold::at_least;
 use crate::image::Mask;
 
+/// Pixels of a row whose values are found side by side.
+const LANES: usize = 8;
+
 /// Sets the pixels of `out` at which the bilinear interpolation of `values` (row by row, `columns` of them, each
 /// at the centre of a cell of `cell_px` px) is at least `level`; beyond the outermost centres the field is constant. `cells`: scratch,
 /// one pixel a value; afterwards the values of at least `level`.
@@ -47,21 +50,19 @@ pub fn mask_above(values: &[f32], columns: usize, cell_px: usize, level: f32, ce
                 let (left, right) = (j.saturating_sub(1), j.min(columns - 1));
                 let corners = [above[left], above[right], below[left], below[right]];
                 let xs = square(j, columns, size.width);
-                for y in ys.clone() {
-                    let share = |px: usize, i: usize| (px as f32 - half) * per_px - (i as f32 - 1.0);
-                    let down = share(y, i);
-                    let (a, b) =
-                        (corners[0] + (corners[2] - corners[0]) * down, corners[1] + (corners[3] - corners[1]) * down);
-                    let at = |x: usize| a + (b - a) * share(x, j);
-                    // Rounding keeps an order: along a row the value goes one way, so it crosses the level once.
-                    let rises = b >= a;
-                    let (mut crossing, mut end) = (xs.start, xs.end);
-                    while crossing < end {
-                        let middle = (crossing + end) / 2;
-                        if (at(middle) >= level) == rises { end = middle } else { crossing = middle + 1 }
+                let share = |px: usize, i: usize| (px as f32 - half) * per_px - (i as f32 - 1.0);
+                for xs in xs.clone().step_by(LANES).map(|x| x..xs.end.min(x + LANES)) {
+                    let across: [f32; LANES] =
+                        std::array::from_fn(|k| if k < xs.len() { share(xs.start + k, j) } else { f32::NAN });
+                    for y in ys.clone() {
+                        let down = share(y, i);
+                        let a = corners[0] + (corners[2] - corners[0]) * down;
+                        let b = corners[1] + (corners[3] - corners[1]) * down;
+                        // Rounding keeps an order: along a row the value goes one way, so it crosses the level once.
+                        let count: u32 = across.iter().map(|share| u32::from(a + (b - a) * share >= level)).sum();
+                        let from = if b >= a { xs.end - count as usize } else { xs.start };
+                        set_range(out.row_mut(y), from, from + count as usize);
                     }
-                    let (from, to) = if rises { (crossing, xs.end) } else { (xs.start, crossing) };
-                    set_range(out.row_mut(y), from, to);
                 }
             }
         }

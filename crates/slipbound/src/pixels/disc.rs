@@ -68,10 +68,14 @@ impl Disc {
         }
         let rows = values.len() / n.max(1);
         for (y, out) in values.chunks_exact_mut(n).enumerate() {
-            out.fill(neutral);
-            for near in y.saturating_sub(k)..=(y + k).min(rows - 1) {
-                let line = &self.widened[self.half_widths[near.abs_diff(y)]][near * n..][..n];
-                take_extreme::<GREATEST>(line, out);
+            let line = |near: usize| &self.widened[self.half_widths[near.abs_diff(y)]][near * n..][..n];
+            out.copy_from_slice(line(y));
+            for away in 1..=k {
+                match (y.checked_sub(away).map(line), Some(y + away).filter(|&below| below < rows).map(line)) {
+                    (Some(above), Some(below)) => take_extremes::<GREATEST>(above, below, out),
+                    (Some(alone), None) | (None, Some(alone)) => take_extremes::<GREATEST>(alone, alone, out),
+                    (None, None) => break,
+                }
             }
         }
     }
@@ -80,7 +84,8 @@ impl Disc {
 /// The greater of two, or the lesser.
 #[inline(always)]
 fn extreme<const GREATEST: bool>(a: f32, b: f32) -> f32 {
-    if (a > b) == GREATEST { a } else { b }
+    // As a vector's greater or lesser of two is defined.
+    if if GREATEST { a > b } else { a < b } { a } else { b }
 }
 
 wide! {
@@ -90,8 +95,10 @@ wide! {
         }
     }
 
-    fn take_extreme<const GREATEST: bool>(from: &[f32], out: &mut [f32]) {
-        out.iter_mut().zip(from).for_each(|(out, &v)| *out = extreme::<GREATEST>(*out, v));
+    fn take_extremes<const GREATEST: bool>(a: &[f32], b: &[f32], out: &mut [f32]) {
+        for (out, (&a, &b)) in out.iter_mut().zip(a.iter().zip(b)) {
+            *out = extreme::<GREATEST>(extreme::<GREATEST>(*out, a), b);
+        }
     }
 }
 

@@ -323,6 +323,10 @@ wide! {
         sums.iter_mut().zip(of).for_each(|(sum, &v)| *sum += i32::from(v));
     }
 
+    fn add_both_to(a: &[u16], b: &[u16], sums: &mut [i32]) {
+        sums.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (&a, &b))| *sum += i32::from(a) + i32::from(b));
+    }
+
     fn contrast(all: &[i32], core: &[i32], core_area: i32, all_area: i32, out: &mut [i32]) {
         for (out, (&all, &core)) in out.iter_mut().zip(all.iter().zip(core)) {
             *out = core.wrapping_mul(all_area).wrapping_sub(all.wrapping_mul(core_area));
@@ -366,13 +370,19 @@ fn sum_along(columns: &[u16], side: usize, powers: &mut [Vec<u16>], sums: &mut [
         let (smaller, larger) = powers.split_at_mut(k);
         add_away(smaller.last().map_or(columns, Vec::as_slice), 1 << k, &mut larger[0]);
     }
-    sums.fill(0);
     let mut first = 0;
-    while first < side {
-        let power = most.min((side - first).ilog2() as usize);
-        let of = power.checked_sub(1).map_or(columns, |k| &powers[k]);
-        add_to(&of[first..], sums);
+    let mut next = || {
+        let power = most.min((side - first).checked_ilog2()? as usize);
+        let part = &power.checked_sub(1).map_or(columns, |k| &powers[k])[first..];
         first += 1 << power;
+        Some(part)
+    };
+    sums.fill(0);
+    while let Some(part) = next() {
+        match next() {
+            Some(other) => add_both_to(part, other, sums),
+            None => add_to(part, sums),
+        }
     }
 }
 

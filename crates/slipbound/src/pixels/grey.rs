@@ -2,6 +2,7 @@
 
 use crate::image::{Gray, Rgb};
 use crate::sensor::Flip;
+use std::ops::Range;
 
 /// Weights of red, green and blue as 16-bit fractions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,27 +27,35 @@ impl GreyWeights {
 /// Weighted mean of the colours, rounded to the nearest level, an exact half upwards. (cv2.transform rounds an exact
 /// half to the even level: where the two differ, they differ by one level.)
 pub fn grey_from_rgb(src: Rgb<'_>, weights: &GreyWeights, flip: Flip, out: &mut [u8]) {
+    grey_rows_from_rgb(src, weights, flip, 0..src.size().height, out);
+}
+
+/// The same of the camera's rows `rows` alone; `out` is the whole picture, of which the others stay.
+pub fn grey_rows_from_rgb(src: Rgb<'_>, weights: &GreyWeights, flip: Flip, rows: Range<usize>, out: &mut [u8]) {
     let size = src.size();
     assert_eq!(out.len(), size.area(), "output of another size than the picture");
     let (rows_turned, columns_turned) = turned(flip);
     let weights_65536ths = src.order().rgb(weights.rgb_65536ths); // integers: the order of a sum changes no bit
     let products = Products::new(weights_65536ths);
-    for (y, out) in out.chunks_exact_mut(size.width).enumerate() {
-        let row = src.bytes_from(if rows_turned { size.height - 1 - y } else { y });
-        grey_row(row, &products, out);
+    for y in rows {
+        let to = if rows_turned { size.height - 1 - y } else { y };
+        let out = &mut out[to * size.width..][..size.width];
+        grey_row(src.bytes_from(y), &products, out);
         if columns_turned {
             out.reverse();
         }
     }
 }
 
-/// The grey picture itself, the mirror undone.
-pub fn grey_from_gray(src: Gray<'_>, flip: Flip, out: &mut [u8]) {
+/// The camera's rows `rows` of a grey picture itself, the mirror undone; `out` is the whole picture, of which the others stay.
+pub fn grey_rows_from_gray(src: Gray<'_>, flip: Flip, rows: Range<usize>, out: &mut [u8]) {
     let size = src.size();
     assert_eq!(out.len(), size.area(), "output of another size than the picture");
     let (rows_turned, columns_turned) = turned(flip);
-    for (y, out) in out.chunks_exact_mut(size.width).enumerate() {
-        out.copy_from_slice(src.row(if rows_turned { size.height - 1 - y } else { y }));
+    for y in rows {
+        let to = if rows_turned { size.height - 1 - y } else { y };
+        let out = &mut out[to * size.width..][..size.width];
+        out.copy_from_slice(src.row(y));
         if columns_turned {
             out.reverse();
         }
@@ -297,7 +306,7 @@ mod tests {
             (Flip::Horizontal, [3, 2, 1, 6, 5, 4]),
             (Flip::Both, [6, 5, 4, 3, 2, 1]),
         ] {
-            grey_from_gray(src, flip, &mut out);
+            grey_rows_from_gray(src, flip, 0..2, &mut out);
             assert_eq!(out, expected);
         }
     }

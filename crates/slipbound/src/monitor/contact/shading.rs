@@ -125,16 +125,18 @@ impl ShadingContact {
         }
         self.disc.least(&mut self.score);
         let changed_count = self.drop_small(change_levels, 2.0 * change_fraction * peak);
+        let (columns, cell_px) = (self.map.columns, self.map.cell_px);
         if self.rim_fraction > 0.0 {
             self.rim.iter_mut().zip(&self.score).for_each(|(rim, &kept)| *rim = if kept > 0.0 { *rim } else { 0.0 });
             self.disc.close(&mut self.rim);
+            // What the region encloses, the flat middle of an object above all, changes less than the rim.
             self.fill_cut(change_levels);
+            // No hole is left then: between neighbouring cells below the level, on to the border, the field is below it.
+            mask_above(&self.rim, columns, cell_px, change_levels, &mut self.changed, region);
         } else {
-            self.rim.copy_from_slice(&self.score);
+            mask_above(&self.score, columns, cell_px, change_levels, &mut self.changed, region);
+            self.components.fill_holes(region);
         }
-        mask_above(&self.rim, self.map.columns, self.map.cell_px, change_levels, &mut self.changed, region);
-        // The flat middle of an object changes less than its rim.
-        self.components.fill_holes(region);
         (strength, (changed_count * self.map.cell_px * self.map.cell_px) as f64)
     }
 

@@ -23,18 +23,19 @@ const CUT_REACHES: f64 = 3.2;
 /// Least weight of the slopes of the fit against its mean, so that a node beside the markers does not extrapolate wildly.
 const SLOPE_RIDGE: f64 = 0.02;
 
-/// Nodes whose sums are taken side by side, so that no sum waits for its own last step.
-const GROUP: usize = 4;
+/// Neighbouring nodes whose sums are taken side by side, one in each lane of a vector.
+const GROUP: usize = 8;
 
 /// Displacement of the gel at the nodes; the weights are made once from the markers at rest.
 #[derive(Debug, Clone)]
 pub(super) struct GelMotion {
     columns: usize,
     step_px: f64,
-    /// Of each group of nodes, where its weights start; one more than there are groups.
+    /// Of each group of nodes, where its markers start; one more than there are groups.
     starts: Vec<u32>,
-    /// Markers and their weights, a list for each node of a group; the shorter lists end in weights of nothing.
-    weights: Vec<[(u32, f32); GROUP]>,
+    /// The markers that count for a node of the group, ascending, and their weights: zero for nodes they are too far from.
+    markers: Vec<u32>,
+    weights: Vec<[f32; GROUP]>,
     of_markers_px: Vec<[f32; 2]>,
     displacement_px: Vec<[f32; 2]>,
 }
@@ -46,22 +47,27 @@ impl GelMotion {
         let count = |length: usize| (length as f64 / step_px) as usize + 2;
         let (columns, rows) = (count(size.width), count(size.height));
         let nodes_count = columns * rows;
-        let (mut starts, mut weights) = (vec![0], Vec::new());
+        let (mut starts, mut markers, mut weights) = (vec![0], Vec::new(), Vec::new());
         for first in (0..nodes_count).step_by(GROUP) {
-            let lists: [Vec<(u32, f32)>; GROUP] = std::array::from_fn(|k| {
-                let i = first + k;
+            // Weights of the group by marker; a marker's row is all zeros where no node wants it.
+            let mut of_group = vec![[0.0; GROUP]; rest_px.len()];
+            for (lane, i) in (first..nodes_count.min(first + GROUP)).enumerate() {
                 let node = Vec2::new((i % columns) as f64, (i / columns) as f64) * step_px;
-                if i < nodes_count { weights_of(node, rest_px, REACH_PITCH * pitch_px) } else { Vec::new() }
-            });
-            let longest = lists.iter().map(Vec::len).max().unwrap_or(0);
-            let at = |list: &Vec<(u32, f32)>, n: usize| list.get(n).copied().unwrap_or((0, 0.0));
-            weights.extend((0..longest).map(|n| std::array::from_fn(|k| at(&lists[k], n))));
+                for (marker, weight) in weights_of(node, rest_px, REACH_PITCH * pitch_px) {
+                    of_group[marker as usize][lane] = weight;
+                }
+            }
+            for (marker, lanes) in of_group.into_iter().enumerate().filter(|(_, lanes)| *lanes != [0.0; GROUP]) {
+                markers.push(marker as u32);
+                weights.push(lanes);
+            }
             starts.push(weights.len() as u32);
         }
         GelMotion {
             columns,
             step_px,
             starts,
+            markers,
             weights,
             of_markers_px: vec![[0.0; 2]; rest_px.len()],
             displacement_px: vec![[0.0; 2]; nodes_count],
@@ -74,17 +80,8 @@ impl GelMotion {
             let now_from_rest = marker.now_from_rest();
             *moved = [now_from_rest.x as f32, now_from_rest.y as f32];
         }
-        for (nodes, range) in self.displacement_px.chunks_mut(GROUP).zip(self.starts.windows(2)) {
-            let mut sums = [[0.0; 2]; GROUP];
-            for group in &self.weights[range[0] as usize..range[1] as usize] {
-                for (sum, &(marker, weight)) in sums.iter_mut().zip(group) {
-                    let [dx, dy] = self.of_markers_px[marker as usize];
-                    sum[0] += weight * dx;
-                    sum[1] += weight * dy;
-                }
-            }
-            nodes.copy_from_slice(&sums[..nodes.len()]);
-        }
+        let (displacements_px, starts) = (&self.of_markers_px, &self.starts);
+        node_sums(displacements_px, &self.markers, &self.weights, starts, &mut self.displacement_px);
     }
 
     /// Between which nodes a coordinate lies, of `count` of them along its axis, and how far from the first to the next.
@@ -148,6 +145,22 @@ impl GelGrid {
 }
 
 wide! {
+    /// Of each node, the sum of the displacements of its group's markers by its weights, in the order of the markers.
+    fn node_sums(of_markers: &[[f32; 2]], markers: &[u32], weights: &[[f32; GROUP]], starts: &[u32], nodes: &mut [[f32; 2]]) {
+        for (nodes, range) in nodes.chunks_mut(GROUP).zip(starts.windows(2)) {
+            let range = range[0] as usize..range[1] as usize;
+            let (mut x, mut y) = ([0.0f32; GROUP], [0.0f32; GROUP]);
+            for (&marker, weights) in markers[range.clone()].iter().zip(&weights[range]) {
+                let [dx, dy] = of_markers[marker as usize];
+                for lane in 0..GROUP {
+                    x[lane] += weights[lane] * dx;
+                    y[lane] += weights[lane] * dy;
+                }
+            }
+            nodes.iter_mut().zip(x.into_iter().zip(y)).for_each(|(node, (x, y))| *node = [x, y]);
+        }
+    }
+
     fn places_x(above: &[f32], below: &[f32], down: f32, rest_px: &[f32], out: &mut [f32]) {
         for ((out, &rest), (&above, &below)) in out.iter_mut().zip(rest_px).zip(above.iter().zip(below)) {
             *out = rest + (above + down * (below - above));
