@@ -395,16 +395,19 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_middle_is_the_mean_place(width in 1usize..200, height in 1usize..5, seed in 1u64..) {
+        fn the_middle_is_the_mean_place(
+            width in 1usize..200, height in 1usize..5, seed in 1u64.., run in proptest::option::of((0usize..200, 1usize..150)),
+        ) {
             let mut mask = Mask::new(SizePx::new(width, height));
             let (mut state, mut sum, mut count) = (seed, Vec2::ZERO, 0.0);
             for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
                 state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                if state >> 62 == 0 {
+                if run.map_or(state >> 62 == 0, |(first, length)| (first..first + length).contains(&x)) {
                     mask.set(x, y, true);
                     (sum, count) = (sum + Vec2::new(x as f64, y as f64), count + 1.0);
                 }
             }
+            prop_assert_eq!(mask.area_px2() as f64, count);
             match mask.middle_px() {
                 Some(middle) => prop_assert!((middle - sum / count).length() < 1e-9),
                 None => prop_assert_eq!(count, 0.0),
