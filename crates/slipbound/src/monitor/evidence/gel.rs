@@ -213,3 +213,33 @@ fn weights_of(node: Vec2, rest_px: &[Vec2], reach_px: f64) -> Vec<(u32, f32)> {
     let known = rest_px.iter().enumerate().filter_map(|(i, &p)| near(p).map(|(r, w)| (i as u32, weight(r, w))));
     known.collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gel_that_moves_and_stretches_evenly_does_so_between_its_markers() {
+        let (size, pitch_px) = (SizePx::new(200, 160), 20.0);
+        let rest_px: Vec<Vec2> =
+            (0..80).map(|i| Vec2::new(10.0 + 20.0 * (i % 10) as f64, 10.0 + 20.0 * (i / 10) as f64)).collect();
+        let moved = |p: Vec2| Vec2::new(1.5 + 0.01 * p.x, 0.02 * p.y - 0.5);
+        let markers: Vec<Marker> =
+            rest_px.iter().map(|&rest| Marker { now: rest + moved(rest), ..Marker::at_rest(0, rest) }).collect();
+        let mut gel = GelMotion::new(&rest_px, size, pitch_px);
+        gel.take(&markers);
+        let (columns_px, rows_px): (Vec<f64>, Vec<f64>) =
+            ((3..18).map(|i| 10.5 * f64::from(i)).collect(), vec![31.0, 77.7, 120.2]);
+        let mut grid = GelGrid::new(&gel, &columns_px, &rows_px);
+        grid.take(&gel);
+        let rest_columns: Vec<f32> = columns_px.iter().map(|&x| x as f32).collect();
+        let (mut x_px, mut y_px) = (vec![0.0; columns_px.len()], vec![0.0; columns_px.len()]);
+        for (row, &y) in rows_px.iter().enumerate() {
+            grid.places_of_row(row, &rest_columns, y as f32, &mut x_px, &mut y_px);
+            for (&x, (&now_x, &now_y)) in columns_px.iter().zip(x_px.iter().zip(&y_px)) {
+                let (rest, now) = (Vec2::new(x, y), Vec2::new(f64::from(now_x), f64::from(now_y)));
+                assert!((now - rest - moved(rest)).length() < 0.02, "{rest:?}: {:?} for {:?}", now - rest, moved(rest));
+            }
+        }
+    }
+}
