@@ -235,8 +235,8 @@ fn ones_count(word: u64) -> usize {
 fn columns_sum(word: u64) -> usize {
     match word {
         u64::MAX => 64 * 63 / 2,
-        // A single run, as most words at a rim have.
         0 => 0,
+        // A single run, as most words at a rim have.
         _ if is_run(word) => {
             let (first, count) = (word.trailing_zeros() as usize, ones_count(word));
             count * first + count * (count - 1) / 2

@@ -30,7 +30,7 @@ pub fn grey_from_rgb(src: Rgb<'_>, weights: &GreyWeights, flip: Flip, out: &mut 
     grey_rows_from_rgb(src, weights, flip, 0..src.size().height, out);
 }
 
-/// The same of the camera's rows `rows` alone; `out` is the whole picture, of which the others stay.
+/// The same for the camera's rows `rows` alone; `out` is the whole picture, of which the other rows stay.
 pub fn grey_rows_from_rgb(src: Rgb<'_>, weights: &GreyWeights, flip: Flip, rows: Range<usize>, out: &mut [u8]) {
     let size = src.size();
     assert_eq!(out.len(), size.area(), "output of another size than the picture");
@@ -47,7 +47,7 @@ pub fn grey_rows_from_rgb(src: Rgb<'_>, weights: &GreyWeights, flip: Flip, rows:
     }
 }
 
-/// The camera's rows `rows` of a grey picture itself, the mirror undone; `out` is the whole picture, of which the others stay.
+/// Copies the camera's rows `rows` of a grey picture, the mirror undone; `out` is the whole picture, of which the other rows stay.
 pub fn grey_rows_from_gray(src: Gray<'_>, flip: Flip, rows: Range<usize>, out: &mut [u8]) {
     let size = src.size();
     assert_eq!(out.len(), size.area(), "output of another size than the picture");
