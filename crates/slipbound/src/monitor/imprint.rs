@@ -237,3 +237,25 @@ fn seen(sensor: &Sensor, table: Option<&WarpTable>) -> Option<Mask> {
     }
     Some(seen)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Rgb;
+    use crate::pixels::grey::grey_from_rgb;
+    use crate::sensor::tests::smooth;
+
+    #[test]
+    fn rows_below_the_last_cells_are_in_the_grey_picture_too() {
+        let size = SizePx::new(320, 243);
+        let sensor = Sensor { image_px: size, ..smooth() };
+        let bytes: Vec<u8> =
+            (0..3 * size.area() as u32).map(|i| 60 + (i.wrapping_mul(2_654_435_761) >> 25) as u8).collect();
+        let rgb = Rgb::new(&bytes, size).expect("whole");
+        let mut imprint = Imprint::new(&sensor, &ImprintSettings::default(), Extra::default());
+        imprint.take(&Frame { pixels: Pixels::Rgb(rgb), seq: 0, time_ns: None }).expect("bright");
+        let mut grey = vec![0; size.area()];
+        grey_from_rgb(rgb, &GreyWeights::new(sensor.grey_weights_rgb), sensor.flip, &mut grey);
+        assert_eq!(imprint.grey, grey);
+    }
+}
