@@ -145,11 +145,11 @@ fn what_cannot_be_is_a_bad_argument_and_what_is_not_there_a_failure() {
     }
 }
 
-/// A recording of a finger that is pressed, in a folder.
-fn pressed_finger(folder: &std::path::Path) -> (String, String) {
+/// A recording of a finger that is pressed for so long, in a folder.
+fn pressed_finger(folder: &std::path::Path, hold_s: u32) -> (String, String) {
     let clip = folder.join("clip").display().to_string();
-    let scene = "press?rest_frames=30&hold_s=20&grid=fast&camera=gelsight_mini";
-    assert!(slipbound(&["simulate", scene, "-o", &clip]).output().expect("runs").status.success());
+    let scene = format!("press?rest_frames=30&hold_s={hold_s}&grid=fast&camera=gelsight_mini");
+    assert!(slipbound(&["simulate", &scene, "-o", &clip]).output().expect("runs").status.success());
     let sensor = format!("{clip}/sensor.toml");
     (clip, sensor)
 }
@@ -161,7 +161,7 @@ fn a_terminal_that_takes_nothing_keeps_no_hold_from_its_end() {
     use std::io::Write;
     use std::os::unix::net::UnixStream;
     let folder = tempfile::tempdir().expect("a folder");
-    let (clip, sensor) = pressed_finger(folder.path());
+    let (clip, sensor) = pressed_finger(folder.path(), 10);
     let (mut full, unread) = UnixStream::pair().expect("a pair of sockets");
     full.set_nonblocking(true).expect("set");
     while full.write(&[b'x'; 512]).or_else(|_| full.write(b"x")).is_ok() {}
@@ -192,7 +192,7 @@ fn a_terminal_that_takes_nothing_keeps_no_hold_from_its_end() {
 #[test]
 fn a_recording_falls_on_nothing_that_is_read_and_on_no_other_file() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (clip, sensor) = pressed_finger(folder.path());
+    let (clip, sensor) = pressed_finger(folder.path(), 1);
     let notes = folder.path().join("notes.txt").display().to_string();
     std::fs::write(&notes, "mine").expect("written");
     let linked = folder.path().join("linked.mcap").display().to_string();
