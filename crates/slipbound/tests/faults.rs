@@ -59,6 +59,40 @@ fn after_any_nonsense_every_marker_is_back_within_five_frames() {
     }
 }
 
+/// A gel that is turned by more than a pitch at its rim, then not seen for a while, and untouched when it is seen again.
+#[test]
+fn markers_that_sprang_back_unseen_are_found_at_rest() {
+    for skin in [Skin::Smooth, Skin::Fabric] {
+        let painter = Painter::new(SIZE, 18.0, 6.0, skin, 0.5, 23);
+        let mut monitor = monitor(&painter, &Settings::default());
+        let middle = Vec2::new(160.0, 120.0);
+        let touch = Touch { centre: middle, radii_px: Vec2::new(150.0, 110.0), strength_levels: 30.0 };
+        let turned = |deg: f64| -> Vec<Vec2> {
+            painter.rest.iter().map(|rest| middle + (*rest - middle).rotated(deg.to_radians())).collect()
+        };
+        for i in 0..=20u64 {
+            let rgb = painter.paint(&turned(i as f64), Some(&touch), 3 + i);
+            monitor.step(&frame(&rgb, SIZE, i), None);
+        }
+        let furthest = |monitor: &SlipMonitor| {
+            let found = monitor.markers().iter().filter(|marker| marker.matched);
+            found.map(|marker| marker.now_from_rest().length()).fold(0.0, f64::max)
+        };
+        assert!(furthest(&monitor) > 1.2 * 18.0, "{skin:?}: followed for {} px", furthest(&monitor));
+        for i in 21..29u64 {
+            let rgb = nonsense(0, i, &[]);
+            monitor.step(&frame(&rgb, SIZE, i), None);
+        }
+        let rest = painter.paint(&painter.rest, Some(&touch), 40);
+        let last = (29..34u64).map(|i| monitor.step(&frame(&rest, SIZE, i), None)).last().expect("frames");
+        assert!(
+            last.markers.lost <= 2 && furthest(&monitor) < 0.2 * 18.0,
+            "{skin:?}: {} px, {last:?}",
+            furthest(&monitor)
+        );
+    }
+}
+
 #[test]
 fn a_picture_that_repeats_gives_the_same_report_whatever_the_search_remembers() {
     for skin in [Skin::Smooth, Skin::Fabric] {
