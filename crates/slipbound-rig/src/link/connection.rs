@@ -118,3 +118,64 @@ impl Connection {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    /// Nobody answers there; how often it was tried.
+    #[derive(Default)]
+    struct Nobody {
+        tries_count: AtomicU32,
+    }
+
+    impl Connector for Nobody {
+        fn connect(&self) -> Attempt {
+            self.tries_count.fetch_add(1, Ordering::SeqCst);
+            Err(io::ErrorKind::ConnectionRefused.into())
+        }
+    }
+
+    #[derive(Default)]
+    struct Silent {
+        outgoing: Vec<u8>,
+    }
+
+    impl Endpoint for Silent {
+        fn linked(&mut self, _now_ns: u64) {}
+        fn unlinked(&mut self, _now_ns: u64, _why: &str) {}
+        fn receive(&mut self, _now_ns: u64, _bytes: &[u8]) {}
+        fn tick(&mut self, _now_ns: u64) {}
+        fn outgoing(&mut self) -> &mut Vec<u8> {
+            &mut self.outgoing
+        }
+    }
+
+    #[test]
+    fn where_nobody_answers_it_is_tried_again_after_a_pause() {
+        let nobody = Arc::new(Nobody::default());
+        let (mut connection, mut endpoint) = (Connection::new(None, Some(nobody.clone())), Silent::default());
+        let tries_count = || nobody.tries_count.load(Ordering::SeqCst);
+        // The attempt is made on a thread of its own: the clock of the test stands until it is known to have failed.
+        let mut poll = |now_ns: u64, until: &dyn Fn(&Connection) -> bool| {
+            for _ in 0..1000 {
+                connection.poll_io(now_ns, &mut endpoint);
+                if until(&connection) {
+                    break;
+                }
+                thread::sleep(Duration::from_millis(1));
+            }
+        };
+        let has_failed = |connection: &Connection| connection.attempt.is_none() && connection.attempt_from_ns > 0;
+        poll(1_000_000_000, &has_failed);
+        assert_eq!(tries_count(), 1);
+        for _ in 0..5 {
+            poll(1_000_000_000 + RECONNECT_NS - 1, &|_| true);
+        }
+        thread::sleep(Duration::from_millis(20));
+        assert_eq!(tries_count(), 1, "tried again before the pause was over");
+        poll(1_000_000_000 + RECONNECT_NS, &|_| tries_count() == 2);
+        assert_eq!(tries_count(), 2);
+    }
+}
