@@ -69,7 +69,7 @@ fn verdicts(name: &str, rows: &[Row], likely: &[f64]) {
         .map(<[_]>::to_vec)
         .collect();
     for (least, in_a_row) in
-        [0.5, 0.7, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99].into_iter().flat_map(|least| [(least, 1), (least, 2)])
+        [0.5, 0.7, 0.8, 0.9, 0.95, 0.97, 0.98, 0.985, 0.99].into_iter().flat_map(|least| [(least, 1), (least, 2)])
     {
         let said = |trial: &[(&Row, f64)], from: usize, to: usize| {
             (from..to).any(|n| n + 1 >= in_a_row && (n + 1 - in_a_row..=n).all(|n| trial[n].1 >= least))
@@ -84,7 +84,7 @@ fn verdicts(name: &str, rows: &[Row], likely: &[f64]) {
             }
         }
         println!(
-            "{name}: said from {least:.2} in {in_a_row}: false in {falsely} of {} trials, within 2 frames in {soon} of {slides} ({:.1} %)",
+            "{name}: said from {least:.3} in {in_a_row}: false in {falsely} of {} trials, within 2 frames in {soon} of {slides} ({:.1} %)",
             trials.len(),
             100.0 * f64::from(soon) / f64::from(slides)
         );
