@@ -101,15 +101,21 @@ fn a_killed_command_leaves_the_force_and_a_fast_stop_that_is_explained() {
 }
 
 #[test]
-fn the_other_protocols_grasp_too_and_faults_are_told() {
-    for name in ["gcl", "robotiq", "line"] {
+fn the_other_protocols_grasp_too() {
+    let grasps = |name: &str| {
         let emulator = Emulator::new(&[name]);
         let (code, out, err) = emulator.gripper(WIDE, &["grasp", "30"]);
         assert!(code == Some(0) && out.contains("jaws holding, opening 5"), "{name} {code:?} {out} {err}");
         let (code, out, err) = emulator.gripper("", &["release"]);
         assert!(code == Some(0) && out.contains("jaws open"), "{name} {code:?} {out} {err}");
         assert!(emulator.end().contains("at the end: 0.00 N"), "{name}");
-    }
+    };
+    // All at the same time: most of it is waiting for jaws.
+    thread::scope(|scope| ["gcl", "robotiq", "line"].map(|name| scope.spawn(move || grasps(name))).map(|_| ()));
+}
+
+#[test]
+fn what_a_gripper_cannot_do_is_told() {
     let emulator = Emulator::new(&["wsg50", "--width", "0"]);
     let (code, out, _) = emulator.gripper(WIDE, &["grasp", "30"]);
     assert!(code == Some(0) && out.contains("jaws nothing"), "{out}");
