@@ -259,6 +259,27 @@ mod tests {
     }
 
     #[test]
+    fn a_slide_begins_at_its_probability_and_the_picture_alone_has_to_be_surer() {
+        let (evidence, mut between) = (evidence(true), [0, 0]);
+        for (case, knows_grip) in [true, false].into_iter().enumerate() {
+            let least = if knows_grip { 0.985 } else { 0.99 };
+            for step in 0..6000 {
+                let (used, stick) = (0.7 + 0.02 * f64::from(step % 20), 0.02 * f64::from(step / 20 % 10));
+                let (recent, field) =
+                    (moving(0.4 * f64::from(step / 200), 0.3), field(if knows_grip { 0.6 } else { 0.0 }));
+                let mut watch = GrossWatch::new();
+                let says = watch.see(&estimates(used, stick), knows_grip, &seen(&evidence, Some(&recent), &field));
+                let trees = if knows_grip { &watch.trees.grip } else { &watch.trees.alone };
+                let [logit] = trees.at(&watch.features.expect("all is known"));
+                let probability = 1.0 / (1.0 + libm::exp(-logit));
+                assert_eq!(says, probability >= least, "{knows_grip}, {used}, {stick}: {probability}");
+                between[case] += u32::from((0.98..least).contains(&probability));
+            }
+        }
+        assert!(between[0] > 0 && between[1] > 0, "cases just below: {between:?}");
+    }
+
+    #[test]
     fn a_load_that_still_grows_is_still_carried() {
         let [stands, grows] = [0.0, 1.0].map(|growth_per_s: f64| {
             let (mut watch, recent, evidence, field) =
