@@ -162,7 +162,7 @@ impl Lifting {
         static LEFT: OnceLock<PathBuf> = OnceLock::new();
         let folder = FRAMES.get_or_init(|| {
             let folder = tempfile::tempdir().expect("a folder");
-            let args = ["demo", "--task", "lift", "--fingers", "1", "--record", "-o"];
+            let args = ["demo", "--task", "lift", "--fingers", "1", "--set", "height_px=320", "--record", "-o"];
             let run = folder.path().join("frames");
             let made = slipbound().args(args).arg(run).stdout(Stdio::null()).status().expect("runs");
             assert!(made.success());
@@ -185,7 +185,9 @@ impl Lifting {
         let run = slipbound()
             .args(["run", "lift"])
             .arg(frames)
-            .args(["--sensor", "gelslim", "--rate-hz", "15", "--controller", "constant", "--gripper", &gripper_address])
+            .arg("--sensor")
+            .arg(frames.with_file_name("left.sensor.toml"))
+            .args(["--rate-hz", "15", "--controller", "constant", "--gripper", &gripper_address])
             .args(["--wrist", &format!("line://{}", wrist_line.place), "--settings"])
             .arg(&settings)
             .arg("-o")

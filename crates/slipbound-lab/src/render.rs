@@ -135,16 +135,6 @@ impl Renderer {
         }
     }
 
-    /// A camera by the words of a scene; any other camera is a GelSlim's, any other surroundings are the camera's own.
-    pub(crate) fn of_words(camera: &str, surroundings: &str, seed: u64) -> Self {
-        let mut settings = match camera {
-            "gelsight_mini" => CameraSettings::gelsight_mini(),
-            _ => CameraSettings::gelslim(),
-        };
-        settings.surroundings = Surroundings::named(surroundings).unwrap_or(settings.surroundings);
-        Self::new(settings, seed)
-    }
-
     /// The same camera and skin with other surroundings.
     #[must_use]
     pub fn with_surroundings(self, surroundings: Surroundings) -> Self {

@@ -26,7 +26,7 @@ pub use truth::{FrameTruth, SlipTruth, TRUTH_FORMAT_VERSION, TimedEvent, TruthHe
 use crate::contact::{Command, Displacement, Drive, Event, Finger, FingerSettings, Friction, Grid, Grip, Pose, Wrench};
 use crate::jpeg::Codec;
 use crate::random::Random;
-use crate::render::{Renderer, Surface};
+use crate::render::{CameraSettings, Renderer, Surface};
 use crate::scenes::{LoadProfile, Pull, Trial};
 use gross::GrossWatch;
 use slipbound::plane::Vec2;
@@ -93,7 +93,8 @@ impl World {
         let surface = object.surface();
         check_place(&grid, &start, &surface)?;
         let finger = Finger::new(settings, surface)?;
-        let camera = Renderer::of_words(trial.word("camera"), trial.word("surroundings"), trial.seed);
+        let camera =
+            Renderer::new(CameraSettings::of_words(trial.word("camera"), trial.word("surroundings")), trial.seed);
         let size = camera.size();
         let rest_frames = trial.number("rest_frames") as u64;
         let moving_frames = (profile.path.seconds_s() * FRAME_RATE_HZ as f64 - 1e-9).ceil() as u64;

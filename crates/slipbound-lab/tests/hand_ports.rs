@@ -1,10 +1,14 @@
 //! The simulated hand through its ports: scenes as text, cameras, gripper, wrist, and the plant for somebody else.
 
+use slipbound::control::{CycleObserver, CycleView};
+use slipbound::monitor::Settings;
 use slipbound::plane::Vec2;
 use slipbound::plant::{JawCommand, JawDrive, JawSettings, Plant};
 use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Jaws, Next, Wrist, WristCommand, WristMotion};
+use slipbound::task::TaskSettings;
 use slipbound_lab::faults::{Faults, Faulty};
 use slipbound_lab::hand::{HAND_TASKS, HandScene, SimCamera, SimGripper, SimHand, SimPlant, SimWrist};
+use slipbound_lab::lockstep::LockStep;
 use slipbound_lab::objects::OBJECTS;
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
@@ -343,4 +347,40 @@ fn every_part_of_a_hand_can_be_owned_by_a_thread() {
         plant.width_mm()
     });
     assert_eq!(thread.join().expect("no panic"), Some(28.0));
+}
+
+/// Areas of contact that the hand told: in how many cycles without a force, and the last one, mm2.
+#[derive(Default)]
+struct Told {
+    untouched_count: u32,
+    last_mm2: f64,
+}
+
+impl CycleObserver for Told {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        let Some(cycle) = view.cycle() else { return };
+        let Some(area_mm2) = cycle.hand.contact_area_mm2 else { return };
+        self.untouched_count += u32::from(cycle.gripper.force_n.is_some_and(|force_n| force_n < 0.1));
+        self.last_mm2 = area_mm2;
+    }
+}
+
+/// Edge thresholds go with the size of the picture: those of 480 rows call bare weave of 320 rows pressed.
+#[test]
+fn pictures_of_another_size_show_the_same_contact() {
+    let told = |height_px: u32| {
+        let scene = format!("lift?seed=21&fingers=1&mu=0.9&longest_s=1.5&height_px={height_px}");
+        let scene = HandScene::parse(&scene).expect("a sound scene");
+        let mut run = LockStep::new(&scene, &TaskSettings::default(), &Settings::default(), None).expect("a hand");
+        let mut told = Told::default();
+        run.run(&|| false, &mut told).expect("runs to its end");
+        assert_eq!(run.hand().sensor(0).image_px.height, height_px as usize);
+        assert_eq!(told.untouched_count, 0, "{height_px} rows: contact without a touch");
+        told.last_mm2
+    };
+    let usual_mm2 = told(480);
+    for height_px in [320, 400, 720] {
+        let share = told(height_px) / usual_mm2;
+        assert!((0.9..=1.05).contains(&share), "{height_px} rows: {share} of the contact");
+    }
 }

@@ -206,7 +206,7 @@ impl Sensor {
         Ok(())
     }
 
-    /// The same finger seen by a camera set to another resolution. The shape of the image must be the same
+    /// The same finger seen by a camera set to another resolution: lengths grow in proportion, edge thresholds as a weave's gradients. The shape of the image must be the same
     /// (to 1 px in the height), else the error says what was expected.
     pub fn at_size(&self, size: SizePx) -> Result<Sensor, SettingError> {
         if size == self.image_px {
@@ -220,9 +220,18 @@ impl Sensor {
                 expected: format!("{} or the same shape at another scale", self.image_px),
             });
         }
+        // In a smaller picture edges are steeper, and a weave of three to ten px a thread is resolved less: its gradients grow by the
+        // root of the scale, and bare weave would look pressed. In a larger one the thresholds stay: lower ones would let in noise.
+        let levels = |levels: u16| (f64::from(levels) / scale.min(1.0).sqrt()).round() as u16;
+        let edge_bands = self.edge_bands.iter().map(|band| EdgeBand {
+            low_levels: levels(band.low_levels),
+            high_levels: levels(band.high_levels),
+            ..*band
+        });
         Ok(Sensor {
             image_px: size,
             pitch_px: self.pitch_px * scale,
+            edge_bands: edge_bands.collect(),
             marker_diameter_px: self.marker_diameter_px * scale,
             rectification: self.rectification.map(|r| r.scaled(scale)),
             defects_px: self.defects_px.iter().map(|d| d.map(|v| (v as f64 * scale).round() as usize)).collect(),
@@ -329,6 +338,17 @@ pub(crate) mod tests {
             error.to_string(),
             "image_px: expected 320x240 or the same shape at another scale, got frames of 640x640"
         );
+    }
+
+    #[test]
+    fn edge_thresholds_rise_with_the_root_of_a_smaller_picture() {
+        let edge_bands = vec![EdgeBand { rows_to_fraction: 1.0, low_levels: 90, high_levels: 121 }];
+        let facts = Sensor { edge_bands, ..smooth() };
+        for (width, expected) in [(160, (127, 171)), (320, (90, 121)), (640, (90, 121))] {
+            let sensor = facts.at_size(SizePx::new(width, width * 3 / 4)).expect("same shape");
+            let EdgeBand { low_levels, high_levels, .. } = sensor.edge_bands[0];
+            assert_eq!((low_levels, high_levels), expected, "{width}");
+        }
     }
 
     #[test]

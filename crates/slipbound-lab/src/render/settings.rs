@@ -88,6 +88,16 @@ pub struct Light {
 }
 
 impl CameraSettings {
+    /// A camera by the words of a scene; any other camera is a GelSlim's, any other surroundings are the camera's own.
+    pub(crate) fn of_words(camera: &str, surroundings: &str) -> Self {
+        let mut settings = match camera {
+            "gelsight_mini" => CameraSettings::gelsight_mini(),
+            _ => CameraSettings::gelslim(),
+        };
+        settings.surroundings = Surroundings::named(surroundings).unwrap_or(settings.surroundings);
+        settings
+    }
+
     /// GelSlim of the paper at 640 x 480, finger gs1: the facts of `sensors/gelslim.toml` at that size.
     ///
     /// Optics from the published homography: the camera is at 40 degrees, 36 mm over the gel. Pitch 1.5 mm and dots
@@ -108,10 +118,7 @@ impl CameraSettings {
             marker_diameter_px: 5.3,
             skin: Skin::Fabric,
             bare_sharpness: Some(0.115), // 0.095 to 0.132 on single frames at rest, 0.27 and more with an imprint
-            edge_bands: vec![
-                EdgeBand { rows_to_fraction: 0.8875, low_levels: 90, high_levels: 120 },
-                EdgeBand { rows_to_fraction: 1.0, low_levels: 50, high_levels: 70 },
-            ],
+            edge_bands: Vec::new(),
             rectification: Some(Rectification {
                 homography: Homography([
                     [0.79809213, -0.33790120, 41.21788310],
@@ -124,8 +131,14 @@ impl CameraSettings {
             defects_px: Vec::new(),
             shear: None,
         };
+        // The released thresholds, which suit the simulated weave at this size.
+        let edge_bands = vec![
+            EdgeBand { rows_to_fraction: 0.8875, low_levels: 90, high_levels: 120 },
+            EdgeBand { rows_to_fraction: 1.0, low_levels: 50, high_levels: 70 },
+        ];
+        let sensor = facts.at_size(SizePx::new(640, 480)).expect("the same shape");
         CameraSettings {
-            sensor: facts.at_size(SizePx::new(640, 480)).expect("the same shape"),
+            sensor: Sensor { edge_bands, ..sensor },
             eye_mm: [-0.9, -30.5, 36.1],
             refractive_index: 1.41,
             gel_half_mm: Vec2::new(22.0, 16.9),
@@ -207,6 +220,16 @@ impl CameraSettings {
             glints: false,
             stuck_pixels_count: 4,
         }
+    }
+
+    /// The same camera with another number of rows and the same field of view: 320 are those of the released GelSlim frames, 240 those
+    /// of `sensors/gelsight_mini_wide.toml`. The blur is the lens's and shrinks with the picture, to 0.3 px at least; noise is of a pixel and stays.
+    pub(crate) fn at_height(self, height_px: usize) -> Self {
+        let size = self.sensor.image_px;
+        let width_px = (size.width * height_px + size.height / 2) / size.height;
+        let sensor = self.sensor.at_size(SizePx::new(width_px, height_px)).expect("the same shape");
+        let scale = height_px as f64 / size.height as f64;
+        CameraSettings { sensor, blur_px: (self.blur_px * scale).max(0.3), ..self }
     }
 }
 

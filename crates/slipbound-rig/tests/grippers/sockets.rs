@@ -104,9 +104,20 @@ fn holding(server: &Server, scheme: &str, force_n: f64) -> Device {
     device
 }
 
+const PROTOCOLS: [&str; 4] = ["wsg50", "gcl", "robotiq", "line"];
+
+/// All at the same time: most of it is waiting.
+fn side_by_side(names: &[&str], test: impl Fn(&str) + Sync) {
+    std::thread::scope(|scope| {
+        for name in names {
+            scope.spawn(|| test(name));
+        }
+    });
+}
+
 #[test]
 fn every_protocol_grips_over_a_socket_and_leaves_without_letting_go() {
-    for name in ["wsg50", "gcl", "robotiq", "line"] {
+    let grips = |name: &str| {
         let server = Server::new(name, "");
         let mut device = holding(&server, name, 40.0);
         if name != "gcl" {
@@ -121,7 +132,8 @@ fn every_protocol_grips_over_a_socket_and_leaves_without_letting_go() {
         assert!(server.plant.look(|block| block.force_n) > 39.0);
         device.command(GripCommand::Release).expect("taken over");
         until(&mut device, |_| server.plant.look(|block| block.force_n) == 0.0).expect("there");
-    }
+    };
+    side_by_side(&PROTOCOLS, grips);
 }
 
 #[test]
@@ -182,12 +194,12 @@ fn a_power_cycle_closes_the_link_and_the_force_stays() {
 fn who_accepts_but_says_nothing_or_is_not_there_is_no_gripper() {
     let mute = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = mute.local_addr().expect("bound");
-    for scheme in ["wsg50", "gcl", "robotiq", "line"] {
+    side_by_side(&PROTOCOLS, |scheme| {
         let from = Instant::now();
         let message = Device::open(&format!("{scheme}://{address}"), None).err().expect("refused").to_string();
         assert!(message.contains(&address.to_string()) && message.contains("expected a sign of life"), "{message}");
         assert!(from.elapsed() < Duration::from_secs(4));
-    }
+    });
     drop(mute);
     let message = Device::open(&format!("wsg50://{address}"), None).err().expect("refused").to_string();
     assert!(message.contains("expected a gripper, cannot connect: "), "{message}");
