@@ -305,8 +305,13 @@ fn a_killed_program_leaves_the_force_and_a_wrist_that_pauses() {
     assert!(told.contains("stopped"), "{told}");
 }
 
+/// Both at the same time: each waits ten seconds for the device to come back.
 #[test]
-fn a_killed_gripper_ends_the_task_with_an_error() {
+fn a_killed_gripper_or_wrist_ends_the_task_with_an_error() {
+    side_by_side([a_gripper_is_killed as fn(), a_wrist_is_killed], |case| case());
+}
+
+fn a_gripper_is_killed() {
     let (_scratch, mut lifting) = Lifting::start("", "");
     signal(&lifting.gripper.child, "-KILL");
     let since_ns = unix_ns();
@@ -320,8 +325,7 @@ fn a_killed_gripper_ends_the_task_with_an_error() {
     );
 }
 
-#[test]
-fn a_killed_wrist_ends_the_task_with_an_error() {
+fn a_wrist_is_killed() {
     let (_scratch, mut lifting) = Lifting::start("", "");
     let since_ns = unix_ns();
     signal(&lifting.wrist.child, "-KILL");
