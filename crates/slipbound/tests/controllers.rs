@@ -225,7 +225,7 @@ fn a_contact_that_can_hardly_be_judged_is_held_with_more_in_reserve_and_nothing_
             controller.decide(frame * FRAME_NS, &hand, &gripper(force_n)).force_n
         })
     };
-    for (quality, used) in [(1.0, 0.55), (0.6, 0.55), (0.5, 0.5225), (0.4, 0.495), (0.1, 0.495)] {
+    for (quality, used) in [(1.0, 0.55), (0.6, 0.55), (0.5, 0.4675), (0.4, 0.385), (0.1, 0.385)] {
         assert!((holds_n(quality, 10.0) - 7.0 / used).abs() < 0.1, "{quality}: {}", holds_n(quality, 10.0));
     }
     let mut trusting = settings;

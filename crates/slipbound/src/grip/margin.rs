@@ -12,7 +12,7 @@
 //! the target is lower. The friction is the monitor's estimate; where it is unknown the contact is assumed to be
 //! slippery.
 //!
-//! Where the contact is too small, too weak or too much cut by the view to be judged, the margin is a poor witness: nine tenths of the
+//! Where the contact is too small, too weak or too much cut by the view to be judged, the margin is a poor witness: seven tenths of the
 //! target is held then ([`MarginSettings::unsure_target_share`]), and under a load nothing is let go.
 //! Nor is it after a slide, until the load has fallen.
 //!
@@ -94,7 +94,7 @@ impl Default for MarginSettings {
             stiffness_mpa_per_mm: 0.0,
             target_fraction: 0.76,
             slippery_target_fraction: 0.55,
-            unsure_target_share: 0.9,
+            unsure_target_share: 0.7,
             urgent_fraction: 0.8,
             average_ns: 100_000_000,
             slack_fraction: 0.05,
