@@ -206,8 +206,9 @@ impl Sensor {
         Ok(())
     }
 
-    /// The same finger seen by a camera set to another resolution: lengths grow in proportion, edge thresholds as a weave's gradients. The shape of the image must be the same
-    /// (to 1 px in the height), else the error says what was expected.
+    /// The same finger seen by a camera set to another resolution: lengths go in proportion, edge thresholds rise with the root of the
+    /// scale where the picture is smaller. The shape of the image must be the same (to 1 px in the height), else the error says what
+    /// was expected.
     pub fn at_size(&self, size: SizePx) -> Result<Sensor, SettingError> {
         if size == self.image_px {
             return Ok(self.clone());
