@@ -40,7 +40,7 @@ pub use grid::{Grid, Region};
 pub use normal::{Grip, Stop};
 pub use pair::FingerPair;
 pub use path::{Change, Leg, Path};
-pub use settings::{Command, FingerSettings};
+pub use settings::{Command, FingerSettings, GelEdge};
 pub use truth::{Displacement, Event, Events, GROSS_FRICTION_FRACTION, LINEAR_STRAIN, LoadRecord, Truth};
 
 pub(crate) use half_space::half_space_response;

@@ -78,8 +78,10 @@ impl World {
     pub fn with(trial: &Trial, profile: LoadProfile, physics: &Physics) -> Result<Self, SettingError> {
         let object = trial.object();
         let grid = if trial.word("grid") == "fast" { Grid::fast() } else { Grid::standard() };
+        let camera = CameraSettings::of_words(trial.word("camera"), trial.word("surroundings"));
         let settings = FingerSettings {
             grid,
+            edge: camera.gel_edge(&grid),
             gel: physics.gel,
             soft_object: physics.softness.or(object.softness),
             friction: physics.friction.unwrap_or(Friction::constant(trial.mu())),
@@ -93,8 +95,7 @@ impl World {
         let surface = object.surface();
         check_place(&grid, &start, &surface)?;
         let finger = Finger::new(settings, surface)?;
-        let camera =
-            Renderer::new(CameraSettings::of_words(trial.word("camera"), trial.word("surroundings")), trial.seed);
+        let camera = Renderer::new(camera, trial.seed);
         let size = camera.size();
         let rest_frames = trial.number("rest_frames") as u64;
         let moving_frames = (profile.path.seconds_s() * FRAME_RATE_HZ as f64 - 1e-9).ceil() as u64;

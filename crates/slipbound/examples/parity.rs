@@ -164,6 +164,7 @@ fn straight(image_px: SizePx, pitch_px: f64, marker_diameter_px: f64) -> Sensor 
         polarity: Polarity::Dark,
         pitch_px,
         pitch_mm: None,
+        gel_mm: None,
         marker_diameter_px,
         skin: Skin::Smooth,
         bare_sharpness: None,

@@ -30,6 +30,7 @@
 //!     polarity: Polarity::Dark,
 //!     pitch_px: 20.0,
 //!     pitch_mm: Some(1.5),
+//!     gel_mm: None,
 //!     marker_diameter_px: 6.0,
 //!     skin: Skin::Smooth,
 //!     bare_sharpness: None,

@@ -112,6 +112,11 @@ pub struct Sensor {
     /// The same distance on the gel in mm; None where it was not measured; then no millimetre is reported.
     #[serde(default)]
     pub pitch_mm: Option<f64>,
+    /// Length of the whole gel along x and along y in mm, where the camera sees less of it: a contact that the view cuts goes on to
+    /// where the gel ends. The view is taken to be in its middle. None where it is not stated: what is out of view then counts as
+    /// free gel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gel_mm: Option<[f64; 2]>,
     /// Diameter of a marker in the rectified image.
     pub marker_diameter_px: f64,
     /// What covers the gel.
@@ -166,6 +171,13 @@ impl Sensor {
         within("pitch_px", self.pitch_px, 1.5 * self.marker_diameter_px, 512.0)?;
         if let Some(pitch_mm) = self.pitch_mm {
             within("pitch_mm", pitch_mm, 0.1, 20.0)?;
+        }
+        if let Some([x_mm, y_mm]) = self.gel_mm {
+            if self.pitch_mm.is_none() {
+                return bad("gel_mm", format!("[{x_mm}, {y_mm}] without pitch_mm"), "pitch_mm as well");
+            }
+            within("gel_mm (x)", x_mm, 1.0, 500.0)?;
+            within("gel_mm (y)", y_mm, 1.0, 500.0)?;
         }
         if let Some(sharpness) = self.bare_sharpness {
             within("bare_sharpness", sharpness, 0.0, 100.0)?;
@@ -287,6 +299,12 @@ impl Sensor {
         Some(shear.stiffness_n_per_pitch / (pitch_mm * pitch_mm * pitch_mm))
     }
 
+    /// Half the length of the whole gel along x and along y in rectified px; None where it is unknown.
+    pub fn gel_half_px(&self) -> Option<Vec2> {
+        let ([x_mm, y_mm], mm_per_px) = (self.gel_mm?, self.mm_per_px()?);
+        Some(Vec2::new(x_mm, y_mm) / (2.0 * mm_per_px))
+    }
+
     /// Millimetres per rectified pixel; None where the pitch in mm is unknown.
     pub fn mm_per_px(&self) -> Option<f64> {
         self.pitch_mm.map(|mm| mm / self.pitch_px)
@@ -310,6 +328,7 @@ pub(crate) mod tests {
             polarity: Polarity::Dark,
             pitch_px: 30.0,
             pitch_mm: Some(1.5),
+            gel_mm: None,
             marker_diameter_px: 10.0,
             skin: Skin::Smooth,
             bare_sharpness: None,
@@ -360,5 +379,12 @@ pub(crate) mod tests {
         assert_eq!(wrong.check().expect_err("negative").key, "grey_weights_rgb");
         let wrong = Sensor { skin: Skin::Fabric, ..smooth() };
         assert_eq!(wrong.check().expect_err("no bands").key, "edge_bands");
+        let wrong = Sensor { gel_mm: Some([25.0, f64::NAN]), ..smooth() };
+        assert_eq!(wrong.check().expect_err("NaN").key, "gel_mm (y)");
+        let wrong = Sensor { gel_mm: Some([25.0, 20.0]), pitch_mm: None, ..smooth() };
+        assert_eq!(
+            wrong.check().expect_err("no scale").to_string(),
+            "gel_mm: expected pitch_mm as well, got [25, 20] without pitch_mm"
+        );
     }
 }

@@ -23,6 +23,7 @@ fn sensor(flip: Flip) -> Sensor {
         polarity: Polarity::Dark,
         pitch_px: PITCH_PX,
         pitch_mm: None,
+        gel_mm: None,
         marker_diameter_px: 5.4,
         skin: Skin::Smooth,
         bare_sharpness: None,

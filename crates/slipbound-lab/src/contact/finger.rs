@@ -65,6 +65,8 @@ pub struct Finger {
     pub(super) settings: FingerSettings,
     pub(super) shape: Arc<dyn Shape>,
     pub(super) at_rest: Vec<Complex64>,
+    /// How far the gel lies below its middle at rest, mm; empty where it is flat as far as the grid.
+    pub(super) below: Vec<f64>,
     pub(super) interface: Responses,
     pub(super) apart: Option<GelApart>,
     pub(super) normal: Normal,
@@ -130,6 +132,9 @@ impl Finger {
             settings,
             shape: Arc::new(shape),
             at_rest: (0..cells).map(|cell| complex(grid.centre_mm(cell))).collect(),
+            below: settings
+                .edge
+                .map_or(Vec::new(), |edge| (0..cells).map(|cell| edge.below_mm(grid.centre_mm(cell))).collect()),
             interface: Responses::of(&interface),
             apart,
             normal: Normal::new(cells),

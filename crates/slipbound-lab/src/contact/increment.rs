@@ -64,7 +64,7 @@ impl Finger {
     }
 
     /// Gap of every cell at zero depth without pressure: the object's height over each piece of gel where that
-    /// piece is now, plus what the last tractions and creep add to the depth.
+    /// piece is now, plus what its rounded edge, the last tractions and creep add to the depth.
     fn find_gap(&mut self, command: &Command) {
         let place = self.place(command);
         let mut points = [(Vec2::ZERO, Vec2::ZERO); CHUNK_CELLS];
@@ -77,6 +77,7 @@ impl Finger {
             self.shape.gaps_mm(&points[..gap.len()], gap);
             gap.iter_mut().zip(depth).for_each(|(gap, depth)| *gap += depth);
         }
+        self.gap.iter_mut().zip(&self.below).for_each(|(gap, below)| *gap += below);
         if let Some(GelApart { creep: Some(creep), crept, .. }) = &self.apart {
             for (gap, depth) in self.gap.iter_mut().zip(&crept.depth) {
                 *gap += creep.keep * depth;

@@ -9,12 +9,56 @@ use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 
+/// Where the gel ends, about the middle of the grid. Beyond it nothing touches.
+///
+/// ```text
+///            object
+///   ===========================
+///       ___________________          half_mm: of the whole gel
+///      (                   )         radius_mm: of its rounded edge
+///   - - - - housing - - - - - -
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GelEdge {
+    /// Half the length along x and along y in mm, above 0.
+    pub half_mm: Vec2,
+    /// Radius of the edge in mm, above 0 and at most half the shorter side.
+    pub radius_mm: f64,
+}
+
+impl GelEdge {
+    /// How far the surface of the gel lies below its middle there, in mm; infinite beside the gel.
+    pub fn below_mm(&self, place_mm: Vec2) -> f64 {
+        let into = |half: f64, at: f64| (at.abs() - (half - self.radius_mm)).max(0.0);
+        let (x, y) = (into(self.half_mm.x, place_mm.x), into(self.half_mm.y, place_mm.y));
+        let left = self.radius_mm * self.radius_mm - x * x - y * y;
+        if left < 0.0 { f64::INFINITY } else { self.radius_mm - left.sqrt() }
+    }
+
+    fn check(&self) -> Result<(), SettingError> {
+        above_zero("edge.half_mm.x", self.half_mm.x)?;
+        above_zero("edge.half_mm.y", self.half_mm.y)?;
+        let most_mm = self.half_mm.x.min(self.half_mm.y);
+        if self.radius_mm > 0.0 && self.radius_mm <= most_mm {
+            return Ok(());
+        }
+        Err(SettingError {
+            key: "edge.radius_mm".into(),
+            got: self.radius_mm.to_string(),
+            expected: format!("a number above 0, at most {most_mm}"),
+        })
+    }
+}
+
 /// The settings that are fixed during a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FingerSettings {
     /// Cells of the gel.
     pub grid: Grid,
+    /// Where the gel ends; None where that is beyond the grid.
+    pub edge: Option<GelEdge>,
     /// The gel.
     pub gel: Gel,
     /// Softness of the object; None for a rigid one.
@@ -38,6 +82,7 @@ impl FingerSettings {
     pub fn standard() -> Self {
         FingerSettings {
             grid: Grid::standard(),
+            edge: None,
             gel: Gel::default(),
             soft_object: None,
             friction: Friction::constant(0.8),
@@ -57,6 +102,9 @@ impl FingerSettings {
     /// Refuses numbers outside the ranges of the fields.
     pub fn check(&self) -> Result<(), SettingError> {
         self.grid.check()?;
+        if let Some(edge) = &self.edge {
+            edge.check()?;
+        }
         self.gel.check()?;
         if let Some(soft) = &self.soft_object {
             soft.check()?;

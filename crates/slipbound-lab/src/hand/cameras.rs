@@ -6,7 +6,7 @@ use crate::contact::{Displacement, Grid};
 use crate::jpeg::Codec;
 use crate::layer::Gel;
 use crate::random::Random;
-use crate::render::{CameraSettings, Renderer, Surface};
+use crate::render::{Renderer, Surface};
 use slipbound::plane::Vec2;
 use slipbound::port::{Clock, FrameBuffer, SourceError, SourceErrorKind};
 use slipbound::sensor::Sensor;
@@ -42,9 +42,8 @@ impl Cameras {
         let quality = scene.number("jpeg_quality").map_or(85, |quality| quality as u8);
         let fingers = (0..scene.fingers_count()).map(|finger| {
             let seed = Random::of(scene.seed(), finger as u64).next_u64();
-            let camera = CameraSettings::of_words(scene.word("camera"), scene.word("surroundings"));
             let height_px = scene.number("height_px").map_or(480, |rows| rows as usize);
-            let renderer = Renderer::new(camera.at_height(height_px), seed);
+            let renderer = Renderer::new(scene.camera().at_height(height_px), seed);
             let size = renderer.size();
             FingerCamera {
                 codec: Codec::new(size, quality),

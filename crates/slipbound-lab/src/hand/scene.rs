@@ -6,7 +6,7 @@ use crate::faults::Faults;
 use crate::objects::{Form, Object, ObjectSurface};
 use crate::plants::{Bottle, BottleSettings, Cap, HeldObject, Thread, Tool, ToolSettings};
 use crate::random::Random;
-use crate::render::SURROUNDINGS;
+use crate::render::{CameraSettings, SURROUNDINGS};
 use crate::scenes::{Key, Kind, Value, number};
 use crate::world::{FRAME_RATE_HZ, SUBSTEPS_COUNT};
 use slipbound::setting::SettingError;
@@ -307,11 +307,18 @@ impl HandScene {
         }
     }
 
+    /// The cameras, at the size of the model.
+    pub(super) fn camera(&self) -> CameraSettings {
+        CameraSettings::of_words(self.word("camera"), self.word("surroundings"))
+    }
+
     /// The contact of one finger.
     pub(super) fn contact(&self) -> Result<(FingerSettings, ObjectSurface), SettingError> {
         let object = self.object();
+        let grid = if self.word("grid") == "fast" { Grid::fast() } else { Grid::standard() };
         let mut settings = FingerSettings {
-            grid: if self.word("grid") == "fast" { Grid::fast() } else { Grid::standard() },
+            grid,
+            edge: self.camera().gel_edge(&grid),
             soft_object: object.softness,
             friction: Friction::constant(self.mu()),
             substep_s: 1.0 / (FRAME_RATE_HZ * SUBSTEPS_COUNT) as f64,

@@ -1,10 +1,15 @@
 //! What a simulated camera and the skin it looks at are made of; the two fingers we know.
 
 use super::surroundings_kind::Surroundings;
+use crate::contact::{GelEdge, Grid};
 use serde::{Deserialize, Serialize};
 use slipbound::image::SizePx;
 use slipbound::plane::{Homography, Vec2};
 use slipbound::sensor::{EdgeBand, Flip, Polarity, Rectification, Sensor, Skin};
+
+/// Radius of the rounded edge of a gel, in mm. An estimate: so the load of a contact that reaches the edge is within a tenth of that
+/// of a gel that ends there, for the layer that is computed drags some gel beyond its edge along.
+const GEL_EDGE_RADIUS_MM: f64 = 3.0;
 
 /// Everything a camera image depends on beside what touches the gel and the seeds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -16,7 +21,7 @@ pub struct CameraSettings {
     pub eye_mm: [f64; 3],
     /// Refractive index of gel and lens; 1 and above.
     pub refractive_index: f64,
-    /// Half the size of the gel that is lit, in mm; beyond it the housing shows.
+    /// Half the size of the gel, in mm; beyond it nothing touches and the housing shows.
     pub gel_half_mm: Vec2,
     /// The markers.
     pub dots: Dots,
@@ -115,6 +120,7 @@ impl CameraSettings {
             polarity: Polarity::Dark,
             pitch_px: 15.2,
             pitch_mm: Some(1.5),
+            gel_mm: None,
             marker_diameter_px: 5.3,
             skin: Skin::Fabric,
             bare_sharpness: Some(0.115), // 0.095 to 0.132 on single frames at rest, 0.27 and more with an imprint
@@ -172,8 +178,9 @@ impl CameraSettings {
     }
 
     /// GelSight Mini with its marker gel at 640 x 480, the whole view: dots, spacing and light of
-    /// `sensors/gelsight_mini_wide.toml`, whose recording is half that size. The pitch of 2 mm is assumed, and so is
-    /// the camera, 30 mm straight over the gel.
+    /// `sensors/gelsight_mini_wide.toml`, whose recording is half that size. The pitch is that of a view of 18.6 mm, as the
+    /// maker states it; the gel is 25.25 x 20.75 mm, as public models of the finger have it. That the camera is 27 mm straight
+    /// over the gel is assumed.
     pub fn gelsight_mini() -> Self {
         CameraSettings {
             sensor: Sensor {
@@ -185,7 +192,8 @@ impl CameraSettings {
                 grey_weights_rgb: [0.2, 0.5, 0.3],
                 polarity: Polarity::Dark,
                 pitch_px: 61.6,
-                pitch_mm: Some(2.0),
+                pitch_mm: Some(1.79),
+                gel_mm: Some([25.25, 20.75]),
                 marker_diameter_px: 22.0,
                 skin: Skin::Smooth,
                 bare_sharpness: None,
@@ -194,19 +202,19 @@ impl CameraSettings {
                 defects_px: Vec::new(),
                 shear: None,
             },
-            eye_mm: [0.0, 0.0, 30.0],
+            eye_mm: [0.0, 0.0, 27.0],
             refractive_index: 1.41,
-            gel_half_mm: Vec2::new(12.0, 9.5),
+            gel_half_mm: Vec2::new(12.625, 10.375),
             dots: Dots {
                 columns_count: 10,
                 rows_count: 7,
-                radius_mm: 0.357,
-                jitter_mm: 0.02,
-                radius_jitter_mm: 0.015,
-                edge_mm: 0.06,
+                radius_mm: 0.32,
+                jitter_mm: 0.018,
+                radius_jitter_mm: 0.0135,
+                edge_mm: 0.054,
                 darkness_fraction: 0.75,
             },
-            texture: Texture { thread_mm: 0.15, rest_fraction: 0.012, gain_fraction: 0.0, p_ref_mpa: 1.0 },
+            texture: Texture { thread_mm: 0.134, rest_fraction: 0.012, gain_fraction: 0.0, p_ref_mpa: 1.0 },
             light: Light {
                 background_levels: MINI_BACKGROUND,
                 toward: [[0.0, 0.9], [-0.8, -0.45], [0.8, -0.45]],
@@ -220,6 +228,12 @@ impl CameraSettings {
             glints: false,
             stuck_pixels_count: 4,
         }
+    }
+
+    /// Where the gel ends for what touches it; None where that is beyond the grid of the contact.
+    pub(crate) fn gel_edge(&self, grid: &Grid) -> Option<GelEdge> {
+        let (half_mm, room_mm) = (self.gel_half_mm, grid.half_size_mm());
+        (half_mm.x < room_mm.x || half_mm.y < room_mm.y).then_some(GelEdge { half_mm, radius_mm: GEL_EDGE_RADIUS_MM })
     }
 
     /// The same camera with another number of rows and the same field of view: 320 are those of the released GelSlim frames, 240 those

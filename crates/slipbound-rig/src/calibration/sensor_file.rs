@@ -181,6 +181,7 @@ mod tests {
             polarity: Polarity::Bright,
             pitch_px: 20.0,
             pitch_mm: Some(1.25),
+            gel_mm: None,
             marker_diameter_px: 6.3,
             skin: Skin::Fabric,
             bare_sharpness: Some(0.05),

@@ -97,6 +97,7 @@ struct Seen {
     load_px3: f64,
     /// Middle of the contact, px.
     middle: Vec2,
+    /// Area of the contact, with what of it is out of view.
     area_px2: f64,
 }
 
@@ -131,7 +132,7 @@ impl Estimator {
             grip_n: None,
             time_s: 0.0,
             last_ns: None,
-            load: Load::new(markers, sensor.pitch_px, skirt_px, inside),
+            load: Load::new(sensor, markers, skirt_px, inside),
             friction: Friction::default(),
             counts_from_rest: starts_in_contact,
             imprint_slides: false,
@@ -199,7 +200,7 @@ impl Estimator {
         (self.estimates, self.features) = (Estimates::default(), None);
         let seconds_s = self.pass_time(time_ns);
         self.take_grip(grip, seconds_s);
-        self.load.sum(markers);
+        self.load.sum(seconds_s, markers);
         self.window.push(Sample {
             at_s: self.time_s,
             grip_n: grip.map(|g| g.force_n).filter(|n| n.is_finite()),
@@ -253,11 +254,12 @@ impl Estimator {
         }
         self.motion = Some(motion);
         let force_px3 = self.load.force_px3(self.grip_n);
+        let whole_px2 = area_px2 + self.load.hidden_px2();
         let reference = &self.reference;
         let moment_px4 = self.load.moment_px4(markers, middle, |m| reference.under_load(m, growth));
         let facts = FieldFacts {
             pitch_px: self.pitch_px,
-            area_px2,
+            area_px2: whole_px2,
             skirt_px: self.skirt_px,
             force_px3,
             moment_px4,
@@ -281,7 +283,7 @@ impl Estimator {
         }
         self.features = Some(learned.features);
         self.load_px3 = (force_px3, learned.arm_px.recip() * moment_px4);
-        self.estimate(&learned, &Seen { force_px3, moment_px4, load_px3: learned.load_px3, middle, area_px2 });
+        self.estimate(&learned, &Seen { force_px3, moment_px4, load_px3: learned.load_px3, middle, area_px2: whole_px2 });
     }
 
     /// Time since the last frame.

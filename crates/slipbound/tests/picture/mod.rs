@@ -82,6 +82,7 @@ impl Painter {
             polarity: Polarity::Dark,
             pitch_px,
             pitch_mm: Some(1.5),
+            gel_mm: None,
             marker_diameter_px: diameter_px,
             skin,
             bare_sharpness: None,

@@ -59,7 +59,7 @@ fn weighted(points: &[Point], weight: impl Fn(&Point) -> f64) -> Option<RigidMot
 /// Facts of a frame that the features need beside the points.
 pub(super) struct FieldFacts {
     pub pitch_px: f64,
-    /// Area of the contact, px2.
+    /// Area of the contact, px2, with what of it is out of view.
     pub area_px2: f64,
     /// Width by which a patch that sticks drags the gel around it, px: 0.64 of the gel's thickness.
     pub skirt_px: f64,

@@ -1,18 +1,46 @@
-//! Shear load by the sum over all markers: each stands for a patch of a pitch squared.
+//! Shear load by the sum over all markers: each stands for a patch of a pitch squared, at the border of the view for more.
 
 use crate::monitor::report::Marker;
 use crate::plane::Vec2;
+use crate::sensor::Sensor;
 
 /// The apparent load of a squeeze alone, as a share of the grip force, is at most this: a camera that looks askance at 40 deg
 /// sees 0.03, one that looks straight 0.01 (simulated; the squeezed volume of a bonded layer grows in proportion to the
 /// force).
 const MOST_TARE_FRACTION: f64 = 0.06;
 
+/// Time in which what lies beyond a marker at the border is taken into the contact, s: one that is in and out of it must not
+/// make the load jump.
+const JOINS_S: f64 = 0.1;
+
+/// What a marker stands for.
+///
+/// ```text
+///   inside:  |  o  |          at the border, free:  |  o  | . .     in contact:  |  o  | = = = = =|
+///             pitch                          border of the view  skirt                      the gel ends
+/// ```
+#[derive(Debug, Clone, Copy, Default)]
+struct Patch {
+    /// Area while it is free, px2: displacement falls off over the skirt beyond the border.
+    free_px2: f64,
+    /// Area by which that grows, and area out of view, px2, while it is in contact: that goes on to where the gel ends. 0 where that is
+    /// unknown.
+    more_px2: f64,
+    hidden_px2: f64,
+    /// How far it is taken to be in contact, 0 to 1.
+    joined_fraction: f64,
+}
+
+impl Patch {
+    fn area_px2(&self) -> f64 {
+        self.free_px2 + self.joined_fraction * self.more_px2
+    }
+}
+
 /// Load of a finger along its surface, divided by the shear stiffness: displacement times area.
 #[derive(Debug, Clone)]
 pub(super) struct Load {
-    /// Area that each marker stands for, px2.
-    areas_px2: Vec<f64>,
+    patches: Vec<Patch>,
     /// Sum over all markers of displacement from rest times area, px3.
     pub sum_px3: Vec2,
     /// What of it the squeeze makes: for a grip force of 1 N where that is known, else altogether.
@@ -22,13 +50,29 @@ pub(super) struct Load {
 
 impl Load {
     /// `inside`: least and largest place at which a marker has neighbours all around. Those beyond stand for the gel past the
-    /// border of the view as well: displacement falls off over `skirt_px` there.
-    pub fn new(markers: &[Marker], pitch_px: f64, skirt_px: f64, inside: (Vec2, Vec2)) -> Self {
+    /// border of the view as well: over `skirt_px`, or to the end of the gel.
+    pub fn new(sensor: &Sensor, markers: &[Marker], skirt_px: f64, inside: (Vec2, Vec2)) -> Self {
+        let (pitch_px, size) = (sensor.pitch_px, sensor.rectified_px());
+        let view_half = Vec2::new(size.width as f64, size.height as f64) / 2.0;
+        let middle = view_half - Vec2::new(0.5, 0.5);
         let (low, high) = inside;
-        let border = |p: Vec2| p.x < low.x || p.y < low.y || p.x > high.x || p.y > high.y;
-        let area = |m: &Marker| pitch_px * (pitch_px + if border(m.rest) { skirt_px } else { 0.0 });
+        let patch = |m: &Marker| {
+            let at_border = [m.rest.x < low.x || m.rest.x > high.x, m.rest.y < low.y || m.rest.y > high.y];
+            let free_px2 = pitch_px * (pitch_px + if at_border.contains(&true) { skirt_px } else { 0.0 });
+            let Some(gel_half) = sensor.gel_half_px() else { return Patch { free_px2, ..Patch::default() } };
+            // Along each direction: what it stands for in contact, and what of that is in view.
+            let lengths = |at_border: bool, off_px: f64, gel_px: f64, view_px: f64| {
+                let to = |end_px: f64| pitch_px / 2.0 + (end_px - off_px).max(pitch_px / 2.0);
+                if at_border { (to(gel_px.max(view_px)), to(view_px)) } else { (pitch_px, pitch_px) }
+            };
+            let off = m.rest - middle;
+            let (x_px, x_seen_px) = lengths(at_border[0], off.x.abs(), gel_half.x, view_half.x);
+            let (y_px, y_seen_px) = lengths(at_border[1], off.y.abs(), gel_half.y, view_half.y);
+            let hidden_px2 = x_px * y_px - x_seen_px * y_seen_px;
+            Patch { free_px2, more_px2: (x_px * y_px - free_px2).max(0.0), hidden_px2, joined_fraction: 0.0 }
+        };
         Load {
-            areas_px2: markers.iter().map(area).collect(),
+            patches: markers.iter().map(patch).collect(),
             sum_px3: Vec2::ZERO,
             tare_px3: Vec2::ZERO,
             per_newton: false,
@@ -38,16 +82,22 @@ impl Load {
     /// A new contact.
     pub fn clear(&mut self) {
         (self.sum_px3, self.tare_px3, self.per_newton) = (Vec2::ZERO, Vec2::ZERO, false);
+        self.patches.iter_mut().for_each(|patch| patch.joined_fraction = 0.0);
     }
 
     /// Markers with the area of each. One that is not found counts where its neighbours expect it, one that the border
     /// cuts says nothing.
     fn seen<'a>(&'a self, markers: &'a [Marker]) -> impl Iterator<Item = (&'a Marker, f64)> {
-        markers.iter().zip(self.areas_px2.iter().copied()).filter(|(m, _)| m.whole || !m.matched)
+        markers.iter().zip(self.patches.iter().map(Patch::area_px2)).filter(|(m, _)| m.whole || !m.matched)
     }
 
-    /// Takes the sum of a frame.
-    pub fn sum(&mut self, markers: &[Marker]) {
+    /// Takes the sum of a frame, so many seconds after the last.
+    pub fn sum(&mut self, seconds_s: f64, markers: &[Marker]) {
+        let share = 1.0 - libm::exp(-seconds_s / JOINS_S);
+        for (patch, m) in self.patches.iter_mut().zip(markers) {
+            let joined_fraction = if m.in_contact { 1.0 } else { 0.0 };
+            patch.joined_fraction += share * (joined_fraction - patch.joined_fraction);
+        }
         self.sum_px3 = self.seen(markers).fold(Vec2::ZERO, |sum, (m, area)| sum + m.now_from_rest() * area);
     }
 
@@ -73,10 +123,15 @@ impl Load {
         self.sum_px3 - self.tare_px3 * times
     }
 
+    /// Area of the contact that is out of view, px2.
+    pub fn hidden_px2(&self) -> f64 {
+        self.patches.iter().map(|patch| patch.joined_fraction * patch.hidden_px2).sum()
+    }
+
     /// Area that all markers stand for, px2.
     #[cfg(test)]
     pub fn area_px2(&self) -> f64 {
-        self.areas_px2.iter().sum()
+        self.patches.iter().map(Patch::area_px2).sum()
     }
 
     /// Moment about a point, positive from x to y, px4.
