@@ -209,6 +209,7 @@ fn full() -> CoreReport {
             shear_n: estimate(0.3, 3),
             torque_nmm: estimate(0.4, 4),
             friction: estimate(0.6, 5),
+            cut_fraction: 0.0,
         },
         evidence: Some(EvidenceReport {
             reference_seq: 2,

@@ -9,6 +9,7 @@
 //! Definitions of every score: docs/eval.md.
 
 pub mod clips;
+pub mod coverage;
 mod error;
 pub(crate) mod facts;
 pub mod folder;

@@ -101,6 +101,27 @@ fn a_weave_that_nothing_presses_is_no_part_of_the_contact() {
     assert!(by_default < 0.25, "{by_default} mm");
 }
 
+/// Half of the load of a long object is out of the Mini's view; how long its gel is tells how far the contact goes on.
+#[test]
+fn the_load_of_a_contact_that_the_view_cuts_is_known_from_the_length_of_the_gel() {
+    for (object, force_n) in [("water_bottle", 10), ("crayons_box", 15), ("scrub_sponge", 10)] {
+        let trial = format!("ramp?object={object}&camera=gelsight_mini&force_n={force_n}&mu=0.6&direction_deg=30&seed=3");
+        let told = |of: fn(Sensor) -> Sensor| -> f64 {
+            let seen = watch(&trial, true, of);
+            let loaded = seen.iter().filter(|(_, truth)| truth.load_fraction.is_some_and(|f| (0.3..0.9).contains(&f)));
+            let shares: Vec<f64> = loaded
+                .filter_map(|(report, truth)| Some(report.estimates.shear_n?.value / truth.wrench.force_n.length()))
+                .collect();
+            assert!(shares.len() > 8, "{object}: {} frames", shares.len());
+            shares.iter().sum::<f64>() / shares.len() as f64
+        };
+        let (whole, view) = (told(|sensor| sensor), told(|sensor| Sensor { gel_mm: None, ..sensor }));
+        println!("{object}: {whole:.2} of the load, {view:.2} without the length of the gel");
+        assert!((0.8..1.25).contains(&whole), "{object}: {whole}");
+        assert!(view < 0.85 * whole, "{object}: {view} without the length of the gel, {whole} with it");
+    }
+}
+
 #[test]
 fn a_flat_face_over_the_whole_pad_is_felt_by_what_it_drags_along() {
     // The camera of the Mini sees neither a rim nor a weave.

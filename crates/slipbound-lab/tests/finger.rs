@@ -4,7 +4,7 @@ use slipbound::pixels::wide::{Vectors, with_vectors};
 use slipbound::plane::Vec2;
 use slipbound_lab::contact::shape::{Cylinder, FlatBox, Paraboloid, Shape, Sphere};
 use slipbound_lab::contact::{
-    Body, Command, Drive, Event, Finger, FingerSettings, Friction, Grid, Grip, Inertia, Law, Leg, LoadRecord, Mount,
+    Body, Command, Drive, Event, Finger, FingerSettings, Friction, GelEdge, Grid, Grip, Inertia, Law, Leg, LoadRecord, Mount,
     Path, Pose, Stop, Truth, Wrench,
 };
 use slipbound_lab::layer::{Creep, Gel, SoftObject};
@@ -52,6 +52,40 @@ fn the_same_bytes_twice_on_every_thread_and_with_vectors_of_any_width() {
     for thread in threads {
         assert!(first == thread.join().expect("no panic"));
     }
+}
+
+#[test]
+fn nothing_touches_beyond_the_edge_of_the_gel() {
+    let edge = GelEdge { half_mm: Vec2::new(7.0, 5.0), radius_mm: 1.5 };
+    let ending = FingerSettings { edge: Some(edge), ..exact() };
+    let legs = || vec![Leg::press(8.0, 0.1), Leg::shear(0.4, 0.2, 0.05)];
+    let (finger, truths) = run(ending, FLAT, legs());
+    let (endless, before) = run(exact(), FLAT, legs());
+    let ([ends, all], grid) = ([truths, before].map(|t| t[t.len() - 1]), exact().grid);
+    for cell in (0..grid.cells_count()).filter(|&cell| finger.contact()[cell]) {
+        let at = grid.centre_mm(cell);
+        assert!(at.x.abs() < 7.0 && at.y.abs() < 5.0, "{at:?}");
+    }
+    // A plate of 16 x 12 mm rests on all of a gel of 14 x 10 but its rounded edge.
+    assert!((0.75 * 140.0..140.0).contains(&ends.contact_area_mm2), "{} mm2", ends.contact_area_mm2);
+    assert!(all.contact_area_mm2 > 1.3 * ends.contact_area_mm2 && ends.depth_mm > all.depth_mm, "{all:?} {ends:?}");
+    assert!((ends.grip_force_n - 8.0).abs() < 1e-3, "{}", ends.grip_force_n);
+    // Pressure falls to the edge, where on the endless gel it is largest at the rim of the plate.
+    let share = |finger: &Finger, x: f64| finger.pressure_mpa()[cell_at(&grid, x)] / finger.pressure_mpa()[cell_at(&grid, 0.0)];
+    assert!(share(&finger, 6.5) < 0.5 && share(&endless, 6.5) > 0.9, "{} {}", share(&finger, 6.5), share(&endless, 6.5));
+    // What lies well inside does not feel the edge.
+    let small = || Sphere { radius_mm: 6.0 };
+    let (a, b) = (run(ending, small(), legs()).0, run(exact(), small(), legs()).0);
+    assert!(bits(&a) == bits(&b), "a sphere in the middle");
+    for (radius_mm, key) in [(5.5, "edge.radius_mm"), (0.0, "edge.radius_mm"), (f64::NAN, "edge.radius_mm")] {
+        let edge = Some(GelEdge { radius_mm, ..edge });
+        assert_eq!(Finger::new(FingerSettings { edge, ..exact() }, FLAT).expect_err("refused").key, key);
+    }
+}
+
+fn cell_at(grid: &Grid, x_mm: f64) -> usize {
+    let near = |cell: usize| (grid.centre_mm(cell) - Vec2::new(x_mm, 0.0)).length();
+    (0..grid.cells_count()).min_by(|&a, &b| near(a).total_cmp(&near(b))).expect("cells")
 }
 
 #[test]

@@ -23,7 +23,7 @@ const FORMAT_VERSION: u32 = 1;
 /// More than the largest picture at rest takes.
 const MOST_BYTES: u64 = 1 << 30;
 /// Facts of a finger that its rest frame does not depend on.
-const FREE_FACTS: [&str; 3] = ["description", "pitch_mm", "shear"];
+const FREE_FACTS: [&str; 4] = ["description", "pitch_mm", "gel_mm", "shear"];
 /// The settings that it does depend on, whichever frames were chosen.
 const BINDING_SETTINGS: [&str; 2] = ["imprint", "markers"];
 

@@ -165,6 +165,10 @@ pub struct HandReport {
     /// The least friction coefficient among the live fingers; None while no finger knows one.
     #[serde(default)]
     pub friction: Option<f64>,
+    /// The largest share of a contact at the border of the view beyond which nobody knows how far it goes on, among the live fingers. See
+    /// [`Estimates::cut_fraction`](crate::monitor::Estimates::cut_fraction).
+    #[serde(default)]
+    pub cut_fraction: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -303,6 +307,7 @@ impl Hand {
             slip: fused_slip(live(), separated),
             margin: least(live().filter_map(|(_, r)| r.estimates.margin)),
             friction: least(live().filter_map(|(_, r)| r.estimates.friction)),
+            cut_fraction: live().map(|(_, r)| r.estimates.cut_fraction).fold(0.0, f64::max),
         }
     }
 }

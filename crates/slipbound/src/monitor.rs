@@ -325,7 +325,6 @@ impl SlipMonitor {
     fn report(&self, frame: &Frame<'_>, grip: Option<GripSample>) -> SlipReport {
         let mm = self.sensor.mm_per_px();
         let quality = self.contact.quality(self.in_contact_count);
-        let half_lost = 2 * self.markers.matched_count < self.markers.all.len() as u32;
         let unsure = self.contact.unsure(quality) || self.motion.motion.is_none();
         let slips = match self.settings.slip.rule {
             SlipRule::Margin => self.alarmed,
@@ -335,7 +334,7 @@ impl SlipMonitor {
         let sure = slips && self.estimator.knows_grip() && self.settings.slip.rule == SlipRule::Margin;
         let (state, reason) = match () {
             _ if self.refusal.is_some() => (SlipState::Unjudged, self.refusal),
-            _ if half_lost => (SlipState::Unjudged, Some(Reason::MarkersLost)),
+            _ if self.markers.half_lost() => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             _ if !self.contact.touches => (SlipState::NoContact, None),
             // A slide of the whole contact is said whatever the quality of the contact.
             _ if self.slides => (SlipState::Gross, None),

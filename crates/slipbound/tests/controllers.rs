@@ -214,34 +214,34 @@ fn a_loaded_contact_that_cannot_be_judged_is_gripped_harder_within_bounds_and_on
 }
 
 #[test]
-fn a_contact_that_can_hardly_be_judged_is_held_with_more_in_reserve_and_nothing_of_it_is_let_go_under_a_load() {
+fn a_contact_that_the_view_cuts_is_held_with_more_in_reserve_and_nothing_of_it_is_let_go_under_a_load() {
     let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
     // 7 N are told to hold it; where the grip ends that begins with so much.
-    let holds_n = |quality: f64, begins_n: f64| {
+    let holds_n = |cut_fraction: f64, begins_n: f64| {
         let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
         (0..300).fold(begins_n, |force_n, frame| {
             let margin = Some(1.0 - 7.0 / force_n);
-            let hand = HandReport { margin, quality, friction: None, ..hand(SlipState::Stick) };
+            let hand = HandReport { margin, cut_fraction, friction: None, ..hand(SlipState::Stick) };
             controller.decide(frame * FRAME_NS, &hand, &gripper(force_n)).force_n
         })
     };
-    for (quality, used) in [(1.0, 0.55), (0.6, 0.55), (0.5, 0.4675), (0.4, 0.385), (0.1, 0.385)] {
-        assert!((holds_n(quality, 10.0) - 7.0 / used).abs() < 0.1, "{quality}: {}", holds_n(quality, 10.0));
+    for (cut_fraction, used) in [(0.0, 0.55), (0.05, 0.55), (0.1, 0.4675), (0.15, 0.385), (0.5, 0.385)] {
+        assert!((holds_n(cut_fraction, 10.0) - 7.0 / used).abs() < 0.1, "{cut_fraction}: {}", holds_n(cut_fraction, 10.0));
     }
     let mut trusting = settings;
-    trusting.unsure_target_share = 1.0;
+    trusting.cut_target_share = 1.0;
     let mut controller = Law::Margin(trusting).controller(&GripLimits::default()).expect("valid");
-    let hand_of = |used: f64, quality: f64| HandReport { margin: Some(1.0 - used), quality, ..hand(SlipState::Stick) };
-    let told = controller.decide(0, &hand_of(0.5, 0.1), &gripper(10.0));
+    let hand_of = |used: f64, cut_fraction: f64| HandReport { margin: Some(1.0 - used), cut_fraction, ..hand(SlipState::Stick) };
+    let told = controller.decide(0, &hand_of(0.5, 0.5), &gripper(10.0));
     assert_eq!(told.force_n, 10.0, "told to trust it");
     // Of a sixth and more nothing is let go, of less it is.
-    let last_n = |used: f64, quality: f64| {
+    let last_n = |used: f64, cut_fraction: f64| {
         let mut limits = GripLimits::default();
         limits.start_n = 30.0;
-        commands(Law::Margin(settings), limits, &[hand_of(used, quality); 90])[89].force_n
+        commands(Law::Margin(settings), limits, &[hand_of(used, cut_fraction); 90])[89].force_n
     };
-    assert_eq!((last_n(0.17, 0.3), last_n(0.17, 0.3) > last_n(0.17, 0.9)), (30.0, true));
-    assert!(last_n(0.1, 0.3) < 29.0, "{}", last_n(0.1, 0.3));
+    assert_eq!((last_n(0.17, 0.2), last_n(0.17, 0.2) > last_n(0.17, 0.0)), (30.0, true));
+    assert!(last_n(0.1, 0.2) < 29.0, "{}", last_n(0.1, 0.2));
 }
 
 #[test]
@@ -288,7 +288,7 @@ fn settings_that_are_no_numbers_or_out_of_range_are_refused_by_name() {
     with(|s| s.on_slip.step_n = f64::INFINITY, "on_slip.step_n");
     with(|s| s.margin.target_fraction = 1.5, "margin.target_fraction");
     with(|s| s.margin.slippery_target_fraction = 0.77, "margin.slippery_target_fraction");
-    with(|s| s.margin.unsure_target_share = f64::NAN, "margin.unsure_target_share");
+    with(|s| s.margin.cut_target_share = f64::NAN, "margin.cut_target_share");
     with(|s| s.screw.rate_rad_per_s = 0.0, "screw.rate_rad_per_s");
     with(|s| s.unscrew.open_rad = -1.0, "unscrew.open_rad");
     with(|s| s.place.laying_mm_per_s = 0.1, "place.laying_mm_per_s");

@@ -3,6 +3,7 @@
 //! Stratified over object, force 10 to 60 N, friction 0.3 to 1.2 (evenly in its logarithm), direction, kind of load and
 //! speed. Rivals start anew from the last frame before the load; ours watches from the first touch and is told nothing.
 
+use super::coverage;
 use super::error::EvalError;
 use super::outcome::{Asked, camera_seed, record, stream};
 use super::protocol::Protocol;
@@ -11,7 +12,7 @@ use super::record::TrialRecord;
 use super::table::Table;
 use super::watch::{Onlooker, Restarts, Watch, Watched, watch};
 use crate::objects::OBJECTS;
-use crate::rivals::Entry;
+use crate::rivals::{DETECTORS, Entry};
 use crate::scenes::Trial;
 
 /// Objects of the paper: the library without the cap.
@@ -189,6 +190,7 @@ impl Protocol for Ramps {
         let parts: Vec<ramp_tables::Part<'_>> =
             objects.iter().map(|(name, of)| (*name, of as &dyn Fn(&TrialRecord) -> bool)).collect();
         tables.push(ramp_tables::split("By object", records, &parts));
+        tables.extend(coverage::table(records, DETECTORS.iter().filter(|entry| entry.is_ours()).map(|entry| entry.name)));
         tables
     }
 

@@ -120,7 +120,7 @@ impl CameraSettings {
             polarity: Polarity::Dark,
             pitch_px: 15.2,
             pitch_mm: Some(1.5),
-            gel_mm: None,
+            gel_mm: Some([44.0, 33.8]),
             marker_diameter_px: 5.3,
             skin: Skin::Fabric,
             bare_sharpness: Some(0.115), // 0.095 to 0.132 on single frames at rest, 0.27 and more with an imprint

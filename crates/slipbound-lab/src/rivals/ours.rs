@@ -36,6 +36,8 @@ fn score(report: &SlipReport) -> f64 {
 /// What a report says beside its state. None where it does not.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Said {
+    /// Quality of the contact, 0 to 1: below a threshold it is `unsure`.
+    pub quality: f64,
     /// Share of the contact that sticks.
     pub stick_ratio: Option<f64>,
     /// Slip margin, 1 - f.
@@ -59,6 +61,7 @@ pub fn said(report: &SlipReport) -> Said {
     let estimates = &report.estimates;
     let value = |estimate: Option<Estimate>| estimate.map(|estimate| estimate.value);
     Said {
+        quality: report.contact.quality,
         stick_ratio: value(estimates.stick_ratio),
         margin: value(estimates.margin),
         shear_n: value(estimates.shear_n),

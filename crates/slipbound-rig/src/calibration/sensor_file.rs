@@ -48,6 +48,9 @@ fn facts(sensor: &Sensor) -> String {
         Some(mm) => line(format!("pitch_mm = {}                    # as given by --pitch-mm", number(mm))),
         None => line("# pitch_mm: not given, so it is left out: no millimetres, thresholds act in pitches".into()),
     }
+    if let Some([x_mm, y_mm]) = sensor.gel_mm {
+        line(format!("gel_mm = [{}, {}]             # the whole gel, beyond the view", number(x_mm), number(y_mm)));
+    }
     line(format!(
         "marker_diameter_px = {}          # width of the mean marker at half its depth",
         number(sensor.marker_diameter_px)
@@ -181,7 +184,7 @@ mod tests {
             polarity: Polarity::Bright,
             pitch_px: 20.0,
             pitch_mm: Some(1.25),
-            gel_mm: None,
+            gel_mm: Some([25.25, 20.75]),
             marker_diameter_px: 6.3,
             skin: Skin::Fabric,
             bare_sharpness: Some(0.05),
@@ -197,7 +200,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("mine.toml");
         for sensor in
-            [sensor.clone(), Sensor { serial: None, pitch_mm: None, defects_px: vec![], shear: None, ..sensor }]
+            [sensor.clone(), Sensor { serial: None, pitch_mm: None, gel_mm: None, defects_px: vec![], shear: None, ..sensor }]
         {
             std::fs::write(&path, sensor_file(&calibration(sensor.clone()))).expect("writes");
             assert_eq!(sensors::load(path.to_str().expect("UTF-8")).expect("valid"), sensor);

@@ -122,6 +122,7 @@ pub fn cycles() -> Vec<Cycle> {
                 slip: slips.then_some(HandSlip { direction: around, pivots: false, fingers_count: 2 }),
                 margin: None,
                 friction: None,
+                cut_fraction: 0.0,
             },
             gripper: GripperState {
                 time_ns,

@@ -55,8 +55,10 @@ impl PlaneMap {
     }
 }
 
-/// Rounds of Gauss-Newton; the last ones change nothing any more.
+/// Rounds of Gauss-Newton, at most and at least; it ends sooner when a round changes no dot's miss by so much, in plane px.
 const ROUNDS_COUNT: usize = 12;
+const LEAST_ROUNDS_COUNT: usize = 5;
+const STILL_PX: f64 = 1e-6;
 /// Keeps apart what homography and polynomial can both do; small enough not to bend the answer.
 const DAMPING: f64 = 1e-7;
 /// Residuals are weighted down beyond this many robust standard deviations (Geman and McClure).
@@ -113,8 +115,14 @@ pub(super) fn fit(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<PlaneM
     let mut d = [[0.0; MOST_TERMS]; 2];
     let n = 8 + 2 * bent.len();
     let mut row = [vec![0.0; n], vec![0.0; n]];
+    let mut before: Vec<f64> = Vec::new();
     for round in 0..ROUNDS_COUNT {
         let residuals: Vec<f64> = pairs.iter().map(|p| map.residual_px(p)).collect();
+        // Not before the weights have had their say; what is not a number does not stand still.
+        let still = || residuals.iter().zip(&before).all(|(now, before)| (now - before).abs() < STILL_PX);
+        if round > LEAST_ROUNDS_COUNT && still() {
+            break;
+        }
         let scale = (ROBUST_SIGMAS * robust_sigma(&residuals)).max(ALWAYS_GOOD_PITCH * pitch_px);
         let mut normal = Normal::new(n);
         for (pair, miss) in pairs.iter().zip(&residuals) {
@@ -163,6 +171,7 @@ pub(super) fn fit(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<PlaneM
             let terms = Distortion::terms_count(degree);
             map.distortion = Distortion::new(centre, span, &d[0][..terms], &d[1][..terms]).ok();
         }
+        before = residuals;
     }
     map.camera_from_plane.0.iter().flatten().all(|v| v.is_finite()).then_some(map)
 }

@@ -12,8 +12,8 @@
 //! the target is lower. The friction is the monitor's estimate; where it is unknown the contact is assumed to be
 //! slippery.
 //!
-//! Where the contact is too small, too weak or too much cut by the view to be judged, the margin is a poor witness: seven tenths of the
-//! target is held then ([`MarginSettings::unsure_target_share`]), and under a load nothing is let go.
+//! Where the view cuts the contact and nobody says how long the gel is, the margin is a poor witness: seven tenths of the
+//! target is held then ([`MarginSettings::cut_target_share`]), and under a load nothing is let go.
 //! Nor is it after a slide, until the load has fallen.
 //!
 //! When a loaded finger in contact gives no margin, the grip is raised, slowly and up to a limit: see
@@ -43,9 +43,9 @@ const GROWN_N: f64 = 0.1;
 /// Beyond so many times the wanted force what is held is an excess.
 const EXCESS: f64 = 1.5;
 
-/// Contact quality up to which a margin is doubtful, and from which it is not: what runs off the view on both sides carries load
-/// that is not seen, and its rim slips where nothing shows it.
-const DOUBTFUL_QUALITY: (f64, f64) = (0.4, 0.6);
+/// Share of the contact at the border of the view up to which a margin is not doubtful, and from which it is: what runs off the view carries
+/// load that is not seen, and its rim slips where nothing shows it. A contact along one side of the view has 0.1 there, a bottle from end to end 0.2.
+const DOUBTFUL_CUT: (f64, f64) = (0.05, 0.15);
 /// From this fraction on nothing is let go on a doubtful word.
 const DOUBTFUL_LOADED_FRACTION: f64 = 0.15;
 /// After a slide grip is let go again once the least force that holds has fallen to this share of what it was then.
@@ -66,9 +66,9 @@ pub struct MarginSettings {
     /// Target used fraction for a friction coefficient of 0.3 or less, or an unknown one; at most `target_fraction`;
     /// linear in between.
     pub slippery_target_fraction: f64,
-    /// Share of the target that is held where the contact is too small, too weak or too much cut by the view to be judged
-    /// (`unsure`); 1 trusts the margin all the same.
-    pub unsure_target_share: f64,
+    /// Share of the target that is held where the view cuts the contact and the sensor file does not say how long the gel is; 1 trusts the
+    /// margin all the same.
+    pub cut_target_share: f64,
     /// Used fraction above which a single frame counts, not the average.
     pub urgent_fraction: f64,
     /// Averaging time of the least force that holds, ns.
@@ -94,7 +94,7 @@ impl Default for MarginSettings {
             stiffness_mpa_per_mm: 0.0,
             target_fraction: 0.76,
             slippery_target_fraction: 0.55,
-            unsure_target_share: 0.7,
+            cut_target_share: 0.7,
             urgent_fraction: 0.8,
             average_ns: 100_000_000,
             slack_fraction: 0.05,
@@ -119,7 +119,7 @@ impl MarginSettings {
         within("margin.stiffness_mpa_per_mm", self.stiffness_mpa_per_mm, 0.0, 100.0)?;
         within("margin.target_fraction", self.target_fraction, 0.05, 0.95)?;
         within("margin.slippery_target_fraction", self.slippery_target_fraction, 0.05, self.target_fraction)?;
-        within("margin.unsure_target_share", self.unsure_target_share, 0.1, 1.0)?;
+        within("margin.cut_target_share", self.cut_target_share, 0.1, 1.0)?;
         within("margin.urgent_fraction", self.urgent_fraction, self.target_fraction, 1.0)?;
         within("margin.average_ns", self.average_ns as f64, 0.0, 1e9)?;
         within("margin.slack_fraction", self.slack_fraction, 0.0, self.slippery_target_fraction)?;
@@ -137,7 +137,7 @@ impl MarginSettings {
             friction.map_or(0.0, |friction| ((friction - slippery) / (firm - slippery)).clamp(0.0, 1.0));
         let sure =
             self.slippery_target_fraction + firm_fraction * (self.target_fraction - self.slippery_target_fraction);
-        sure * (1.0 - doubt * (1.0 - self.unsure_target_share))
+        sure * (1.0 - doubt * (1.0 - self.cut_target_share))
     }
 
     /// How much of `force_n` is let go in so many seconds where less is wanted, N per finger: alike at every rate of the loop.
@@ -164,10 +164,10 @@ impl MarginSettings {
     }
 }
 
-/// How doubtful a margin is where the contact has this quality, 0 to 1.
-fn doubt(quality: f64) -> f64 {
-    let (full, none) = DOUBTFUL_QUALITY;
-    ((none - quality) / (none - full)).clamp(0.0, 1.0)
+/// How doubtful a margin is where so much of the contact is cut, 0 to 1.
+fn doubt(cut_fraction: f64) -> f64 {
+    let (none, full) = DOUBTFUL_CUT;
+    ((cut_fraction - none) / (full - none)).clamp(0.0, 1.0)
 }
 
 /// Holds a slip margin.
@@ -259,7 +259,7 @@ impl GripController for Margin {
             return self.without_margin(hand, seconds);
         };
         self.unsure_from_n = None;
-        let doubt = doubt(hand.quality);
+        let doubt = doubt(hand.cut_fraction);
         let target = self.settings.target(hand.friction, doubt);
         let least_n = self.least_n(used, pressed_n, seconds);
         let used = least_n / pressed_n;

@@ -201,6 +201,7 @@ impl Estimator {
         let seconds_s = self.pass_time(time_ns);
         self.take_grip(grip, seconds_s);
         self.load.sum(seconds_s, markers);
+        self.estimates.cut_fraction = self.load.cut_fraction();
         self.window.push(Sample {
             at_s: self.time_s,
             grip_n: grip.map(|g| g.force_n).filter(|n| n.is_finite()),

@@ -182,6 +182,13 @@ impl Markers {
         }
     }
 
+    /// Whether so few are found that the frame tells nothing: less than half of those that are in view, or a quarter of all. Those that the gel
+    /// has carried out of the view are not lost.
+    pub(super) fn half_lost(&self) -> bool {
+        let missed = self.all.iter().filter(|m| !m.matched && self.matching.in_view(m.now)).count() as u32;
+        self.matched_count < missed || 4 * self.matched_count < self.all.len() as u32
+    }
+
     /// Takes over where each marker was found, or is expected to be.
     fn place(&mut self, imprint: &Imprint) {
         (self.matched_count, self.detected_count) = (0, 0);

@@ -48,7 +48,7 @@ pub enum Reason {
         /// Time since the last frame before the gap, ns; None where frames carry no times.
         since_ns: Option<u64>,
     },
-    /// Fewer than half of the markers at rest were found.
+    /// Fewer than half of the markers that should be in view were found, or fewer than a quarter of all.
     MarkersLost,
     /// The markers at rest do not stand the sensor's pitch apart, in rows and columns: this is another finger, or its
     /// picture is mirrored differently from what the sensor file says. See
@@ -178,6 +178,11 @@ pub struct Estimates {
     pub torque_nmm: Option<Estimate>,
     /// Friction coefficient between object and gel.
     pub friction: Option<Estimate>,
+    /// Share of the markers in contact that are at the border of the view, 0 to 1, where nobody says how long the gel is
+    /// ([`Sensor::gel_mm`](crate::sensor::Sensor::gel_mm)): what such a contact carries beyond the view is not in the estimates. 0 where it is
+    /// known.
+    #[serde(default)]
+    pub cut_fraction: f64,
 }
 
 /// Evidence of sliding in a frame, independent of the slip field.

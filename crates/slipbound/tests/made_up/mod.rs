@@ -32,6 +32,7 @@ pub fn hand(state: SlipState) -> HandReport {
         margin: None,
         // Of which the law `margin` uses 0.65.
         friction: Some(0.5),
+        cut_fraction: 0.0,
     }
 }
 

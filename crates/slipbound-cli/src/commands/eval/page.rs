@@ -1,5 +1,6 @@
 //! report.html: curves, histograms, tables, the worst failures.
 
+use slipbound_lab::eval::coverage;
 use slipbound_lab::eval::outcome::{Outcome, SCORE_BELOW};
 use slipbound_lab::eval::{Sweep, Table, TrialRecord, auc, roc};
 use slipbound_lab::rivals::DETECTORS;
@@ -20,6 +21,7 @@ pub fn of(sweep: &Sweep, records: &[TrialRecord], tables: &[Table], pictures: Ve
         roc_chart(records),
         histogram(records, "f_at_alarm", "Load fraction at the alarm", "f at the first alarm", 1.0),
         histogram(records, "lead_ms", "Lead", "from the alarm to gross slip, ms", MOST_LEAD_MS),
+        coverage_chart(records),
     ]
     .into_iter()
     .flatten()
@@ -83,6 +85,31 @@ fn roc_chart(records: &[TrialRecord]) -> Option<Chart> {
         y_label: "share of the trials with slip".into(),
         x: (0.0, 1.0),
         y: (0.0, 1.0),
+        series,
+        lines_at: Vec::new(),
+    })
+}
+
+/// Share of the right answers of ours against the share of the ramps that are judged.
+fn coverage_chart(records: &[TrialRecord]) -> Option<Chart> {
+    type Right = fn(&TrialRecord) -> Option<bool>;
+    let answers: [(&str, Right); 3] = [
+        ("alarm in time", coverage::in_time),
+        ("kind of slip right", coverage::kind_right),
+        ("margin within 0.1", coverage::margin_right),
+    ];
+    let of = |(n, (name, right)): (usize, (&str, Right))| {
+        let points = coverage::curve(records, "ours", right);
+        (!points.is_empty()).then(|| Series { name: name.into(), points, draw: Draw::Line, colour: n + 1 })
+    };
+    let series: Vec<Series> = answers.into_iter().enumerate().filter_map(of).collect();
+    let least = series.iter().flat_map(|s| &s.points).map(|point| point.1).fold(1.0, f64::min);
+    (!series.is_empty()).then(|| Chart {
+        title: "Accuracy against coverage: contacts of lower quality called unsure".into(),
+        x_label: "share of the ramps that are judged".into(),
+        y_label: "share of them that is right".into(),
+        x: (0.0, 1.0),
+        y: ((10.0 * least).floor() / 10.0 - 0.1, 1.0),
         series,
         lines_at: Vec::new(),
     })

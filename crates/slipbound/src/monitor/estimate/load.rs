@@ -27,6 +27,8 @@ struct Patch {
     /// unknown.
     more_px2: f64,
     hidden_px2: f64,
+    /// Whether it is at the border.
+    at_border: bool,
     /// How far it is taken to be in contact, 0 to 1.
     joined_fraction: f64,
 }
@@ -41,6 +43,7 @@ impl Patch {
 #[derive(Debug, Clone)]
 pub(super) struct Load {
     patches: Vec<Patch>,
+    knows_gel: bool,
     /// Sum over all markers of displacement from rest times area, px3.
     pub sum_px3: Vec2,
     /// What of it the squeeze makes: for a grip force of 1 N where that is known, else altogether.
@@ -59,7 +62,8 @@ impl Load {
         let patch = |m: &Marker| {
             let at_border = [m.rest.x < low.x || m.rest.x > high.x, m.rest.y < low.y || m.rest.y > high.y];
             let free_px2 = pitch_px * (pitch_px + if at_border.contains(&true) { skirt_px } else { 0.0 });
-            let Some(gel_half) = sensor.gel_half_px() else { return Patch { free_px2, ..Patch::default() } };
+            let free = Patch { free_px2, at_border: at_border.contains(&true), ..Patch::default() };
+            let Some(gel_half) = sensor.gel_half_px() else { return free };
             // Along each direction: what it stands for in contact, and what of that is in view.
             let lengths = |at_border: bool, off_px: f64, gel_px: f64, view_px: f64| {
                 let to = |end_px: f64| pitch_px / 2.0 + (end_px - off_px).max(pitch_px / 2.0);
@@ -69,10 +73,11 @@ impl Load {
             let (x_px, x_seen_px) = lengths(at_border[0], off.x.abs(), gel_half.x, view_half.x);
             let (y_px, y_seen_px) = lengths(at_border[1], off.y.abs(), gel_half.y, view_half.y);
             let hidden_px2 = x_px * y_px - x_seen_px * y_seen_px;
-            Patch { free_px2, more_px2: (x_px * y_px - free_px2).max(0.0), hidden_px2, joined_fraction: 0.0 }
+            Patch { more_px2: (x_px * y_px - free_px2).max(0.0), hidden_px2, ..free }
         };
         Load {
             patches: markers.iter().map(patch).collect(),
+            knows_gel: sensor.gel_half_px().is_some(),
             sum_px3: Vec2::ZERO,
             tare_px3: Vec2::ZERO,
             per_newton: false,
@@ -121,6 +126,13 @@ impl Load {
     pub fn force_px3(&self, grip_n: Option<f64>) -> Vec2 {
         let times = if self.per_newton { grip_n.unwrap_or(0.0) } else { 1.0 };
         self.sum_px3 - self.tare_px3 * times
+    }
+
+    /// Share of the contact, counted in markers, that is at the border of the view without anybody knowing how far it goes on.
+    pub fn cut_fraction(&self) -> f64 {
+        let joined = || self.patches.iter().map(|patch| patch.joined_fraction);
+        let at_border = self.patches.iter().filter(|patch| patch.at_border && !self.knows_gel);
+        at_border.map(|patch| patch.joined_fraction).sum::<f64>() / joined().sum::<f64>().max(1.0)
     }
 
     /// Area of the contact that is out of view, px2.

@@ -180,7 +180,7 @@ impl Matching {
     }
 
     /// Whether a marker there lies whole in the image.
-    fn in_view(&self, p: Vec2) -> bool {
+    pub(super) fn in_view(&self, p: Vec2) -> bool {
         let margin = self.radius_px + 0.5;
         let inside = |v: f64, end: usize| v >= margin && v <= end as f64 - 1.0 - margin;
         inside(p.x, self.size.width) && inside(p.y, self.size.height)
