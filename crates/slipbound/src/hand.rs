@@ -165,7 +165,7 @@ pub struct HandReport {
     /// The least friction coefficient among the live fingers; None while no finger knows one.
     #[serde(default)]
     pub friction: Option<f64>,
-    /// The largest share of a contact at the border of the view beyond which nobody knows how far it goes on, among the live fingers. See
+    /// The largest share of a contact that is at the border of the view, among the live fingers. See
     /// [`Estimates::cut_fraction`](crate::monitor::Estimates::cut_fraction).
     #[serde(default)]
     pub cut_fraction: f64,

@@ -135,6 +135,37 @@ fn what_cannot_be_judged_says_why() {
     assert_eq!(monitor.torn(9, None).reason, Some(Reason::Torn));
 }
 
+/// A gel that is dragged along by two thirds of the view: what has left the view is not lost, what is covered in it is.
+#[test]
+fn markers_that_left_the_view_are_not_lost_and_covered_ones_are() {
+    let painter = Painter::new(SIZE, 18.0, 6.0, Skin::Smooth, 0.5, 22);
+    let mut watching = monitor(&painter, &Settings::default());
+    let moved = |by_px: f64| -> Vec<Vec2> { painter.rest.iter().map(|&p| p + Vec2::new(by_px, 0.0)).collect() };
+    let mut report = None;
+    for step in 0..=52u64 {
+        let picture = painter.paint(&moved(4.0 * step as f64), None, step);
+        let told = watching.step(&frame(&picture, SIZE, step), None);
+        assert_ne!(told.state, SlipState::Unjudged, "moved by {} px: {:?}", 4 * step, told.markers);
+        report = Some(told);
+    }
+    let all = painter.rest.len() as u32;
+    let report = report.expect("frames");
+    assert!(2 * report.markers.matched < all && 4 * report.markers.matched > all, "{:?}", report.markers);
+    // Three of five of those that are left are covered.
+    let mut covered = moved(208.0);
+    covered.retain(|p| p.y < 95.0);
+    let told = watching.step(&frame(&painter.paint(&covered, None, 60), SIZE, 53), None);
+    assert_eq!((told.state, told.reason), (SlipState::Unjudged, Some(Reason::MarkersLost)), "{:?}", told.markers);
+    // Further on less than a quarter of all is left.
+    let mut watching = monitor(&painter, &Settings::default());
+    let last = (0..=66u64).map(|step| {
+        let picture = painter.paint(&moved(4.0 * step as f64), None, step);
+        watching.step(&frame(&picture, SIZE, step), None)
+    });
+    let last = last.last().expect("frames");
+    assert_eq!((last.state, last.reason), (SlipState::Unjudged, Some(Reason::MarkersLost)), "{:?}", last.markers);
+}
+
 #[test]
 fn settings_that_cannot_be_are_refused_by_key() {
     let painter = Painter::new(SIZE, 18.0, 6.0, Skin::Smooth, 0.5, 21);

@@ -12,7 +12,7 @@
 //! the target is lower. The friction is the monitor's estimate; where it is unknown the contact is assumed to be
 //! slippery.
 //!
-//! Where the view cuts the contact and nobody says how long the gel is, the margin is a poor witness: seven tenths of the
+//! Where the view cuts the contact the margin is a poor witness, for the rim slips where nothing shows it: seven tenths of the
 //! target is held then ([`MarginSettings::cut_target_share`]), and under a load nothing is let go.
 //! Nor is it after a slide, until the load has fallen.
 //!
@@ -44,7 +44,7 @@ const GROWN_N: f64 = 0.1;
 const EXCESS: f64 = 1.5;
 
 /// Share of the contact at the border of the view up to which a margin is not doubtful, and from which it is: what runs off the view carries
-/// load that is not seen, and its rim slips where nothing shows it. A contact along one side of the view has 0.1 there, a bottle from end to end 0.2.
+/// load that is not seen, and its rim slips where nothing shows it: of a slippery bottle two thirds of what is used are told. A contact along one side of the view has 0.1 there, a bottle from end to end 0.2.
 const DOUBTFUL_CUT: (f64, f64) = (0.05, 0.15);
 /// From this fraction on nothing is let go on a doubtful word.
 const DOUBTFUL_LOADED_FRACTION: f64 = 0.15;
@@ -66,8 +66,7 @@ pub struct MarginSettings {
     /// Target used fraction for a friction coefficient of 0.3 or less, or an unknown one; at most `target_fraction`;
     /// linear in between.
     pub slippery_target_fraction: f64,
-    /// Share of the target that is held where the view cuts the contact and the sensor file does not say how long the gel is; 1 trusts the
-    /// margin all the same.
+    /// Share of the target that is held where the view cuts the contact; 1 trusts the margin all the same.
     pub cut_target_share: f64,
     /// Used fraction above which a single frame counts, not the average.
     pub urgent_fraction: f64,

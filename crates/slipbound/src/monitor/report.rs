@@ -178,9 +178,8 @@ pub struct Estimates {
     pub torque_nmm: Option<Estimate>,
     /// Friction coefficient between object and gel.
     pub friction: Option<Estimate>,
-    /// Share of the markers in contact that are at the border of the view, 0 to 1, where nobody says how long the gel is
-    /// ([`Sensor::gel_mm`](crate::sensor::Sensor::gel_mm)): what such a contact carries beyond the view is not in the estimates. 0 where it is
-    /// known.
+    /// Share of the markers in contact that are at the border of the view, 0 to 1. What such a contact carries beyond it is in the estimates
+    /// where the length of the gel is known ([`Sensor::gel_mm`](crate::sensor::Sensor::gel_mm)); where it slips there is not.
     #[serde(default)]
     pub cut_fraction: f64,
 }

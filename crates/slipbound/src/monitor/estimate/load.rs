@@ -43,7 +43,6 @@ impl Patch {
 #[derive(Debug, Clone)]
 pub(super) struct Load {
     patches: Vec<Patch>,
-    knows_gel: bool,
     /// Sum over all markers of displacement from rest times area, px3.
     pub sum_px3: Vec2,
     /// What of it the squeeze makes: for a grip force of 1 N where that is known, else altogether.
@@ -77,7 +76,6 @@ impl Load {
         };
         Load {
             patches: markers.iter().map(patch).collect(),
-            knows_gel: sensor.gel_half_px().is_some(),
             sum_px3: Vec2::ZERO,
             tare_px3: Vec2::ZERO,
             per_newton: false,
@@ -128,10 +126,10 @@ impl Load {
         self.sum_px3 - self.tare_px3 * times
     }
 
-    /// Share of the contact, counted in markers, that is at the border of the view without anybody knowing how far it goes on.
+    /// Share of the contact, counted in markers, that is at the border of the view.
     pub fn cut_fraction(&self) -> f64 {
         let joined = || self.patches.iter().map(|patch| patch.joined_fraction);
-        let at_border = self.patches.iter().filter(|patch| patch.at_border && !self.knows_gel);
+        let at_border = self.patches.iter().filter(|patch| patch.at_border);
         at_border.map(|patch| patch.joined_fraction).sum::<f64>() / joined().sum::<f64>().max(1.0)
     }
 
