@@ -105,7 +105,8 @@ fn a_weave_that_nothing_presses_is_no_part_of_the_contact() {
 #[test]
 fn the_load_of_a_contact_that_the_view_cuts_is_known_from_the_length_of_the_gel() {
     for (object, force_n) in [("water_bottle", 10), ("crayons_box", 15), ("scrub_sponge", 10)] {
-        let trial = format!("ramp?object={object}&camera=gelsight_mini&force_n={force_n}&mu=0.6&direction_deg=30&seed=3");
+        let trial =
+            format!("ramp?object={object}&camera=gelsight_mini&force_n={force_n}&mu=0.6&direction_deg=30&seed=3");
         let told = |of: fn(Sensor) -> Sensor| -> f64 {
             let seen = watch(&trial, true, of);
             let loaded = seen.iter().filter(|(_, truth)| truth.load_fraction.is_some_and(|f| (0.3..0.9).contains(&f)));

@@ -41,7 +41,14 @@ fn full_report() -> SlipReport {
         }),
         shear: Some(ShearReport { translation_px: zero, translation_mm: Some(zero), rotation_rad: 0.0 }),
         slip: SlipSummary { max_mm: none, kind: Some(SlipKind::Both), direction_rad: none, ..SlipSummary::default() },
-        estimates: Estimates { stick_ratio: some, margin: some, shear_n: some, torque_nmm: some, friction: some, ..Estimates::default() },
+        estimates: Estimates {
+            stick_ratio: some,
+            margin: some,
+            shear_n: some,
+            torque_nmm: some,
+            friction: some,
+            ..Estimates::default()
+        },
         evidence: Some(EvidenceReport {
             reference_seq: 0,
             relaxation: 0.0,

@@ -226,12 +226,17 @@ fn a_contact_that_the_view_cuts_is_held_with_more_in_reserve_and_nothing_of_it_i
         })
     };
     for (cut_fraction, used) in [(0.0, 0.55), (0.05, 0.55), (0.1, 0.4675), (0.15, 0.385), (0.5, 0.385)] {
-        assert!((holds_n(cut_fraction, 10.0) - 7.0 / used).abs() < 0.1, "{cut_fraction}: {}", holds_n(cut_fraction, 10.0));
+        assert!(
+            (holds_n(cut_fraction, 10.0) - 7.0 / used).abs() < 0.1,
+            "{cut_fraction}: {}",
+            holds_n(cut_fraction, 10.0)
+        );
     }
     let mut trusting = settings;
     trusting.cut_target_share = 1.0;
     let mut controller = Law::Margin(trusting).controller(&GripLimits::default()).expect("valid");
-    let hand_of = |used: f64, cut_fraction: f64| HandReport { margin: Some(1.0 - used), cut_fraction, ..hand(SlipState::Stick) };
+    let hand_of =
+        |used: f64, cut_fraction: f64| HandReport { margin: Some(1.0 - used), cut_fraction, ..hand(SlipState::Stick) };
     let told = controller.decide(0, &hand_of(0.5, 0.5), &gripper(10.0));
     assert_eq!(told.force_n, 10.0, "told to trust it");
     // Of a sixth and more nothing is let go, of less it is.

@@ -1,11 +1,12 @@
-//! Accuracy against coverage: how much surer the verdict is on fewer ramps, when contacts of lower quality are called `unsure`.
+//! Accuracy against coverage: how much more exact the verdict is on fewer ramps, when those whose margin is stated as least sure are called
+//! unsure. (Contact quality would rank nothing: on a finger in full view it is 1 in nearly all ramps.)
 //!
 //! ```text
-//!   ramps, best contact first:   q = 1.0  0.98  0.97 ... 0.62 | 0.55 ... 0.31
-//!                                <------- judged ------------> unsure from here on: coverage 0.8, accuracy of those to the left
+//!   ramps by the stated error:   0.05  0.06  0.06 ... 0.12 | 0.13 ... 0.22
+//!                                <------- judged ---------> unsure from here on: coverage 0.8, accuracy of those to the left
 //! ```
 
-use super::outcome::{Outcome, QUALITY};
+use super::outcome::{MARGIN_SD, Outcome};
 use super::record::TrialRecord;
 use super::statistics::{mean, median, quantile, share_of};
 use super::table::{Cell, Table};
@@ -16,11 +17,11 @@ const COVERED: [f64; 5] = [1.0, 0.9, 0.75, 0.5, 0.25];
 /// Fewest ramps of a point of a curve.
 const LEAST_RAMPS: usize = 20;
 
-/// The ramps of a detector whose contact has a quality, the best first.
-fn by_quality<'a>(records: &'a [TrialRecord], detector: &str) -> Vec<(f64, &'a TrialRecord)> {
+/// The ramps of a detector whose margin has a stated error, the surest first.
+fn by_surety<'a>(records: &'a [TrialRecord], detector: &str) -> Vec<(f64, &'a TrialRecord)> {
     let of = records.iter().filter(|r| r.detector == detector);
-    let mut ramps: Vec<_> = of.filter_map(|r| Some((r.number_of(QUALITY)?, r))).collect();
-    ramps.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.number.cmp(&b.1.number)));
+    let mut ramps: Vec<_> = of.filter_map(|r| Some((r.number_of(MARGIN_SD)?, r))).collect();
+    ramps.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.number.cmp(&b.1.number)));
     ramps
 }
 
@@ -41,7 +42,7 @@ pub fn margin_right(record: &TrialRecord) -> Option<bool> {
 
 /// Share of right answers (y) against the share of the ramps that are judged (x), of a detector.
 pub fn curve(records: &[TrialRecord], detector: &str, right: impl Fn(&TrialRecord) -> Option<bool>) -> Vec<(f64, f64)> {
-    let ramps = by_quality(records, detector);
+    let ramps = by_surety(records, detector);
     let (mut asked_count, mut right_count, mut points) = (0, 0, Vec::new());
     for (n, (_, record)) in ramps.iter().enumerate() {
         if let Some(right) = right(record) {
@@ -54,15 +55,15 @@ pub fn curve(records: &[TrialRecord], detector: &str, right: impl Fn(&TrialRecor
     points
 }
 
-/// The table of some detectors; none without a ramp whose contact has a quality.
+/// The table of some detectors; none without a ramp whose margin has a stated error.
 pub(super) fn table<'a>(records: &[TrialRecord], detectors: impl Iterator<Item = &'a str>) -> Option<Table> {
     let mut table = Table::new(
         "Accuracy against coverage",
-        "The ramps with the best contact (median quality over the loaded frames), when those of lower quality are called unsure.",
+        "The ramps whose margin is stated as surest (median over the scored frames), when the others are called unsure.",
         &[
             "detector",
             "coverage %",
-            "quality from",
+            "stated error up to",
             "in time %",
             "kind right %",
             "sense of rotation right %",
@@ -73,17 +74,18 @@ pub(super) fn table<'a>(records: &[TrialRecord], detectors: impl Iterator<Item =
         ],
     );
     for name in detectors {
-        let ramps = by_quality(records, name);
+        let ramps = by_surety(records, name);
         for covered in COVERED {
             let judged = &ramps[..(covered * ramps.len() as f64).round() as usize];
-            let Some((from, _)) = judged.last() else { continue };
+            let Some((most, _)) = judged.last() else { continue };
             let of = |key: &str| judged.iter().filter_map(|(_, r)| r.number_of(key)).collect::<Vec<f64>>();
-            let answers = |right: fn(&TrialRecord) -> Option<bool>| share_of(judged.iter().filter_map(|(_, r)| right(r)));
+            let answers =
+                |right: fn(&TrialRecord) -> Option<bool>| share_of(judged.iter().filter_map(|(_, r)| right(r)));
             let direction_deg = of("direction_error_deg");
             table.rows.push(vec![
                 name.into(),
                 format!("{:.0}", 100.0 * covered).into(),
-                format!("{from:.2}").into(),
+                format!("{most:.3}").into(),
                 Cell::Share(answers(in_time)),
                 Cell::Share(answers(kind_right)),
                 Cell::Share(answers(|r| r.flag_of("sense_right"))),
@@ -101,10 +103,10 @@ pub(super) fn table<'a>(records: &[TrialRecord], detectors: impl Iterator<Item =
 mod tests {
     use super::*;
 
-    /// A hundred ramps; the better the contact, the smaller the error, and below a quality of a half the kind is wrong.
+    /// A hundred ramps; the larger the stated error the larger the error, and from 0.1 on the kind is wrong.
     fn records() -> Vec<TrialRecord> {
         let record = |number: u64| {
-            let quality = ((number * 37) % 100) as f64 / 100.0;
+            let stated = ((number * 37) % 100) as f64 / 500.0;
             TrialRecord {
                 number,
                 trial: format!("t{number}"),
@@ -117,16 +119,16 @@ mod tests {
                 more: Default::default(),
             }
             .with("outcome", "in_time")
-            .with(QUALITY, quality)
+            .with(MARGIN_SD, stated)
             .with("kind_true", "rotation")
-            .with("kind_said", if quality < 0.5 { "translation" } else { "rotation" })
-            .with("margin_error", 0.2 - 0.2 * quality)
+            .with("kind_said", if stated >= 0.1 { "translation" } else { "rotation" })
+            .with("margin_error", stated)
         };
         (0..100).map(record).collect()
     }
 
     #[test]
-    fn fewer_ramps_of_better_contact_are_judged_more_exactly() {
+    fn fewer_and_surer_ramps_are_judged_more_exactly() {
         let records = records();
         let points = curve(&records, "ours", kind_right);
         assert_eq!((points[0], points.last().copied()), ((0.2, 1.0), Some((1.0, 0.5))));
@@ -136,8 +138,8 @@ mod tests {
         let table = table(&records, ["ours", "paper"].into_iter()).expect("ramps");
         let shown = table.shown();
         assert_eq!(shown.iter().map(|row| row[1].as_str()).collect::<Vec<_>>(), ["100", "90", "75", "50", "25"]);
-        assert_eq!((shown[3][2].as_str(), &shown[3][4][..5]), ("0.50", "100.0"), "{shown:?}");
-        assert!(shown[4][9].starts_with("0.0") && shown[0][9].starts_with("0.1"), "{shown:?}");
+        assert_eq!((shown[3][2].as_str(), &shown[3][4][..5]), ("0.098", "100.0"), "{shown:?}");
+        assert!(shown[4][9].starts_with("0.02") && shown[0][9].starts_with("0.099"), "{shown:?}");
         assert!(super::table(&[], ["ours"].into_iter()).is_none());
     }
 }

@@ -28,8 +28,8 @@ const STEADY_FRAMES: usize = FRAME_RATE_HZ as usize / 5;
 /// Key of the highest score of the frames that count at f < 0.2: what an alarm must not be raised for.
 pub const SCORE_BELOW: &str = "score_below_f_0.2";
 
-/// Key of the median quality of the contact over the loaded frames: where it is low a trial would be `unsure`.
-pub const QUALITY: &str = "quality";
+/// Key of the median error that is stated with the margin over the scored frames: where it is large a trial could be left undecided.
+pub const MARGIN_SD: &str = "margin_sd";
 
 /// The stream of a trial of an evaluation. Streams of the tuning split are drawn from their seeds directly, these
 /// through one draw more: no seed given here repeats a trial that something was fitted to.
@@ -209,7 +209,7 @@ fn with_estimates(record: TrialRecord, asked: &Asked, watched: &Watched, seen: &
     let stick: Vec<f64> =
         scored().filter_map(|n| Some((seen[n].said.stick_ratio? - facts[n].stick_ratio?).abs())).collect();
     let margin: Vec<f64> = scored().filter_map(|n| Some((seen[n].said.margin? - (1.0 - f[n])).abs())).collect();
-    let quality: Vec<f64> = under_load().map(|n| seen[n].said.quality).collect();
+    let margin_sd: Vec<f64> = scored().filter_map(|n| seen[n].said.margin_sd).collect();
     let Some(at_gross) = facts.iter().find(|facts| facts.time_s >= gross.time_s) else { return record };
     let rms_share = |errors: Vec<f64>, whole: f64| {
         let squares: Vec<f64> = errors.iter().map(|error| error * error).collect();
@@ -231,7 +231,7 @@ fn with_estimates(record: TrialRecord, asked: &Asked, watched: &Watched, seen: &
         .filter_map(|n| Some((seen[n].said.friction? / asked.mu? - 1.0).abs()))
         .collect();
     record
-        .with(QUALITY, quantile(&quality, 0.5).value)
+        .with(MARGIN_SD, quantile(&margin_sd, 0.5).value)
         .with("scored_frames", scored().count())
         .with("stick_frames", stick.len())
         .with("stick_error", mean(&stick))
@@ -356,7 +356,7 @@ mod tests {
         let (asked, watched) = ramp(true);
         let mut seen = seen(Some(20));
         for seen in &mut seen {
-            (seen.said.stick_ratio, seen.said.friction, seen.said.quality) = (Some(0.4), Some(0.88), 0.7);
+            (seen.said.stick_ratio, seen.said.friction, seen.said.margin_sd) = (Some(0.4), Some(0.88), Some(0.07));
         }
         let record = record(&asked, &DETECTORS[0], &watched, &seen);
         let near = |key: &str, expected: f64| {
@@ -365,7 +365,7 @@ mod tests {
         };
         near("stick_error", 0.1);
         near("friction_error_fraction", 0.1);
-        near(QUALITY, 0.7);
+        near(MARGIN_SD, 0.07);
         near("scored_frames", 18.0); // f = 0.1 to 0.95
         assert_eq!(record.number_of("margin_error"), None);
     }

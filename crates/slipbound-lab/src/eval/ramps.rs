@@ -190,7 +190,8 @@ impl Protocol for Ramps {
         let parts: Vec<ramp_tables::Part<'_>> =
             objects.iter().map(|(name, of)| (*name, of as &dyn Fn(&TrialRecord) -> bool)).collect();
         tables.push(ramp_tables::split("By object", records, &parts));
-        tables.extend(coverage::table(records, DETECTORS.iter().filter(|entry| entry.is_ours()).map(|entry| entry.name)));
+        tables
+            .extend(coverage::table(records, DETECTORS.iter().filter(|entry| entry.is_ours()).map(|entry| entry.name)));
         tables
     }
 

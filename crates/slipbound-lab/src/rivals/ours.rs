@@ -36,12 +36,12 @@ fn score(report: &SlipReport) -> f64 {
 /// What a report says beside its state. None where it does not.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Said {
-    /// Quality of the contact, 0 to 1: below a threshold it is `unsure`.
-    pub quality: f64,
     /// Share of the contact that sticks.
     pub stick_ratio: Option<f64>,
     /// Slip margin, 1 - f.
     pub margin: Option<f64>,
+    /// Its stated standard deviation.
+    pub margin_sd: Option<f64>,
     /// Tangential force, N.
     pub shear_n: Option<f64>,
     /// Torque about the contact's middle, N mm, positive from x to y.
@@ -61,9 +61,9 @@ pub fn said(report: &SlipReport) -> Said {
     let estimates = &report.estimates;
     let value = |estimate: Option<Estimate>| estimate.map(|estimate| estimate.value);
     Said {
-        quality: report.contact.quality,
         stick_ratio: value(estimates.stick_ratio),
         margin: value(estimates.margin),
+        margin_sd: estimates.margin.map(|margin| margin.sd),
         shear_n: value(estimates.shear_n),
         torque_n_mm: value(estimates.torque_nmm),
         friction: value(estimates.friction),

@@ -199,9 +199,10 @@ mod tests {
         };
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("mine.toml");
-        for sensor in
-            [sensor.clone(), Sensor { serial: None, pitch_mm: None, gel_mm: None, defects_px: vec![], shear: None, ..sensor }]
-        {
+        for sensor in [
+            sensor.clone(),
+            Sensor { serial: None, pitch_mm: None, gel_mm: None, defects_px: vec![], shear: None, ..sensor },
+        ] {
             std::fs::write(&path, sensor_file(&calibration(sensor.clone()))).expect("writes");
             assert_eq!(sensors::load(path.to_str().expect("UTF-8")).expect("valid"), sensor);
         }

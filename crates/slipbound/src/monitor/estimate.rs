@@ -284,7 +284,10 @@ impl Estimator {
         }
         self.features = Some(learned.features);
         self.load_px3 = (force_px3, learned.arm_px.recip() * moment_px4);
-        self.estimate(&learned, &Seen { force_px3, moment_px4, load_px3: learned.load_px3, middle, area_px2: whole_px2 });
+        self.estimate(
+            &learned,
+            &Seen { force_px3, moment_px4, load_px3: learned.load_px3, middle, area_px2: whole_px2 },
+        );
     }
 
     /// Time since the last frame.

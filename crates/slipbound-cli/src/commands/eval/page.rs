@@ -105,7 +105,7 @@ fn coverage_chart(records: &[TrialRecord]) -> Option<Chart> {
     let series: Vec<Series> = answers.into_iter().enumerate().filter_map(of).collect();
     let least = series.iter().flat_map(|s| &s.points).map(|point| point.1).fold(1.0, f64::min);
     (!series.is_empty()).then(|| Chart {
-        title: "Accuracy against coverage: contacts of lower quality called unsure".into(),
+        title: "Accuracy against coverage: margins stated as less sure called unsure".into(),
         x_label: "share of the ramps that are judged".into(),
         y_label: "share of them that is right".into(),
         x: (0.0, 1.0),

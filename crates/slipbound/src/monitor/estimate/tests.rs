@@ -73,7 +73,7 @@ fn the_load_is_the_sum_over_all_markers() {
     assert!(estimator.estimates.friction.is_some());
 }
 
-/// A contact over the columns of markers from `first` on, pushed along x by 12 px for a second: its load in N, area out of view in px2, 
+/// A contact over the columns of markers from `first` on, pushed along x by 12 px for a second: its load in N, area out of view in px2,
 /// the most by which the load grew in a frame while a marker of the border was in and out of contact, in N, and the share of it that is
 /// cut.
 fn cut_by_the_view(gel_mm: Option<[f64; 2]>, first: u32) -> (f64, f64, f64, f64) {
