@@ -180,7 +180,7 @@ pub struct Estimates {
     pub friction: Option<Estimate>,
     /// Share of the markers in contact that are at the border of the view, 0 to 1. What such a contact carries beyond it is in the estimates
     /// where the length of the gel is known ([`Sensor::gel_mm`](crate::sensor::Sensor::gel_mm)); where it slips there is not.
-    #[serde(default)]
+    #[serde(skip)]
     pub cut_fraction: f64,
 }
 
