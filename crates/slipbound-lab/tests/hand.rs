@@ -46,6 +46,17 @@ impl Bench {
 }
 
 #[test]
+fn a_long_object_touches_no_more_than_the_gel_of_the_camera() {
+    let area_mm2 = |camera: &str| {
+        let scene = format!("lift?object=scrub_sponge&seed=1&camera={camera}");
+        Bench::new(&scene).run(0.6, 0.0, 0.0, 40.0).contact_area_mm2
+    };
+    let (slim_mm2, mini_mm2) = (area_mm2("gelslim"), area_mm2("gelsight_mini"));
+    println!("a sponge touches {slim_mm2:.0} mm2 of a GelSlim, {mini_mm2:.0} of a Mini of 524");
+    assert!(mini_mm2 > 350.0 && mini_mm2 < 25.25 * 20.75 && slim_mm2 > 1.1 * mini_mm2, "{slim_mm2} {mini_mm2}");
+}
+
+#[test]
 fn a_free_cap_follows_the_wrist_against_its_running_torque() {
     let mut bench = Bench::new("screw?mu=0.6&seal_deg=400&stop_deg=400&thread_mm_per_turn=0");
     bench.press(20.0);

@@ -43,8 +43,9 @@ const GROWN_N: f64 = 0.1;
 /// Beyond so many times the wanted force what is held is an excess.
 const EXCESS: f64 = 1.5;
 
-/// Share of the contact at the border of the view up to which a margin is not doubtful, and from which it is: what runs off the view carries
-/// load that is not seen, and its rim slips where nothing shows it: of a slippery bottle two thirds of what is used are told. A contact along one side of the view has 0.1 there, a bottle from end to end 0.2.
+/// Share of the contact at the border of the view up to which a margin is not doubtful, and from which it is: the rim of what runs off
+/// the view slips where nothing shows it, and of a slippery bottle two thirds of what is used are told. Of a band of
+/// contact along ten columns of markers 0.1 are at one end, 0.2 at both.
 const DOUBTFUL_CUT: (f64, f64) = (0.05, 0.15);
 /// From this fraction on nothing is let go on a doubtful word.
 const DOUBTFUL_LOADED_FRACTION: f64 = 0.15;

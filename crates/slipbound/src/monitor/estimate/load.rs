@@ -16,8 +16,10 @@ const JOINS_S: f64 = 0.1;
 /// What a marker stands for.
 ///
 /// ```text
-///   inside:  |  o  |          at the border, free:  |  o  | . .     in contact:  |  o  | = = = = =|
-///             pitch                          border of the view  skirt                      the gel ends
+///                            border of the view
+///   inside              |  o  |  :
+///   at the border, free    |  o  :  . . .             and the skirt, over which displacement falls off
+///   there, in contact      |  o  :  = = = = = =|      and all of the gel beyond
 /// ```
 #[derive(Debug, Clone, Copy, Default)]
 struct Patch {

@@ -73,50 +73,70 @@ fn the_load_is_the_sum_over_all_markers() {
     assert!(estimator.estimates.friction.is_some());
 }
 
-/// A contact over the columns of markers from `first` on, pushed along x by 12 px for a second: its load in N, area out of view in px2,
-/// the most by which the load grew in a frame while a marker of the border was in and out of contact, in N, and the share of it that is
-/// cut.
-fn cut_by_the_view(gel_mm: Option<[f64; 2]>, first: u32) -> (f64, f64, f64, f64) {
+/// What is told of a contact that the view cuts.
+struct Cut {
+    load_n: f64,
+    hidden_px2: f64,
+    /// The most by which the load changed in a frame while a marker of the border was in and out of contact.
+    jump_n: f64,
+    cut_fraction: f64,
+    /// The feature of that name.
+    mean_shear: f64,
+}
+
+/// A contact over the columns of markers from `first` on, pushed along x by 12 px for two seconds.
+fn cut_by_the_view(gel_mm: Option<[f64; 2]>, first: u32) -> Cut {
     let (mut sensor, mut markers) = finger(1.0);
     (sensor.image_px, sensor.gel_mm) = (SizePx::new(360, 270), gel_mm);
     let mut estimator = Estimator::new(&sensor, &markers, true);
-    let mut most_n = 0.0f64;
+    let mut jump_n = 0.0f64;
     let mut last_n = None;
     for frame in 0..60u64 {
         for m in &mut markers {
             m.in_contact = m.id % 12 >= first && !(frame > 30 && m.id == 11 && frame % 2 == 0);
-            let away = first.saturating_sub(m.id % 12);
-            m.now = m.rest + Vec2::new(if away == 0 { 12.0 } else { 0.0 }, 0.0);
+            m.now = m.rest + Vec2::new(if m.id % 12 >= first { 12.0 } else { 0.0 }, 0.0);
         }
         estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 20.0 }), AREA_PX2, None, &markers);
         let now_n = estimator.estimates.shear_n.expect("stiffness known").value;
         if frame > 30 {
-            most_n = most_n.max((now_n - last_n.unwrap_or(now_n)).abs());
+            jump_n = jump_n.max((now_n - last_n.unwrap_or(now_n)).abs());
             last_n = Some(now_n);
         }
     }
-    (last_n.expect("frames"), estimator.load.hidden_px2(), most_n, estimator.estimates.cut_fraction)
+    let at = FEATURE_NAMES.iter().position(|name| *name == "mean_shear").expect("named");
+    Cut {
+        load_n: last_n.expect("frames"),
+        hidden_px2: estimator.load.hidden_px2(),
+        jump_n,
+        cut_fraction: estimator.estimates.cut_fraction,
+        mean_shear: estimator.features.expect("a contact")[at],
+    }
 }
 
 #[test]
 fn a_contact_that_the_view_cuts_goes_on_to_where_the_gel_ends() {
     // 0.1 N per marker and pitch of 30 px; the view of 360 x 270 px is 18 x 13.5 mm.
     let n_per_px2 = 0.1 * (12.0 / 30.0) / (30.0 * 30.0);
-    let (all_n, hidden_px2, jump_n, cut_fraction) = cut_by_the_view(Some([25.0, 20.0]), 0);
+    let all = cut_by_the_view(Some([25.0, 20.0]), 0);
     let gel_px2 = (25.0 * 20.0) / (0.05 * 0.05);
-    assert!((all_n / (n_per_px2 * gel_px2) - 1.0).abs() < 0.05, "{all_n} N of {}", n_per_px2 * gel_px2);
-    assert!((hidden_px2 / (gel_px2 - 360.0 * 270.0) - 1.0).abs() < 0.08, "{hidden_px2} px2");
-    assert!(jump_n < 0.05 * all_n, "a marker of the border that is in and out of contact: {jump_n} N");
+    assert!((all.load_n / (n_per_px2 * gel_px2) - 1.0).abs() < 0.05, "{} N of {}", all.load_n, n_per_px2 * gel_px2);
+    assert!((all.hidden_px2 / (gel_px2 - 360.0 * 270.0) - 1.0).abs() < 0.08, "{} px2", all.hidden_px2);
+    assert!(all.jump_n < 0.05 * all.load_n, "a marker of the border that is in and out of contact: {} N", all.jump_n);
     // 38 of 108 markers are at the border.
-    assert!((cut_fraction - 38.0 / 108.0).abs() < 0.01, "{cut_fraction}");
-    let (free_n, nothing_px2, ..) = cut_by_the_view(None, 0);
-    assert!(free_n < 0.8 * all_n && nothing_px2 == 0.0, "the size of the gel is not known: {free_n} N");
+    assert!((all.cut_fraction - 38.0 / 108.0).abs() < 0.01, "{}", all.cut_fraction);
+    let free = cut_by_the_view(None, 0);
+    assert!(free.load_n < 0.8 * all.load_n, "the length of the gel is not known: {} N", free.load_n);
+    assert_eq!((free.hidden_px2, free.cut_fraction), (0.0, all.cut_fraction));
+    // The features are those of the whole contact, not of what is seen of it.
+    let whole = (AREA_PX2 + all.hidden_px2) / AREA_PX2;
+    assert!((all.mean_shear / free.mean_shear / whole - 1.0).abs() < 1e-6, "{} {}", all.mean_shear, free.mean_shear);
     // In contact over the right half alone: the left border stands for free gel, which does not move.
-    let (half_n, half_px2, ..) = cut_by_the_view(Some([25.0, 20.0]), 6);
-    assert!((half_n / all_n - 0.5).abs() < 0.03 && (half_px2 / hidden_px2 - 0.5).abs() < 0.05, "{half_n} {half_px2}");
+    let half = cut_by_the_view(Some([25.0, 20.0]), 6);
+    assert!((half.load_n / all.load_n - 0.5).abs() < 0.03, "{} N", half.load_n);
+    assert!((half.hidden_px2 / all.hidden_px2 - 0.5).abs() < 0.05, "{} px2", half.hidden_px2);
     // A gel that ends within the view has nothing beyond it.
-    let (small_n, small_px2, ..) = cut_by_the_view(Some([10.0, 10.0]), 0);
-    assert!(small_px2 == 0.0 && small_n <= free_n, "{small_n} {small_px2}");
+    let small = cut_by_the_view(Some([10.0, 10.0]), 0);
+    assert!(small.hidden_px2 == 0.0 && small.load_n <= free.load_n, "{} {}", small.load_n, small.hidden_px2);
 }
 
 #[test]
