@@ -178,6 +178,24 @@ fn the_more_slippery_the_more_is_held_in_reserve() {
     }
 }
 
+/// 7 N need 12.7 N at a used fraction of 0.55; a grip is let go down to 14 N, a used fraction of 0.5.
+#[test]
+fn a_grip_that_is_a_little_firmer_than_it_need_be_is_left_alone() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    let ends_at_n = |first_load_n: f64| {
+        let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
+        (0..600).fold(10.0, |force_n, frame| {
+            let load_n = if frame < 300 { first_load_n } else { 7.0 };
+            let hand = HandReport { margin: Some(1.0 - load_n / force_n), friction: None, ..hand(SlipState::Stick) };
+            controller.decide(frame * FRAME_NS, &hand, &gripper(force_n)).force_n
+        })
+    };
+    for (first_load_n, expected_n) in [(7.5, 7.5 / 0.55), (8.0, 7.0 / 0.5)] {
+        let ends_n = ends_at_n(first_load_n);
+        assert!((ends_n - expected_n).abs() < 0.15, "{first_load_n} N first: {ends_n} for {expected_n}");
+    }
+}
+
 #[test]
 fn nothing_is_let_go_while_the_load_grows() {
     // 10 N hold 1 N: far too much. Then the load grows by 1 N/s, and little of the friction seems to be used for long.

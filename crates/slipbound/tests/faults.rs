@@ -178,6 +178,7 @@ fn settings_that_cannot_be_are_refused_by_key() {
     assert_eq!(negative, "slip.threshold_pitch: expected a number from 0.001 to 10, got -0.3");
     assert!(refused(&|s| s.contact.change_levels = f64::NAN).starts_with("contact.change_levels"));
     assert!(refused(&|s| s.contact.off_area_fraction = 0.5).starts_with("contact.off_area_fraction"));
+    assert!(refused(&|s| s.markers.match_within_pitch = 0.6).starts_with("markers.match_within_pitch"));
     let bright = Sensor { polarity: Polarity::Bright, ..painter.sensor.clone() };
     let finder = RestBuilder::new(&bright, &Settings::paper(), SIZE).expect_err("refused").to_string();
     assert!(finder.starts_with("markers.finder"), "{finder}");

@@ -119,6 +119,40 @@ fn a_patch_that_is_small_or_faint_beside_the_contact_is_none() {
     assert!(!seen(9.0, 25.0), "as large, but less than half as strong as the contact");
 }
 
+/// A flat object shows its rim only: where the view cuts it, the middle is what the rim encloses with one side of the view or with two
+/// opposite ones. What it encloses with two that meet may as well be beyond it.
+#[test]
+fn the_middle_of_a_contact_that_the_view_cuts_is_contact() {
+    // Whether a place is, where the picture is brighter within some px of a line.
+    let is_contact = |(x, y): (isize, isize), away_px: &dyn Fn(Vec2) -> f64| {
+        let (painter, mut monitor) = finger(Skin::Smooth);
+        for i in 0..6u64 {
+            let mut rgb = painter.paint(&painter.rest, None, i);
+            for (at, value) in rgb.iter_mut().enumerate() {
+                let place = Vec2::new((at / 3 % 320) as f64, (at / 3 / 320) as f64);
+                let share = 0.5 * libm::erfc((away_px(place).abs() - 7.0) / 3.0);
+                *value = (f64::from(*value) + 30.0 * share).round().clamp(0.0, 255.0) as u8;
+            }
+            monitor.step(&frame(&rgb, SIZE, i), None);
+        }
+        monitor.contact_region().get(x, y)
+    };
+    let middle = (160, 120);
+    let from_left_to_right = |p: Vec2| (p.y - 120.0).abs() - 50.0;
+    assert!(is_contact(middle, &from_left_to_right) && !is_contact((160, 20), &from_left_to_right));
+    let from_top_to_bottom = |p: Vec2| (p.x - 160.0).abs() - 50.0;
+    assert!(is_contact(middle, &from_top_to_bottom) && !is_contact((20, 120), &from_top_to_bottom));
+    let about = |x: f64, y: f64| move |p: Vec2| (p - Vec2::new(x, y)).length() - 80.0;
+    for (x, y) in [(0isize, 120isize), (319, 120), (160, 0), (160, 239)] {
+        let place = ((160 + 3 * x) / 4, (120 + 3 * y) / 4);
+        assert!(is_contact(place, &about(x as f64, y as f64)), "at the side by {x}, {y}");
+    }
+    for (x, y) in [(0isize, 0isize), (319, 0), (0, 239), (319, 239)] {
+        let place = ((160 + 5 * x) / 6, (120 + 5 * y) / 6);
+        assert!(!is_contact(place, &about(x as f64, y as f64)), "in the corner by {x}, {y}");
+    }
+}
+
 /// The last report of a finger pressed this strongly (None: not at all) under light that is this much brighter than at rest.
 fn lit(strength_levels: Option<f64>, gain: f64) -> SlipReport {
     let (painter, mut monitor) = finger(Skin::Smooth);

@@ -129,4 +129,34 @@ mod tests {
             assert_eq!(CellMap::cell_px(&sensor), cell_px, "{width} x {height}, pitch {pitch_px} px");
         }
     }
+
+    /// In the middle, over a corner of a cell, at every border, beyond it.
+    #[test]
+    fn a_marker_covers_the_cells_that_its_disc_reaches_and_no_others() {
+        let sensor = Sensor { image_px: SizePx::new(64, 48), ..smooth() };
+        let map = CellMap::new(&sensor, &Cells::new(sensor.image_px, 4));
+        assert_eq!((map.columns, map.rows), (16, 12));
+        let radius_px = 5.0;
+        for (x, y) in [
+            (30.2, 20.9),
+            (31.5, 23.5),
+            (0.0, 20.0),
+            (63.0, 21.0),
+            (33.0, 0.4),
+            (30.0, 47.0),
+            (61.0, 45.0),
+            (66.0, 30.0),
+        ] {
+            let mut covered = vec![false; map.count()];
+            map.cover(Vec2::new(x, y), radius_px, &mut covered);
+            for (i, covered) in covered.into_iter().enumerate() {
+                let left = (i % map.columns * 4) as f64 - 0.5;
+                let top = (i / map.columns * 4) as f64 - 0.5;
+                let away_px = Vec2::new(x - x.clamp(left, left + 4.0), y - y.clamp(top, top + 4.0)).length();
+                assert!(!covered || away_px <= radius_px, "cell {i}, {away_px} px from {x}, {y}");
+                // The last half pixel before the middle of the next is not taken so exactly.
+                assert!(covered || away_px > radius_px - 0.5, "cell {i}, {away_px} px from {x}, {y}");
+            }
+        }
+    }
 }

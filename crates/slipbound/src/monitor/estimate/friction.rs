@@ -375,6 +375,8 @@ mod tests {
         for _ in 0..60 {
             friction.see(&shown(0.06, 60.0, 0.2), used(0.1));
         }
+        let (_, carried) = { friction }.see(&Shown { at_s: 1.0, ..shown(0.55, 6.0, 0.2) }, used(0.5));
+        assert!(carried.value > 0.55, "a load that is still carried leaves what was known counted, too: {carried:?}");
         let let_go = |friction: &mut Friction, per_grip, grip_n, fraction| {
             let shown = Shown { at_s: 1.0, ..shown(per_grip, grip_n, 0.2) };
             let frames = (0..90).map(|_| friction.see(&shown, used(fraction)));

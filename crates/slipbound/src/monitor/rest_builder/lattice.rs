@@ -149,6 +149,22 @@ mod tests {
         assert!((off - expected).abs() < 1e-9 && expected > 0.014, "{off} for {expected}");
     }
 
+    /// Two of three stand 0.06 pitch to one side or to the other in turn, some 0.065 pitch from the mean of those around them: a standard
+    /// deviation of 0.055 pitch.
+    #[test]
+    fn four_and_a_half_standard_deviations_of_the_others_are_off_the_lattice() {
+        for (off_pitch, expected) in [(0.22, true), (0.27, false)] {
+            let side = |i: usize| match i % 3 {
+                0 => 0.0,
+                _ => 1.2 * f64::from(1 - 2 * ((i % 12 + i / 12) % 2) as i32),
+            };
+            let mut points = grid(|p| p);
+            points.iter_mut().enumerate().for_each(|(i, p)| p.x += side(i));
+            points[53].y += off_pitch * 20.0;
+            assert_eq!(on_lattice(&points, 20.0).expect("a lattice")[53], expected, "{off_pitch} pitch");
+        }
+    }
+
     #[test]
     fn the_spacing_is_that_of_neighbours() {
         assert!((spacing_px(&grid(|p| p)).expect("points") - 20.0).abs() < 1e-9);
