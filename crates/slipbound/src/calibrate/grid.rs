@@ -133,8 +133,9 @@ impl Grid {
             let near_pitch = if round == 0 { NEAR_PITCH.0 } else { NEAR_PITCH.1 };
             self.find_again(grey, camera_px, near_pitch);
             self.fit()?;
-            self.set_aside_off_grid();
-            self.fit()?;
+            if self.set_aside_off_grid() {
+                self.fit()?;
+            }
         }
         Some(())
     }
@@ -219,9 +220,9 @@ impl Grid {
         self.first = low;
     }
 
-    /// Takes the spots out of the grid that leave both the map and their neighbours, if they are many. Where the map itself is not good yet,
-    /// neighbours leave it alike and stay.
-    fn set_aside_off_grid(&mut self) {
+    /// Takes the spots out of the grid that leave both the map and their neighbours, if they are many; whether there were any. Where the map
+    /// itself is not good yet, neighbours leave it alike and stay.
+    fn set_aside_off_grid(&mut self) -> bool {
         let offsets = self.offsets_px();
         let from_neighbours_px = |node: (i32, i32), own: Vec2| match median_around(&offsets, node) {
             Some(median) => (own - median).length(),
@@ -232,11 +233,13 @@ impl Grid {
         let limit_px = (OFF_GRID_SIGMAS * sigma_px).max(OFF_GRID_LEAST_PITCH * self.pitch_px);
         let is_off = |(node, px): &((i32, i32), f64)| *px > limit_px && offsets[node].length() > limit_px;
         let off: Vec<(i32, i32)> = apart.iter().filter(|a| is_off(a)).map(|(node, _)| *node).collect();
-        if off.len() as f64 > FEW_OFF_GRID_FRACTION * self.dots.len() as f64 {
+        let are_many = off.len() as f64 > FEW_OFF_GRID_FRACTION * self.dots.len() as f64;
+        if are_many {
             for node in off {
                 self.off_grid.extend(self.dots.remove_entry(&node));
             }
         }
+        are_many
     }
 
     /// What the map leaves of every dot, in plane px.

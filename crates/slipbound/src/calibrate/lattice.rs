@@ -68,10 +68,15 @@ struct Basis {
 impl Basis {
     fn at(spots: &[Spot], seed: usize) -> Option<Basis> {
         let at = spots[seed].position;
-        let mut around: Vec<Vec2> =
-            spots.iter().enumerate().filter(|(i, _)| *i != seed).map(|(_, s)| s.position - at).collect();
-        around.sort_by(|p, q| p.length_squared().total_cmp(&q.length_squared()));
-        around.truncate(2 * NEIGHBOURS_COUNT);
+        let others = spots.iter().enumerate().filter(|(i, _)| *i != seed).map(|(i, s)| (i, s.position - at));
+        let mut others: Vec<(f64, usize, Vec2)> = others.map(|(i, off)| (off.length_squared(), i, off)).collect();
+        let nearer = |p: &(f64, usize, Vec2), q: &(f64, usize, Vec2)| p.0.total_cmp(&q.0).then(p.1.cmp(&q.1));
+        if others.len() > 2 * NEIGHBOURS_COUNT {
+            others.select_nth_unstable_by(2 * NEIGHBOURS_COUNT, nearer);
+            others.truncate(2 * NEIGHBOURS_COUNT);
+        }
+        others.sort_unstable_by(nearer);
+        let around: Vec<Vec2> = others.into_iter().map(|(.., off)| off).collect();
         let nearest = &around[..around.len().min(NEIGHBOURS_COUNT)];
         let mut best: Option<Basis> = None;
         for (i, &a) in nearest.iter().enumerate() {
@@ -112,7 +117,9 @@ fn grow(spots: &[Spot], seed: usize, basis: &Basis) -> Nodes {
             }
             tried.insert(node, known_count);
             let Some((at, pitch_px)) = predict(spots, &nodes, node, basis) else { continue };
-            let near = spots.iter().enumerate().filter(|(i, _)| !used[*i]);
+            let reach_px = NEAR_PITCH * pitch_px;
+            let is_near = |off: Vec2| off.x.abs() < reach_px && off.y.abs() < reach_px;
+            let near = spots.iter().enumerate().filter(|(i, s)| is_near(s.position - at) && !used[*i]);
             let near = near.map(|(i, s)| ((s.position - at).length() / pitch_px, i));
             let nearest = near.min_by(|p, q| p.0.total_cmp(&q.0));
             found.extend(nearest.filter(|n| n.0 < NEAR_PITCH).map(|(miss_pitch, i)| (miss_pitch, node, i)));
