@@ -17,8 +17,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const FAULTS: [&str; 5] = ["none", "lost@2", "torn@2", "frozen@2", "dark@2"];
 
 const HEAD: &str = "# Closed loops in simulation\n\n\
-    One finger, seed 1, pictures of 427x320, nine seconds at most; camera faults from 2 s on, and four seconds then, but for a\n\
-    `lift` whose camera is lost. Written by\n\
+    One finger, seed 1, pictures of 427x320, nine seconds at most, five for `unscrew` with a constant grip; camera faults from 2 s on, and\n\
+    four seconds then, but for a `lift` whose camera is lost. The tool to `place` is tilted by 6 deg. Written by\n\
     `REGENERATE=1 cargo test -p slipbound-lab --test closed_loops`. *least* and\n\
     *most*: commanded force from the end of grasping on, N per finger, until a release. `constant` reacts to no camera and `paper`\n\
     as `on_slip` does: one fault each.\n\n\
@@ -46,10 +46,17 @@ impl CycleObserver for Watch {
 }
 
 fn line(task: TaskKind, controller: ControllerKind, fault: &str) -> String {
-    // Two seconds show what a fault does to the grip. A task needs its time to end without one, and a lift with a camera that is gone, too.
-    let longest_s = if fault == "none" || (task == TaskKind::Lift && fault == "lost@2") { 9 } else { 4 };
-    let scene =
-        HandScene::parse(&format!("{task}?seed=1&fingers=1&height_px=320&longest_s={longest_s}")).expect("a scene");
+    // Two seconds show what a fault does to the grip. A task needs its time to end without one, and a lift with a camera that is gone, too; a cap
+    // that is held too loosely to be opened slides until then.
+    let longest_s = match (task, controller) {
+        (TaskKind::Lift, _) if matches!(fault, "none" | "lost@2") => 9,
+        (TaskKind::Unscrew, ControllerKind::Constant) => 5,
+        _ if fault == "none" => 9,
+        _ => 4,
+    };
+    let place = if task == TaskKind::Place { "&tilt_deg=6" } else { "" };
+    let scene = format!("{task}?seed=1&fingers=1&height_px=320&longest_s={longest_s}{place}");
+    let scene = HandScene::parse(&scene).expect("a scene");
     let mut settings = TaskSettings::default().with_controller(controller);
     settings.lift.hold_ns = 5_000_000_000;
     settings.place.rate_mm_per_s = 6.0;
