@@ -1,6 +1,6 @@
 //! What happens to the hand and to the wrist when processes and links between them fail: `run` with real sockets,
 //! emulators that are processes of their own, and between them a line that can be cut, stalled or left half open.
-//! `cargo test -p slipbound-cli --test link_faults -- --nocapture` prints the rows of docs/grippers.md.
+//! `cargo test -p slipbound-cli --test real_time link_faults -- --nocapture` prints the rows of docs/grippers.md.
 
 use serde_json::Value;
 use std::fs;
