@@ -59,8 +59,6 @@ impl PlaneMap {
 const ROUNDS_COUNT: usize = 12;
 const LEAST_ROUNDS_COUNT: usize = 5;
 const STILL_PX: f64 = 1e-6;
-/// Rounds in which all dots weigh alike.
-const UNWEIGHTED_ROUNDS_COUNT: usize = 3;
 /// Keeps apart what homography and polynomial can both do; small enough not to bend the answer.
 const DAMPING: f64 = 1e-7;
 /// Residuals are weighted down beyond this many robust standard deviations (Geman and McClure).
@@ -117,14 +115,9 @@ pub(super) fn fit(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<PlaneM
     let mut d = [[0.0; MOST_TERMS]; 2];
     let n = 8 + 2 * bent.len();
     let mut row = [vec![0.0; n], vec![0.0; n]];
-    let (mut scales, mut before): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+    let mut before: Vec<f64> = Vec::new();
     for round in 0..ROUNDS_COUNT {
-        // Once the shape is right the scale hardly changes, and it costs four times what a miss does.
-        if round <= UNWEIGHTED_ROUNDS_COUNT {
-            scales = pairs.iter().map(|p| map.scale_at(p.plane)).collect();
-        }
-        let miss_px = |(pair, scale): (&Pair, &f64)| (map.apply(pair.plane) - pair.seen).length() / scale;
-        let residuals: Vec<f64> = pairs.iter().zip(&scales).map(miss_px).collect();
+        let residuals: Vec<f64> = pairs.iter().map(|p| map.residual_px(p)).collect();
         // Not before the weights have had their say; what is not a number does not stand still.
         let still = || residuals.iter().zip(&before).all(|(now, before)| (now - before).abs() < STILL_PX);
         if round > LEAST_ROUNDS_COUNT && still() {
@@ -134,7 +127,7 @@ pub(super) fn fit(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<PlaneM
         let mut normal = Normal::new(n);
         for (pair, miss) in pairs.iter().zip(&residuals) {
             // All dots alike until the shape is roughly right: lens distortion is no outlier.
-            let t = if round < UNWEIGHTED_ROUNDS_COUNT { 1.0 } else { 1.0 + miss * miss / (scale * scale) };
+            let t = if round < 3 { 1.0 } else { 1.0 + miss * miss / (scale * scale) };
             let weight = 1.0 / (t * t);
             let monomials = Distortion::monomials(centre, span, degree, pair.plane);
             let q = match degree {
