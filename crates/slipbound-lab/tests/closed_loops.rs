@@ -49,8 +49,8 @@ fn line(task: TaskKind, controller: ControllerKind, fault: &str) -> String {
     // Two seconds show what a fault does to the grip. A task needs its time to end without one, and a lift with a camera that is gone, too; a cap
     // that is held too loosely to be opened slides until then.
     let longest_s = match (task, controller) {
-        (TaskKind::Lift, _) if matches!(fault, "none" | "lost@2") => 9,
-        (TaskKind::Unscrew, ControllerKind::Constant) => 5,
+        (TaskKind::Unscrew, ControllerKind::Constant) if fault == "none" => 5,
+        (TaskKind::Lift, _) if fault == "lost@2" => 9,
         _ if fault == "none" => 9,
         _ => 4,
     };

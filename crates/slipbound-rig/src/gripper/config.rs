@@ -321,6 +321,15 @@ mod tests {
     }
 
     #[test]
+    fn a_value_of_an_address_is_a_number_or_a_truth_value_where_it_looks_like_one_and_else_text() {
+        assert_eq!(in_toml("28.5"), Value::Float(28.5));
+        assert_eq!(in_toml("true"), Value::Boolean(true));
+        for text in ["allow", "2026-01-02", "12:30:00", "{ a = 1 }", "a b", ""] {
+            assert_eq!(in_toml(text), Value::String(text.into()), "{text}");
+        }
+    }
+
+    #[test]
     fn newtons_are_converted_and_brought_inside() {
         let mut config = Config::of(Kind::Wsg50);
         assert_eq!((config.to_own_n(20.0), config.from_own_n(20.0)), (20.0, Some(20.0)));

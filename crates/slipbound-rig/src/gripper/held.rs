@@ -64,3 +64,27 @@ impl Held {
         is_wide || self.grasped_mm.is_some_and(|grasped_mm| opening_mm > grasped_mm + MOVED_MM)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gripper::config::Kind;
+
+    #[test]
+    fn what_open_jaws_read_is_taken_off_in_the_mean_however_it_scatters() {
+        let config = Config::of(Kind::Wsg50);
+        let open = |force_n: f64| GripperState {
+            time_ns: 0,
+            force_n: Some(force_n),
+            force_error_n: None,
+            target_n: None,
+            opening_mm: Some(config.open_mm),
+            jaws: Jaws::Open,
+        };
+        let mut held = Held::default();
+        for reading in 0..200 {
+            held.see(&open(if reading % 2 == 0 { 6.0 } else { 10.0 }), &config);
+        }
+        assert!((held.idle_n - 8.0).abs() < 0.1, "{}", held.idle_n);
+    }
+}

@@ -26,3 +26,19 @@ pub(super) fn zero_if_not_ready(result: io::Result<usize>) -> io::Result<usize> 
         other => other,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_link_that_is_not_ready_or_was_interrupted_has_nothing_yet_and_a_broken_one_an_error() {
+        for kind in [io::ErrorKind::WouldBlock, io::ErrorKind::TimedOut, io::ErrorKind::Interrupted] {
+            assert_eq!(zero_if_not_ready(Err(kind.into())).expect("nothing yet"), 0, "{kind:?}");
+        }
+        for kind in [io::ErrorKind::ConnectionReset, io::ErrorKind::UnexpectedEof, io::ErrorKind::Other] {
+            assert_eq!(zero_if_not_ready(Err(kind.into())).expect_err("broken").kind(), kind);
+        }
+        assert_eq!(zero_if_not_ready(Ok(7)).expect("bytes"), 7);
+    }
+}

@@ -89,6 +89,9 @@ fn robotiq_met_by_a_part_on_the_way_says_so_and_takes_short_writes() {
         ("SET ADR 1", "ack"),
         ("GET ADR", "ADR 1\n"),
         ("SET ATR 0", "ack"),
+        ("SET SPE 77 FOR 12", "ack"),
+        ("GET SPE", "SPE 77\n"),
+        ("GET FOR", "FOR 12\n"),
         ("SET POS 150 SPE 255 FOR 0 GTO 1", "ack"),
         ("GET OBJ", "OBJ 0\n"),
     ] {

@@ -31,6 +31,22 @@ fn a_block_is_gripped_and_released_by_these_lines() {
 }
 
 #[test]
+fn jaws_whose_supply_fails_on_their_way_stay_where_they_are() {
+    let mut bench = Bench::of("line", "power-cycle@300");
+    bench.run(100);
+    bench.grip(20.0).expect("taken over");
+    bench.run(300);
+    assert!(!bench.is_connected());
+    bench.connect();
+    bench.run(100);
+    let opening_mm = |bench: &mut Bench| bench.state().expect("there").opening_mm.expect("known");
+    let stopped_mm = opening_mm(&mut bench);
+    assert!((51.0..109.0).contains(&stopped_mm), "on their way: {stopped_mm}");
+    bench.run(1000);
+    assert_eq!(opening_mm(&mut bench), stopped_mm);
+}
+
+#[test]
 fn a_refusal_a_wrong_echo_and_a_wrong_version_are_told() {
     let mut bench = Bench::of("line", "refuse-force");
     bench.run(100);
