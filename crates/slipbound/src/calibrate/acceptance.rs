@@ -38,7 +38,12 @@ pub(super) fn accept(grid: &Grid, dots_count: usize, grey: &[u8], camera_px: Siz
     }
     let off_grid_count = grid.off_grid.len() + residuals.len() - on_grid.len();
     if (on_grid.len() as f64) < FEWEST_ON_GRID * (on_grid.len() + off_grid_count) as f64 {
-        return Err(CalibrationError::Strays { markers_count: on_grid.len(), off_grid_count });
+        // A few of many dots stand as on a grid by chance: that is no grid with glare in it.
+        let on_grid_count = on_grid.len();
+        if on_grid_count < FEWEST_MARKERS || 2 * on_grid_count < dots_count {
+            return Err(CalibrationError::NoGrid { dots_count: dots_count.max(on_grid_count), on_grid_count });
+        }
+        return Err(CalibrationError::Strays { markers_count: on_grid_count, off_grid_count });
     }
     // Homography and the terms of the polynomial that are not linear, for each axis.
     let parameters = 4.0 + grid.map.distortion.map_or(0.0, |d| d.terms_px().0.len() as f64 - 3.0);

@@ -107,8 +107,8 @@ impl fmt::Display for CalibrationError {
             }
             CalibrationError::NoGrid { dots_count, on_grid_count } => write!(
                 f,
-                "no grid of markers: expected at least {FEWEST_MARKERS} dots on a grid, got {on_grid_count} of \
-                 {dots_count} dots (take a sharp picture of the untouched finger, lights on, at its full size)"
+                "no grid of markers: expected at least {FEWEST_MARKERS} dots on a grid and half of all there are, got \
+                 {on_grid_count} of {dots_count} dots (take a sharp picture of the untouched finger, lights on, at its full size)"
             ),
             CalibrationError::Narrow { got: [columns, rows] } => write!(
                 f,
