@@ -49,7 +49,7 @@ LONG = tests("evidence", "exactness", "paper_cases")
 def groups_of(file, is_long):
     """The groups that can tell a change of this file."""
     if "slipbound-rig/" in file:
-        return [WIRES, LIB, tests("grippers")]
+        return [WIRES, LIB, tests("links")]
     # What works on reports is tested with made-up ones.
     if re.search(r"/src/(events|hand|grip|task)\b", file):
         return [CYCLES, STATES] + is_long * [tests("control_loop")]

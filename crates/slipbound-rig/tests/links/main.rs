@@ -1,0 +1,18 @@
+//! What is linked from outside: drivers against emulators, in lock-step through byte queues, then over real sockets and a pseudo-terminal, and
+//! cameras over the network. Much of it is waiting, so all of it is one program.
+
+mod bench;
+mod client;
+mod driver;
+mod faults;
+mod foreign;
+mod foreign_robotiq;
+mod foreign_weiss;
+mod gcl;
+mod line;
+mod mjpeg_http;
+mod noise;
+mod robotiq;
+mod sockets;
+mod tolerance;
+mod wsg50;
