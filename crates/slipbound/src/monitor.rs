@@ -227,8 +227,8 @@ impl SlipMonitor {
         self.alarmed = small && (self.alarmed || self.small_margin_frames_count >= needed);
         // Deviation: D16 alarm from the estimated margin
         if self.alarmed {
-            let (force, torque) = self.estimator.load_px3;
-            self.slip.say_load(force, torque);
+            let (pull, turn) = self.estimator.pull_and_turn_px3();
+            self.slip.say_load(pull, turn);
         }
     }
 

@@ -86,7 +86,9 @@ pub(super) struct Estimator {
     pub(super) estimates: Estimates,
     pub(super) features: Option<Features>,
     /// Load in the plane, and torque over the mean radius of the contact, in the same unit.
-    pub(super) load_px3: (Vec2, f64),
+    load_px3: (Vec2, f64),
+    /// The torque as the force that moves the contact as far as the torque moves its points in the mean, see [`Learned::lever_px`].
+    turning_px3: f64,
 }
 
 /// What a frame shows of load and contact.
@@ -139,6 +141,7 @@ impl Estimator {
             estimates: Estimates::default(),
             features: None,
             load_px3: (Vec2::ZERO, 0.0),
+            turning_px3: 0.0,
         }
     }
 
@@ -150,6 +153,11 @@ impl Estimator {
     /// Whether the margin rests on grip force and stiffness, not on the picture alone.
     pub fn knows_grip(&self) -> bool {
         self.stiffness_n_per_px3.is_some() && self.grip_n.is_some_and(|n| n > 0.0)
+    }
+
+    /// What the load of the last frame moves, as two forces: it in the plane, and what turns.
+    pub fn pull_and_turn_px3(&self) -> (Vec2, f64) {
+        (self.load_px3.0, self.turning_px3)
     }
 
     /// Of the last frame: when it was, s since the contact began; load and torque as one number; the mean grip force where it is known, N.
@@ -284,6 +292,7 @@ impl Estimator {
         }
         self.features = Some(learned.features);
         self.load_px3 = (force_px3, learned.arm_px.recip() * moment_px4);
+        self.turning_px3 = moment_px4 / learned.lever_px;
         self.estimate(
             &learned,
             &Seen { force_px3, moment_px4, load_px3: learned.load_px3, middle, area_px2: whole_px2 },

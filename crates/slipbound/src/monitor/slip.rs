@@ -157,12 +157,12 @@ impl Slip {
 }
 
 impl Slip {
-    /// Says what slips by the rule `margin`: the object goes where the load pulls it, translation and rotation as the
-    /// load has force and torque over the mean radius, both in the same unit.
-    pub(super) fn say_load(&mut self, force: Vec2, torque_over_radius: f64) {
-        let kind = kind(torque_over_radius.abs(), force.length());
+    /// Says what slips by the rule `margin`: the object goes where the load pulls it, translation and rotation as pull
+    /// and turn move the gel, both in the unit of the pull.
+    pub(super) fn say_load(&mut self, pull: Vec2, turn: f64) {
+        let kind = kind(turn.abs(), pull.length());
         self.summary.kind = Some(kind);
-        self.summary.direction_rad = (kind != SlipKind::Rotation).then(|| force.direction_rad());
+        self.summary.direction_rad = (kind != SlipKind::Rotation).then(|| pull.direction_rad());
     }
 }
 

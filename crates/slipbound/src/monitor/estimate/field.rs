@@ -89,6 +89,9 @@ pub(super) struct Learned {
     pub rigid_px: f64,
     /// Mean distance of the markers in contact from its middle, px.
     pub arm_px: f64,
+    /// Mean of the squares of these distances over their mean, px: under a torque over it the gel at the arm moves by as much as the
+    /// whole contact does under a force of that size.
+    pub lever_px: f64,
     /// Secant stiffness of this frame, px2; None while nothing has moved.
     pub secant_px2: Option<f64>,
 }
@@ -120,6 +123,7 @@ pub(super) fn features(
     let rigid_squared = points.iter().map(|q| q.rigid.length_squared()).sum::<f64>();
     let rigid_px = (rigid_squared / n).sqrt();
     let arm_px = mean(&|q| q.radius, points).max(1e-6);
+    let lever_px = mean(&|q| q.radius * q.radius, points).max(1e-12) / arm_px;
     let largest_radius = points.last().map_or(1.0, |q| q.radius).max(1e-6);
     let along: f64 = points.iter().map(|q| (q.displacement - q.joined).dot(q.rigid)).sum();
 
@@ -199,6 +203,7 @@ pub(super) fn features(
         load_px3,
         rigid_px,
         arm_px,
+        lever_px,
         secant_px2,
     }
 }

@@ -73,6 +73,36 @@ fn the_load_is_the_sum_over_all_markers() {
     assert!(estimator.estimates.friction.is_some());
 }
 
+#[test]
+fn pull_and_turn_stand_to_each_other_as_shift_and_rotation_of_the_arm() {
+    // A disc, and a strip, whose arm is shorter beside its lever; neither at the border of the view.
+    for half in [Vec2::new(90.0, 90.0), Vec2::new(150.0, 20.0)] {
+        let (sensor, mut markers) = finger(1.0);
+        let middle = Vec2::new(180.0, 135.0);
+        let mut estimator = Estimator::new(&sensor, &markers, false);
+        let inside = |m: &Marker| {
+            let from = m.rest - middle;
+            (from.x / half.x).powi(2) + (from.y / half.y).powi(2) < 1.0
+        };
+        let distances: Vec<f64> = markers.iter().filter(|m| inside(m)).map(|m| (m.rest - middle).length()).collect();
+        let arm_px = distances.iter().sum::<f64>() / distances.len() as f64;
+        let (shift_px, turn_rad) = (6.0, -3.0 / arm_px);
+        for frame in 0..30u64 {
+            let share = (frame.max(10) - 10) as f64 / 19.0;
+            for m in &mut markers {
+                let from = m.rest - middle;
+                m.in_contact = inside(m);
+                let moved = Vec2::new(0.0, shift_px) + Vec2::new(-from.y, from.x) * turn_rad;
+                m.now = if m.in_contact { m.rest + moved * share } else { m.rest };
+            }
+            let grip = Some(GripSample { force_n: 10.0 });
+            estimator.see(Some(frame * 33_333_333), grip, AREA_PX2, None, &markers);
+        }
+        let (pull, turn) = estimator.pull_and_turn_px3();
+        assert!((turn / pull.y + 0.5).abs() < 0.02, "{half:?}: {turn} beside {pull:?}");
+    }
+}
+
 /// What is told of a contact that the view cuts.
 struct Cut {
     load_n: f64,
