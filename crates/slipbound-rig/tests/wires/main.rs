@@ -8,7 +8,7 @@
 //! Look at the difference before you commit it.
 
 #[allow(dead_code)] // these tests use their part
-#[path = "../grippers/bench.rs"]
+#[path = "../links/bench.rs"]
 mod bench;
 #[path = "../../../slipbound/tests/snapshot/mod.rs"]
 mod snapshot;
