@@ -263,12 +263,14 @@ impl Estimator {
         }
         self.motion = Some(motion);
         let force_px3 = self.load.force_px3(self.grip_n);
-        let whole_px2 = area_px2 + self.load.hidden_px2();
+        let hidden_px2 = self.load.hidden_px2();
+        let whole_px2 = area_px2 + hidden_px2;
         let reference = &self.reference;
         let moment_px4 = self.load.moment_px4(markers, middle, |m| reference.under_load(m, growth));
         let facts = FieldFacts {
             pitch_px: self.pitch_px,
             area_px2: whole_px2,
+            hidden_fraction: hidden_px2 / whole_px2.max(1.0),
             skirt_px: self.skirt_px,
             force_px3,
             moment_px4,

@@ -1,7 +1,7 @@
 //! What the estimates rest on: dimensionless numbers of a contact's displacement field.
 
 /// How many there are.
-pub const FEATURES_COUNT: usize = 24;
+pub const FEATURES_COUNT: usize = 25;
 
 /// How many of them, the first ones, need neither grip force nor stiffness.
 pub const GEOMETRIC_COUNT: usize = 20;
@@ -31,6 +31,7 @@ pub const GEOMETRIC_COUNT: usize = 20;
 /// | `mean_shear` | abs(mean d) k A / (0.6 P) |
 /// | `residual_shear` | RMS s k A / (0.6 P) |
 /// | `far_shear` | 90th percentile of abs(d) k A / (0.6 P) |
+/// | `hidden` | share of A that is out of view: 0 where the length of the gel is not known |
 pub const FEATURE_NAMES: [&str; FEATURES_COUNT] = [
     "residual_over_rigid",
     "rim_over_centre",
@@ -56,6 +57,7 @@ pub const FEATURE_NAMES: [&str; FEATURES_COUNT] = [
     "mean_shear",
     "residual_shear",
     "far_shear",
+    "hidden",
 ];
 
 /// Where some of them are.

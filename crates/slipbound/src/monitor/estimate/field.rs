@@ -61,6 +61,8 @@ pub(super) struct FieldFacts {
     pub pitch_px: f64,
     /// Area of the contact, px2, with what of it is out of view.
     pub area_px2: f64,
+    /// The share of it that is out of view.
+    pub hidden_fraction: f64,
     /// Width by which a patch that sticks drags the gel around it, px: 0.64 of the gel's thickness.
     pub skirt_px: f64,
     /// Load of all markers: their sum of displacements times the area of each, px3.
@@ -199,6 +201,7 @@ pub(super) fn features(
             area * mean_moved.length(),
             area * slip_rms,
             area * far_px,
+            facts.hidden_fraction,
         ],
         load_px3,
         rigid_px,

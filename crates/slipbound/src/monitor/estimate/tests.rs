@@ -110,8 +110,9 @@ struct Cut {
     /// The most by which the load changed in a frame while a marker of the border was in and out of contact.
     jump_n: f64,
     cut_fraction: f64,
-    /// The feature of that name.
+    /// The features of these names.
     mean_shear: f64,
+    hidden: f64,
 }
 
 /// A contact over the columns of markers from `first` on, pushed along x by 12 px for two seconds.
@@ -133,13 +134,15 @@ fn cut_by_the_view(gel_mm: Option<[f64; 2]>, first: u32) -> Cut {
             last_n = Some(now_n);
         }
     }
-    let at = FEATURE_NAMES.iter().position(|name| *name == "mean_shear").expect("named");
+    let features = estimator.features.expect("a contact");
+    let feature = |name| features[FEATURE_NAMES.iter().position(|known| *known == name).expect("named")];
     Cut {
         load_n: last_n.expect("frames"),
         hidden_px2: estimator.load.hidden_px2(),
         jump_n,
         cut_fraction: estimator.estimates.cut_fraction,
-        mean_shear: estimator.features.expect("a contact")[at],
+        mean_shear: feature("mean_shear"),
+        hidden: feature("hidden"),
     }
 }
 
@@ -156,10 +159,11 @@ fn a_contact_that_the_view_cuts_goes_on_to_where_the_gel_ends() {
     assert!((all.cut_fraction - 38.0 / 108.0).abs() < 0.01, "{}", all.cut_fraction);
     let free = cut_by_the_view(None, 0);
     assert!(free.load_n < 0.8 * all.load_n, "the length of the gel is not known: {} N", free.load_n);
-    assert_eq!((free.hidden_px2, free.cut_fraction), (0.0, all.cut_fraction));
+    assert_eq!((free.hidden_px2, free.hidden, free.cut_fraction), (0.0, 0.0, all.cut_fraction));
     // The features are those of the whole contact, not of what is seen of it.
     let whole = (AREA_PX2 + all.hidden_px2) / AREA_PX2;
     assert!((all.mean_shear / free.mean_shear / whole - 1.0).abs() < 1e-6, "{} {}", all.mean_shear, free.mean_shear);
+    assert!((all.hidden - (1.0 - 1.0 / whole)).abs() < 1e-9, "{}", all.hidden);
     // In contact over the right half alone: the left border stands for free gel, which does not move.
     let half = cut_by_the_view(Some([25.0, 20.0]), 6);
     assert!((half.load_n / all.load_n - 0.5).abs() < 0.03, "{} N", half.load_n);
@@ -321,6 +325,7 @@ fn a_patch_at_the_border_is_called_cut() {
     let facts = FieldFacts {
         pitch_px: 30.0,
         area_px2: 900.0,
+        hidden_fraction: 0.0,
         skirt_px: 38.0,
         force_px3: Vec2::ZERO,
         moment_px4: 0.0,
