@@ -5,6 +5,7 @@ mod bench;
 mod client;
 mod driver;
 mod faults;
+mod ffmpeg_live;
 mod foreign;
 mod foreign_robotiq;
 mod foreign_weiss;
