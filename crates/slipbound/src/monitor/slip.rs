@@ -158,11 +158,11 @@ impl Slip {
 
 impl Slip {
     /// Says what slips by the rule `margin`: the object goes where the load pulls it, translation and rotation as pull
-    /// and turn move the gel, both in the unit of the pull.
-    pub(super) fn say_load(&mut self, pull: Vec2, turn: f64) {
-        let kind = kind(turn.abs(), pull.length());
+    /// and turn move the gel, both in px3: displacement of the gel times its area.
+    pub(super) fn say_load(&mut self, pull_px3: Vec2, turn_px3: f64) {
+        let kind = kind(turn_px3.abs(), pull_px3.length());
         self.summary.kind = Some(kind);
-        self.summary.direction_rad = (kind != SlipKind::Rotation).then(|| pull.direction_rad());
+        self.summary.direction_rad = (kind != SlipKind::Rotation).then(|| pull_px3.direction_rad());
     }
 }
 

@@ -3,7 +3,8 @@
 /// How many there are.
 pub const FEATURES_COUNT: usize = 25;
 
-/// How many of them, the first ones, need neither grip force nor stiffness.
+/// How many of them, the first ones, trees without grip force are told: they need neither it nor stiffness. (`hidden` needs neither, but
+/// those trees were fitted without it.)
 pub const GEOMETRIC_COUNT: usize = 20;
 
 /// Their names, in their order. With d the displacement of a marker in contact under load, r that of the rigid motion of
