@@ -358,11 +358,16 @@ fn dots_on_no_grid_are_refused_with_the_reason() {
     assert!(reasons.keys().all(|r| of_clouds.contains(&r.as_str())), "{reasons:?}");
 }
 
-/// These clouds have a dozen dots as on a grid and a third as many beside it: not glare on a finger, for most dots are elsewhere.
+/// These clouds have a dozen or two dots as on a grid and a third as many beside it: not glare on a finger, for most dots are elsewhere.
 #[test]
 fn a_few_of_many_dots_on_a_grid_are_no_grid_with_glare() {
-    for (seed, kind, dots_count) in [(4, Cloud::Anywhere, 250), (6, Cloud::Spaced, 120), (11, Cloud::Spaced, 120)] {
-        let (grey, size) = cloud(seed, kind, dots_count, Polarity::Bright);
+    for (seed, kind, dots_count, polarity) in [
+        (4, Cloud::Anywhere, 250, Polarity::Bright),
+        (6, Cloud::Spaced, 120, Polarity::Bright),
+        (18, Cloud::Spaced, 250, Polarity::Dark),
+        (24, Cloud::Anywhere, 500, Polarity::Dark),
+    ] {
+        let (grey, size) = cloud(seed, kind, dots_count, polarity);
         let error = calibrate(&[frame(&grey, size)], &known()).expect_err("no grid").to_string();
         assert!(error.starts_with("no grid of markers"), "seed {seed}: {error}");
     }
