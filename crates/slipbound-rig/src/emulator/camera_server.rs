@@ -113,3 +113,64 @@ fn serve(mut socket: TcpStream, slot: &Slot) -> io::Result<()> {
         socket.write_all(&part)?;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::{BufRead as _, BufReader};
+
+    fn client(server: &CameraServer, request: &str) -> BufReader<TcpStream> {
+        let mut socket = TcpStream::connect(server.address()).expect("it listens");
+        socket.set_read_timeout(Some(Duration::from_secs(10))).expect("a socket");
+        socket.write_all(request.as_bytes()).expect("sent");
+        BufReader::new(socket)
+    }
+
+    /// The lines up to an empty one.
+    fn head(client: &mut BufReader<TcpStream>) -> String {
+        let mut text = String::new();
+        while client.read_line(&mut text).is_ok_and(|count| count > 2) {}
+        text
+    }
+
+    /// The next picture with its head.
+    fn picture(client: &mut BufReader<TcpStream>, count: usize) -> (String, Vec<u8>) {
+        let head = head(client);
+        let mut bytes = vec![0; count + 2];
+        client.read_exact(&mut bytes).expect("a picture");
+        assert_eq!(bytes.split_off(count), b"\r\n");
+        let mut boundary = String::new();
+        client.read_line(&mut boundary).expect("a boundary");
+        assert_eq!(boundary, "--frame\r\n");
+        (head, bytes)
+    }
+
+    #[test]
+    fn every_client_gets_the_newest_picture_then_each_new_one_and_an_end() {
+        let server = CameraServer::new(TcpListener::bind("127.0.0.1:0").expect("a port")).expect("served");
+        server.show(b"old", 0);
+        server.show(b"first", 1_250_000_000);
+        let mut early = client(&server, "GET /stream HTTP/1.1\r\nHost: x\r\n\r\n");
+        assert!(head(&mut early).starts_with("HTTP/1.0 200 OK\r\n"));
+        let mut boundary = String::new();
+        early.read_line(&mut boundary).expect("a boundary");
+        let (told, bytes) = picture(&mut early, 5);
+        assert!(told.contains("Content-Length: 5\r\n") && told.contains("X-Timestamp: 1.250000\r\n"), "{told}");
+        assert_eq!(bytes, b"first");
+        server.show(b"second", 2_000_000_000);
+        assert_eq!(picture(&mut early, 6).1, b"second");
+
+        let mut wrong = client(&server, "POST / HTTP/1.1\r\n\r\n");
+        assert!(head(&mut wrong).starts_with("HTTP/1.0 405 "));
+        let address = server.address();
+        drop(server);
+        let mut rest = Vec::new();
+        early.read_to_end(&mut rest).expect("it ends");
+        assert!(rest.is_empty());
+        let refused = |_: &u32| {
+            thread::sleep(PAUSE);
+            TcpStream::connect(address).is_err()
+        };
+        assert!((0..250).find(refused).is_some(), "nobody listens any more");
+    }
+}

@@ -96,6 +96,8 @@ struct Scripted {
     now_ns: u64,
     /// GRIPSTATE.
     state: u8,
+    /// Time between two rounds of the loop.
+    tick_ms: u64,
 }
 
 impl Scripted {
@@ -103,7 +105,7 @@ impl Scripted {
     fn gripping() -> Self {
         let mut driver = driver("gcl", config("gcl"));
         driver.linked(0);
-        let mut scripted = Scripted { driver, now_ns: 0, state: 0 };
+        let mut scripted = Scripted { driver, now_ns: 0, state: 0, tick_ms: 1 };
         scripted.run(200);
         scripted.grip();
         assert!(scripted.run(100), "GRIP is sent");
@@ -122,8 +124,8 @@ impl Scripted {
     /// Answers questions for so many ms; whether a GRIP was among what was sent.
     fn run(&mut self, ms: u64) -> bool {
         let mut is_gripping = false;
-        for _ in 0..ms {
-            self.now_ns += MS;
+        for _ in 0..ms.div_ceil(self.tick_ms) {
+            self.now_ns += self.tick_ms * MS;
             self.driver.tick(self.now_ns);
             let sent = String::from_utf8(std::mem::take(self.driver.outgoing())).expect("ASCII");
             for line in sent.lines() {
@@ -180,6 +182,12 @@ fn a_grip_that_fails_says_its_reason_even_where_the_state_never_changes() {
     scripted.say("ERR GRIP 18");
     let error = scripted.error_within(700).expect("told");
     assert!(error.contains("status 18, command failed"), "{error}");
+    // However seldom the loop comes round.
+    let mut scripted = Scripted { tick_ms: 7, ..Scripted::gripping() };
+    scripted.state = 1;
+    scripted.say("ACK GRIP");
+    scripted.say("ERR GRIP 18");
+    assert!(scripted.error_within(700).is_some());
 }
 
 #[test]

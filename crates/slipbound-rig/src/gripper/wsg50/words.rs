@@ -177,3 +177,17 @@ pub mod flag {
         words.join(", ")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::flag::faults;
+
+    #[test]
+    fn a_fault_is_told_by_its_bit_of_the_system_state() {
+        for (bit, words) in [(14, "too hot"), (15, "supply voltage"), (16, "too much current"), (17, "sensor finger")] {
+            assert!(faults(1 << bit).contains(words), "bit {bit}: {:?}", faults(1 << bit));
+        }
+        assert_eq!(faults(!(0xf << 14)), "", "the other bits are no faults");
+        assert_eq!(faults(0xf << 14).matches(", ").count(), 3, "all of them are told");
+    }
+}
