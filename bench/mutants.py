@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A seeded sample of mutants, each run against the tests of its own crate: bench/mutants.py core --seed 1 --sample 300
+"""A seeded sample of mutants, each run against the tests of its own crate: python3 bench/mutants.py core --seed 1 --sample 300
 
 Needs `cargo install cargo-mutants --locked`, which makes the mutants; what may be mutated is in .cargo/mutants.toml. Each is tried in a
 copy of the tree under target/mutants, where only what the change touches is built again (`cargo mutants` itself builds every target of
