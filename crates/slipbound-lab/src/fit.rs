@@ -23,15 +23,15 @@ use std::collections::BTreeSet;
 
 /// What an ensemble is fitted with.
 pub const VALUES: Fitting =
-    Fitting { loss: Loss::Squares, trees_count: 200, shrinkage: 0.1, least_rows: 40.0, ridge: 2.0 };
+    Fitting { loss: Loss::Squares, trees_count: 200, depth: 6, shrinkage: 0.1, least_rows: 100.0, ridge: 5.0 };
 
 /// What the errors are fitted with.
 pub const ERRORS: Fitting =
-    Fitting { loss: Loss::Squares, trees_count: 30, shrinkage: 0.15, least_rows: 150.0, ridge: 5.0 };
+    Fitting { loss: Loss::Squares, trees_count: 30, depth: 3, shrinkage: 0.15, least_rows: 150.0, ridge: 5.0 };
 
 /// What the verdict on gross slip is fitted with.
 pub const GROSS: Fitting =
-    Fitting { loss: Loss::Logistic, trees_count: 600, shrinkage: 0.1, least_rows: 20.0, ridge: 3.0 };
+    Fitting { loss: Loss::Logistic, trees_count: 600, depth: 3, shrinkage: 0.1, least_rows: 20.0, ridge: 3.0 };
 
 /// Where the load is among the features: the first one that needs the grip force.
 const LOAD: usize = GEOMETRIC_COUNT;

@@ -1,10 +1,8 @@
-//! Gradient boosting of regression trees of depth 3 with some outputs, splits between quantiles.
+//! Gradient boosting of full regression trees with some outputs, splits between quantiles.
 
 use super::row::Row;
 use std::fmt::Write;
 
-const SPLITS: usize = 7;
-const LEAVES: usize = 8;
 /// Splits tried of a feature, at most.
 const BINS: usize = 64;
 
@@ -24,6 +22,8 @@ pub struct Fitting {
     pub loss: Loss,
     /// Number of trees.
     pub trees_count: usize,
+    /// Splits from the root of a tree to a leaf.
+    pub depth: u32,
     /// Share of what a leaf would say that it says.
     pub shrinkage: f64,
     /// Least weight of the rows in a leaf; with logistic loss times p (1 - p).
@@ -34,9 +34,9 @@ pub struct Fitting {
 
 #[derive(Debug, Clone, PartialEq)]
 struct Tree<const N: usize> {
-    features: [usize; SPLITS],
-    thresholds: [f32; SPLITS],
-    leaves: [[f32; N]; LEAVES],
+    features: Vec<usize>,
+    thresholds: Vec<f32>,
+    leaves: Vec<[f32; N]>,
 }
 
 /// Trees whose leaves add up.
@@ -102,7 +102,7 @@ impl<const N: usize> Ensemble<N> {
             }
             let tree = grow(&sums, &bins, &edges, &mut nodes, how);
             for (said, node) in said.iter_mut().zip(&nodes) {
-                let leaf = tree.leaves[node - SPLITS];
+                let leaf = tree.leaves[node - tree.features.len()];
                 said.iter_mut().zip(leaf).for_each(|(said, leaf)| *said += f64::from(leaf));
             }
             trees.push(tree);
@@ -115,10 +115,10 @@ impl<const N: usize> Ensemble<N> {
         let mut sum = self.base.map(f64::from);
         for tree in &self.trees {
             let mut at = 0;
-            while at < SPLITS {
-                at = 2 * at + 1 + usize::from(features[tree.features[at]] > f64::from(tree.thresholds[at]));
+            while let (Some(feature), Some(threshold)) = (tree.features.get(at), tree.thresholds.get(at)) {
+                at = 2 * at + 1 + usize::from(features[*feature] > f64::from(*threshold));
             }
-            sum.iter_mut().zip(tree.leaves[at - SPLITS]).for_each(|(sum, leaf)| *sum += f64::from(leaf));
+            sum.iter_mut().zip(tree.leaves[at - tree.features.len()]).for_each(|(sum, leaf)| *sum += f64::from(leaf));
         }
         sum
     }
@@ -128,7 +128,7 @@ impl<const N: usize> Ensemble<N> {
         let base: Vec<String> = self.base.iter().map(f32::to_string).collect();
         let mut text = format!("ensemble {name} {}\n", base.join(" "));
         for tree in &self.trees {
-            for (feature, threshold) in tree.features.iter().zip(tree.thresholds) {
+            for (feature, threshold) in tree.features.iter().zip(&tree.thresholds) {
                 let _ = write!(text, "{feature}:{threshold} ");
             }
             let leaves: Vec<String> = tree.leaves.iter().flatten().map(|value| value.to_string()).collect();
@@ -171,9 +171,14 @@ fn grow<const N: usize>(
     how: &Fitting,
 ) -> Tree<N> {
     let features_count = edges.len();
-    let mut tree = Tree { features: [0; SPLITS], thresholds: [f32::MAX; SPLITS], leaves: [[0.0; N]; LEAVES] };
+    let splits_count = (1 << how.depth) - 1;
+    let mut tree = Tree {
+        features: vec![0; splits_count],
+        thresholds: vec![f32::INFINITY; splits_count],
+        leaves: vec![[0.0; N]; splits_count + 1],
+    };
     nodes.fill(0);
-    for (first, last) in [(0, 1), (1, 3), (3, 7)] {
+    for (first, last) in (0..how.depth).map(|level| ((1 << level) - 1, (2 << level) - 1)) {
         let mut sums = vec![Sums::NONE; (last - first) * features_count * BINS];
         for ((row, bins), node) in rows.iter().zip(bins.chunks_exact(features_count)).zip(&*nodes) {
             for (feature, bin) in bins.iter().enumerate() {
@@ -193,9 +198,9 @@ fn grow<const N: usize>(
             *node = 2 * *node + 1 + usize::from(over);
         }
     }
-    let mut sums = [Sums::NONE; LEAVES];
+    let mut sums = vec![Sums::NONE; splits_count + 1];
     for (row, node) in rows.iter().zip(&*nodes) {
-        sums[node - SPLITS].add(row);
+        sums[node - splits_count].add(row);
     }
     for (leaf, sums) in tree.leaves.iter_mut().zip(sums) {
         // Six decimals are finer than any estimate.
@@ -211,7 +216,7 @@ fn best_split<'a, const N: usize>(
     edges: &[Vec<f32>],
     how: &Fitting,
 ) -> (usize, f32) {
-    let (mut best, mut best_gain) = ((0, f32::MAX), 1e-9);
+    let (mut best, mut best_gain) = ((0, f32::INFINITY), 1e-9);
     for (feature, edges) in edges.iter().enumerate() {
         let bins = of(feature);
         let all = bins.iter().fold(Sums::NONE, |mut sum, bin| {
@@ -252,7 +257,8 @@ mod tests {
 
     #[test]
     fn a_step_and_a_product_are_learned_and_written_as_the_monitor_reads_them() {
-        let how = Fitting { loss: Loss::Squares, trees_count: 80, shrinkage: 0.2, least_rows: 5.0, ridge: 0.1 };
+        let how =
+            Fitting { loss: Loss::Squares, trees_count: 80, depth: 3, shrinkage: 0.2, least_rows: 5.0, ridge: 0.1 };
         let rows = rows();
         let ensemble = Ensemble::fit(&rows, |row| row.targets, &how);
         for row in &rows {
@@ -267,7 +273,8 @@ mod tests {
 
     #[test]
     fn odds_are_learned_where_only_ones_and_zeros_are_seen() {
-        let how = Fitting { loss: Loss::Logistic, trees_count: 60, shrinkage: 0.3, least_rows: 2.0, ridge: 0.5 };
+        let how =
+            Fitting { loss: Loss::Logistic, trees_count: 60, depth: 3, shrinkage: 0.3, least_rows: 2.0, ridge: 0.5 };
         // A quarter of those above one half are 1, none below.
         let rows: Vec<Row> = (0..4000)
             .map(|n| {

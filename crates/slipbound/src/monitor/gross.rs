@@ -58,8 +58,8 @@ const GOES_ON_STICK: f64 = 0.3;
 /// The trees, with grip force and from the picture alone.
 #[derive(Debug)]
 struct Trees {
-    grip: Ensemble<1>,
-    alone: Ensemble<1>,
+    grip: Ensemble,
+    alone: Ensemble,
 }
 
 fn shipped() -> &'static Trees {
@@ -151,7 +151,7 @@ impl GrossWatch {
                     true => (&self.trees.grip, BEGINS),
                     false => (&self.trees.alone, BEGINS_ALONE),
                 };
-                let [logit] = trees.at(features);
+                let logit = trees.at(features);
                 let probability = 1.0 / (1.0 + libm::exp(-logit));
                 self.all_used_frames_count = 0;
                 let can_begin = !knows_grip || 1.0 - margin.value >= LEAST_USED;
@@ -270,7 +270,7 @@ mod tests {
                 let mut watch = GrossWatch::new();
                 let says = watch.see(&estimates(used, stick), knows_grip, &seen(&evidence, Some(&recent), &field));
                 let trees = if knows_grip { &watch.trees.grip } else { &watch.trees.alone };
-                let [logit] = trees.at(&watch.features.expect("all is known"));
+                let logit = trees.at(&watch.features.expect("all is known"));
                 let probability = 1.0 / (1.0 + libm::exp(-logit));
                 assert_eq!(says, probability >= least, "{knows_grip}, {used}, {stick}: {probability}");
                 between[case] += u32::from((0.98..least).contains(&probability));

@@ -24,10 +24,10 @@ pub(super) struct Said {
 /// for a fast one, and the stick ratio; without, the used fraction of ramps to gross slip, and the stick ratio.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Trees {
-    used: [Ensemble<1>; 2],
-    stick: [Ensemble<1>; 2],
-    alone_used: [Ensemble<1>; 2],
-    alone_stick: [Ensemble<1>; 2],
+    used: [Ensemble; 2],
+    stick: [Ensemble; 2],
+    alone_used: [Ensemble; 2],
+    alone_stick: [Ensemble; 2],
 }
 
 /// The ones that are shipped.
@@ -90,7 +90,7 @@ impl Trees {
 }
 
 /// The value and its standard deviation: the mean length of an error is stated.
-fn said([value, error]: &[Ensemble<1>; 2], features: &Features) -> (f64, f64) {
-    let ([value], [error]) = (value.at(features), error.at(features));
+fn said([value, error]: &[Ensemble; 2], features: &Features) -> (f64, f64) {
+    let (value, error) = (value.at(features), error.at(features));
     (value, (1.2533 * error).max(LEAST_SD))
 }
