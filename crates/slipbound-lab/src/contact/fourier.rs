@@ -296,7 +296,8 @@ fn each_group<const R: usize, const AFTER: bool>(
     let span = stage.span;
     for (re, im) in re.chunks_exact_mut(R * span).zip(im.chunks_exact_mut(R * span)) {
         if span == 1 {
-            butterfly([re, im], 0, span, &transform);
+            // Not `&transform`: calls through a reference are not inlined, and then not made vectors of.
+            butterfly([re, im], 0, span, |numbers| transform(numbers));
             continue;
         }
         for (j, twiddles) in stage.twiddles.chunks_exact(R - 1).enumerate() {

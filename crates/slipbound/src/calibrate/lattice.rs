@@ -87,7 +87,8 @@ impl Basis {
                     continue;
                 }
                 let (a, b) = if sine > 0.0 { (a, b) } else { (b, a) };
-                let has = |p: Vec2| around.iter().any(|q| (*q - p).length() < 0.22 * short);
+                let near_squared = (0.22 * short) * (0.22 * short);
+                let has = |p: Vec2| around.iter().any(|q| (*q - p).length_squared() < near_squared);
                 let supported = [a, b, -a, -b, a + b, a - b, b - a, -a - b].into_iter().filter(|p| has(*p)).count();
                 // With equal support the shorter steps: diagonal ones span every other node, or a slanted grid.
                 let better =
@@ -106,22 +107,25 @@ fn grow(spots: &[Spot], seed: usize, basis: &Basis) -> Nodes {
     let mut nodes = Nodes::from([((0, 0), seed)]);
     let mut used = vec![false; spots.len()];
     used[seed] = true;
-    let mut tried: BTreeMap<(i32, i32), usize> = BTreeMap::new();
+    let mut by_height: Vec<usize> = (0..spots.len()).collect();
+    by_height.sort_by(|&i, &j| spots[i].position.y.total_cmp(&spots[j].position.y));
+    // Looked at since the last change around them.
+    let mut tried: BTreeSet<(i32, i32)> = BTreeSet::new();
     loop {
         let mut found: Vec<(f64, (i32, i32), usize)> = Vec::new();
         for node in frontier(&nodes) {
             // A node without a spot is looked at again when more is known around it.
-            let known_count = known_around(&nodes, node).count();
-            if tried.get(&node) == Some(&known_count) {
+            if !tried.insert(node) {
                 continue;
             }
-            tried.insert(node, known_count);
             let Some((at, pitch_px)) = predict(spots, &nodes, node, basis) else { continue };
             let reach_px = NEAR_PITCH * pitch_px;
-            let is_near = |off: Vec2| off.x.abs() < reach_px && off.y.abs() < reach_px;
-            let near = spots.iter().enumerate().filter(|(i, s)| is_near(s.position - at) && !used[*i]);
-            let near = near.map(|(i, s)| ((s.position - at).length() / pitch_px, i));
-            let nearest = near.min_by(|p, q| p.0.total_cmp(&q.0));
+            let from = by_height.partition_point(|&i| spots[i].position.y <= at.y - reach_px);
+            let beside = by_height[from..].iter().map(|&i| (i, spots[i].position - at));
+            let beside = beside.take_while(|(_, off)| off.y < reach_px);
+            let near = beside.filter(|(i, off)| off.x.abs() < reach_px && !used[*i]);
+            let near = near.map(|(i, off)| (off.length() / pitch_px, i));
+            let nearest = near.min_by(|p, q| p.0.total_cmp(&q.0).then(p.1.cmp(&q.1)));
             found.extend(nearest.filter(|n| n.0 < NEAR_PITCH).map(|(miss_pitch, i)| (miss_pitch, node, i)));
         }
         found.sort_by(|p, q| p.0.total_cmp(&q.0).then(p.1.cmp(&q.1)));
@@ -129,11 +133,12 @@ fn grow(spots: &[Spot], seed: usize, basis: &Basis) -> Nodes {
         // The best half first: the others are predicted better when these are known.
         let most = (found.len() / 2).max(8);
         for (_, node, i) in found.into_iter().take(most) {
+            tried.remove(&node);
             if !used[i] {
                 used[i] = true;
                 nodes.insert(node, i);
+                tried.retain(|other| (other.0 - node.0).abs() > REACH || (other.1 - node.1).abs() > REACH);
             }
-            tried.remove(&node);
         }
         if nodes.len() == before {
             break;

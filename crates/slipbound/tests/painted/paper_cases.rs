@@ -1,9 +1,6 @@
 //! The cases the paper draws, on painted fingers: what sticks has no slip, what lags at the rim has it there.
-#![allow(clippy::disallowed_macros)] // tests print what they measured
 
-mod picture;
-
-use picture::{Painter, Touch, frame};
+use crate::picture::{Painter, Touch, frame};
 use slipbound::image::SizePx;
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipKind, SlipMonitor, SlipReport, SlipRule, SlipState};
 use slipbound::plane::{RigidMotion, Vec2};

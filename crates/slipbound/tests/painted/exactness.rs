@@ -1,9 +1,6 @@
 //! How exact the markers are, on painted fingers whose truth is known.
-#![allow(clippy::disallowed_macros)] // tests print what they measured
 
-mod picture;
-
-use picture::{Painter, Random, frame};
+use crate::picture::{Painter, Random, frame};
 use slipbound::image::SizePx;
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::plane::{Homography, Vec2};

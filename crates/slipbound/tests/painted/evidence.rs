@@ -1,8 +1,6 @@
 //! Evidence of sliding: what an imprint and the markers say when both move together, and when one of them goes on alone.
 
-mod picture;
-
-use picture::{Painter, Touch, frame};
+use crate::picture::{Painter, Touch, frame};
 use slipbound::image::SizePx;
 use slipbound::monitor::{EvidenceReport, RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
 use slipbound::plane::Vec2;

@@ -1,0 +1,9 @@
+//! What the monitor measures on painted fingers, whose truth is known. One program: in each part one test takes most of the time, and
+//! they run side by side.
+#![allow(clippy::disallowed_macros)] // tests print what they measured
+
+mod evidence;
+mod exactness;
+mod paper_cases;
+#[path = "../picture/mod.rs"]
+mod picture;
