@@ -1,14 +1,17 @@
 //! Makes the tables of boosted trees that the monitor ships, from the training split.
 //!
-//! `cargo run --release -p slipbound-lab --example fit_estimates -- ROWS.jsonl [--trials N] [--table FILE]`:
+//! `cargo run --release -p slipbound-lab --example fit_estimates -- ROWS.jsonl [--trials N] [--only used,stick --keep OLD] [--table FILE]`:
 //! `crates/slipbound/src/monitor/estimate/trees.txt`, behind stick ratio and margin. Simulates the first N trials (default 600) unless the
-//! file of rows is there already, fits, writes the table, and prints how well the trees do on objects they were not fitted to.
+//! file of rows is there already, fits, writes the table, and prints how well the trees do on objects they were not fitted to. With
+//! `--only` the other trees are those of the table OLD.
 //! `... -- --gross ROWS.jsonl ...`: `crates/slipbound/src/monitor/gross/trees.txt`, behind the verdict on gross slip, the same way; the rows without
 //! grip force are in ROWS.jsonl.alone. All cores; the result does not depend on their number.
 
 use slipbound::monitor::{FEATURES_COUNT, SLIDE_FEATURES_COUNT};
 use slipbound_lab::eval::EvalError;
-use slipbound_lab::fit::{LeftOut, Row, gross_rows_of, gross_table, read_rows, rows_of, table, write_rows};
+use slipbound_lab::fit::{
+    LeftOut, Row, fitted, gross_rows_of, gross_table, kept, lessons, read_rows, rows_of, write_rows,
+};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -124,12 +127,23 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             write_rows(path, &rows)?;
             rows
         };
+        let only = option("--only").map_or(lessons().to_vec(), |names| names.split(',').collect());
+        if let Some(name) = only.iter().find(|name| !lessons().contains(name)) {
+            return Err(format!("--only: expected some of {}, got {name}", lessons().join(",")).into());
+        }
+        let old = option("--keep").map_or(Ok(String::new()), std::fs::read_to_string)?;
         println!("{} rows; of objects left out:", rows.len());
-        let (text, [used, stick, alone_used, alone_stick]) = table(&rows);
-        errors("used", &used, libm::exp);
-        errors("stick", &stick, |stick| stick);
-        errors("used, without grip force", &alone_used, |used| used);
-        errors("stick, without grip force", &alone_stick, |stick| stick);
+        let mut fitted = fitted(&rows, &only);
+        for (name, _, told) in &fitted {
+            // The logarithm is taught where the grip force is known.
+            errors(name, told, if *name == "used" { libm::exp } else { |value| value });
+        }
+        let mut text = String::new();
+        for name in lessons() {
+            let new = fitted.iter_mut().find(|(fitted, ..)| *fitted == name).map(|(_, text, _)| std::mem::take(text));
+            let new = new.or_else(|| kept(&old, name));
+            text += &new.ok_or_else(|| format!("--keep: expected a table with the trees of {name}"))?;
+        }
         text
     };
     if let Some(to) = option("--table") {

@@ -116,19 +116,42 @@ fn taught(name: &str, rows: &[Row]) -> (String, Vec<LeftOut>) {
     (values.written(name) + &errors.written(&format!("{name}_error")), told)
 }
 
-/// The whole table, as `slipbound` reads it, and what its ensembles say of rows whose objects are left out: the logarithm of the used
-/// fraction, the stick ratio, and used fraction and stick ratio without the grip force.
-pub fn table(rows: &[Row]) -> (String, [Vec<LeftOut>; 4]) {
-    let taught = LESSONS.map(|(name, lesson)| {
-        let rows: Vec<Row> = rows.iter().filter_map(lesson).collect();
-        move || taught(name, &rows)
-    });
-    let taught = std::thread::scope(|scope| {
+/// The names of what trees of the table teach: the logarithm of the used fraction, the stick ratio, and used fraction and stick ratio without
+/// the grip force.
+pub fn lessons() -> [&'static str; 4] {
+    LESSONS.map(|(name, _)| name)
+}
+
+/// The trees of some lessons with their errors, as `slipbound` reads them, and what they say of rows whose objects are left out.
+pub fn fitted(rows: &[Row], names: &[&str]) -> Vec<(&'static str, String, Vec<LeftOut>)> {
+    let chosen = LESSONS.into_iter().filter(|(name, _)| names.contains(name));
+    std::thread::scope(|scope| {
+        let threads = chosen.map(|(name, lesson)| {
+            let rows: Vec<Row> = rows.iter().filter_map(lesson).collect();
+            (name, scope.spawn(move || taught(name, &rows)))
+        });
+        let threads: Vec<_> = threads.collect();
         // A thread that panics takes this one with it.
-        taught.map(|teach| scope.spawn(teach)).map(|thread| thread.join().expect("no panic"))
-    });
-    let text = taught.iter().map(|(text, _)| text.as_str()).collect();
-    (text, taught.map(|(_, told)| told))
+        let told = threads.into_iter().map(|(name, thread)| (name, thread.join().expect("no panic")));
+        told.map(|(name, (text, told))| (name, text, told)).collect()
+    })
+}
+
+/// The trees of a lesson and their error in a table, as they are there; None when it has none.
+pub fn kept(table: &str, name: &str) -> Option<String> {
+    let own = [format!("ensemble {name} "), format!("ensemble {name}_error ")];
+    let mut text = String::new();
+    let mut is_own = false;
+    for line in table.lines() {
+        if line.starts_with("ensemble ") {
+            is_own = own.iter().any(|own| line.starts_with(own.as_str()));
+        }
+        if is_own {
+            text += line;
+            text.push('\n');
+        }
+    }
+    (!text.is_empty()).then_some(text)
 }
 
 /// The table of the verdict on gross slip, as `slipbound` reads it, and the probabilities that trees without a row's object say, of the
@@ -174,6 +197,14 @@ mod tests {
         }
         assert!((logs / weights + 0.673).abs() < 0.02, "{}", logs / weights);
         assert!(plain / count < -0.9, "without weights the slippery ones prevail: {}", plain / count);
+    }
+
+    #[test]
+    fn trees_of_a_table_are_kept_to_the_letter() {
+        let table = "# made\nensemble used 1\n1:2 3 4\nensemble used_error 5\n6:7 8 9\nensemble used_up 1\nensemble alone_used 2\n1:1 1 1\n";
+        assert_eq!(kept(table, "used").expect("there"), "ensemble used 1\n1:2 3 4\nensemble used_error 5\n6:7 8 9\n");
+        assert_eq!(kept(table, "alone_used").expect("there"), "ensemble alone_used 2\n1:1 1 1\n");
+        assert_eq!(kept(table, "stick"), None);
     }
 
     #[test]

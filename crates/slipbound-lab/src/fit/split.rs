@@ -25,6 +25,10 @@ const MOST_NOISE_N: f64 = 0.6;
 /// a fifth to all of the friction used meanwhile, or the trees would learn what a regrip is followed by.
 const REGRIP_FROM: u64 = 700;
 
+/// A hundred and fifty before those let go of a firm grip while the load begins to grow, as a controller does that has grasped firmly: what
+/// the larger contact leaves at the rim is no slip.
+const LET_GO_FROM: u64 = 550;
+
 /// One of so many is an episode in which nothing slides, however it is gripped, rolled, pressed and shaken: one after the other, as the grip
 /// of a hand that moves; each moment of it, not the stillness in between.
 const QUIET_EVERY: u64 = 40;
@@ -54,7 +58,12 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     let camera = if random.fraction() < 0.25 { "gelsight_mini" } else { "gelslim" };
     let kind = random.fraction();
     let regrips = number % 1000 >= REGRIP_FROM;
-    let force_n = if regrips { between_log(&mut random, 4.0, 40.0) } else { force_n };
+    let lets_go = (LET_GO_FROM..REGRIP_FROM).contains(&(number % 1000));
+    let force_n = match (regrips, lets_go) {
+        (true, _) => between_log(&mut random, 4.0, 40.0),
+        (_, true) => between_log(&mut random, 8.0, 60.0),
+        _ => force_n,
+    };
     let with = |force_n: f64| {
         format!(
             "object={object}&force_n={force_n:.3}&mu={mu:.4}&at_x_mm={x_mm:.3}&at_y_mm={y_mm:.3}&turn_deg={turn_deg:.2}\
@@ -75,7 +84,15 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
                 random.between(0.2, 1.0)
             )
         }
-        _ if regrips => format!("ramp?{held}&{ramp}&hold_s=0.2"),
+        kind if lets_go && kind < 0.9 => {
+            let last_fraction = between_log(&mut random, 0.3, 0.8);
+            format!(
+                "regrip?{held}&{ramp}&peak_fraction=1.6&regrip_fraction={last_fraction:.3}&regrips={}&regrip_at_fraction={:.3}",
+                1 + random.next_u64() % 12,
+                last_fraction * random.between(0.0, 0.5)
+            )
+        }
+        _ if regrips || lets_go => format!("ramp?{held}&{ramp}&hold_s=0.2"),
         kind if kind < 0.60 => format!("ramp?{held}&{ramp}&hold_s=0.2"),
         kind if kind < 0.76 => format!(
             "ramp?{held}&{ramp}&peak_fraction={:.3}&hold_s={:.2}",

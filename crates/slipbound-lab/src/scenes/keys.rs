@@ -102,7 +102,7 @@ pub const SCENE_KEYS: &[Key] = &[
     number("step_n", 0.5, 60.0, "", "by which the grip grows at a time"),
     number("most_n", 1.0, 120.0, "", "to which the grip grows"),
     number("regrip_fraction", 0.3, 5.0, "", "grip in the end, as a share of force_n"),
-    number("regrip_at_fraction", 0.1, 2.0, "", "used fraction at which the grip is kept while it changes"),
+    number("regrip_at_fraction", 0.0, 2.0, "", "used fraction at which the grip is kept while it changes"),
     Key { name: "regrips", what: "steps in which it gets there", kind: Kind::Count(1, 20), default: "" },
     number("frequency_hz", 0.1, 15.0, "", "of the vibration"),
     number("fill_kg_per_s", 0.01, 2.0, "", "by which the mass grows"),

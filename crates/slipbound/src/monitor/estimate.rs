@@ -34,7 +34,7 @@ use field::{FieldFacts, Learned, Point};
 use friction::{Friction, Shown, half_width_px, sunk};
 use last_motion::{Carried, LastMotion};
 use load::Load;
-use reference::Reference;
+use reference::{Reference, Regrip};
 use said::Trees;
 use window::{Sample, Stretches, Window};
 
@@ -53,6 +53,8 @@ const GRIP_BEHIND_FRACTION: f64 = 0.05;
 const FRAME_S: f64 = 1.0 / 30.0;
 /// A load over the grip force from which the object is being pulled, whatever grip and area do.
 const LOADED_FRACTION: f64 = 0.2;
+/// A load over the grip force below which a lighter grip leaves squeeze and no slip to speak of: of what holds at a friction of 0.25, a third.
+const HARDLY_PULLED_FRACTION: f64 = 0.08;
 
 /// Friction is taken to be at least this: wet or oily glass on silicone. On something still more slippery slip is told of
 /// later, at 0.25 / mu of the load that is usual.
@@ -284,8 +286,13 @@ impl Estimator {
         if let Some(sample) = self.window.newest_mut() {
             sample.rigid_px = learned.rigid_px;
         }
-        if self.reference.regripped(self.grip_n) {
-            self.friction.regripped();
+        let hardly_pulled = stiffness_over_grip.is_some_and(|k| k * learned.load_px3 < HARDLY_PULLED_FRACTION);
+        let regrip = self.reference.regripped(self.grip_n).filter(|&way| way == Regrip::Harder || hardly_pulled);
+        if let Some(way) = regrip {
+            match way {
+                Regrip::Harder => self.friction.regripped(),
+                Regrip::Lighter => self.friction.field_counts_anew(),
+            }
             self.stretches.restart(learned.load_px3, learned.rigid_px);
             self.last_motion.regripped();
             for point in &self.points {

@@ -129,6 +129,11 @@ impl Friction {
     /// The grip has grown under load.
     pub fn regripped(&mut self) {
         self.regripped_s = Some(self.now_s).filter(|_| self.told > 0.0);
+        self.field_counts_anew();
+    }
+
+    /// What the field shows counts from here.
+    pub fn field_counts_anew(&mut self) {
         (self.most_log_grip, self.most_log_load_n) = (None, None);
     }
 

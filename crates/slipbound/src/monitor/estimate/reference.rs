@@ -8,6 +8,7 @@
 //!
 //!   rolled or slid over the gel: the squeeze goes along with the contact, between markers as its neighbours have it
 //!   gripped harder by a tenth: what has slipped sticks again where it is, and slip counts from there
+//!   lighter by a tenth while hardly anything pulls: what the squeeze has left is no slip, and slip counts from there, too
 //! ```
 
 use super::window::Window;
@@ -25,7 +26,7 @@ const SETTLED_AREA_FRACTION: f64 = 0.1;
 const SETTLED_GRIP_N: f64 = 0.15;
 /// After this time in contact the reference is taken, settled or not.
 const LONGEST_S: f64 = 1.0;
-/// A grip that has grown by this share holds what slipped under the lighter one.
+/// A grip that has grown by this share holds what slipped under the lighter one; one that has fallen by it leaves what it had squeezed.
 const REGRIP_FRACTION: f64 = 0.1;
 /// A marker that has been out of the contact for as many frames joins it anew.
 const AWAY_FRAMES: u8 = 10;
@@ -36,6 +37,15 @@ const ROLLED_PITCH: f64 = 0.4;
 const REACH_PITCH: f64 = 1.5;
 /// Time constant with which the middle of a contact is smoothed, s.
 const ROLL_S: f64 = 0.1;
+
+/// How the grip has changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Regrip {
+    /// What has slipped sticks again where it is.
+    Harder,
+    /// The rim of what was a larger contact stays where the squeeze has driven it: less than the growth of the squeeze says goes back.
+    Lighter,
+}
 
 /// What is remembered of a marker.
 #[derive(Debug, Clone, Copy, Default)]
@@ -175,17 +185,21 @@ impl Reference {
         }
     }
 
-    /// Whether the grip has grown so much that slip counts anew.
-    pub fn regripped(&mut self, grip_n: Option<f64>) -> bool {
+    /// How the grip has changed, each time it has by so much that slip may count anew.
+    pub fn regripped(&mut self, grip_n: Option<f64>) -> Option<Regrip> {
         let (Some(from_n), Some(now_n)) = (self.counts_from_n, grip_n) else {
             self.counts_from_n = self.counts_from_n.or(grip_n);
-            return false;
+            return None;
         };
-        let grown = now_n > (1.0 + REGRIP_FRACTION) * from_n;
-        if grown || now_n < (1.0 - REGRIP_FRACTION) * from_n {
-            self.counts_from_n = Some(now_n);
-        }
-        grown
+        let regrip = if now_n > (1.0 + REGRIP_FRACTION) * from_n {
+            Regrip::Harder
+        } else if now_n < (1.0 - REGRIP_FRACTION) * from_n {
+            Regrip::Lighter
+        } else {
+            return None;
+        };
+        self.counts_from_n = Some(now_n);
+        Some(regrip)
     }
 
     /// Slip of a marker counts from where it is now.

@@ -195,6 +195,33 @@ fn a_load_that_begins_before_the_reading_of_the_grip_has_settled_is_no_squeeze()
     assert!((shear_n / all_n - 1.0).abs() < 0.01, "{shear_n} of {all_n} N");
 }
 
+/// The share of markers that seem to have slipped after a grip of 10 N was let go to 5 N while a pull displaced them all by so much, in
+/// pitches; their squeeze stayed as it was.
+fn left_by_a_lighter_grip(pull_pitch: f64) -> f64 {
+    let (sensor, mut markers) = finger(1.0);
+    let mut estimator = Estimator::new(&sensor, &markers, false);
+    for frame in 0..60u64 {
+        let pulled = ((frame.max(15) - 15) as f64 / 10.0).min(1.0);
+        let force_n = 10.0 - 5.0 * ((frame.max(30) - 30) as f64 / 20.0).min(1.0);
+        for m in &mut markers {
+            let from_middle = m.rest - Vec2::new(180.0, 135.0);
+            m.in_contact = from_middle.length() < 90.0;
+            let moved = from_middle * 0.1 + Vec2::new(pull_pitch * pulled * sensor.pitch_px, 0.0);
+            m.now = if m.in_contact { m.rest + moved } else { m.rest };
+        }
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n }), AREA_PX2, None, &markers);
+    }
+    let slipped = FEATURE_NAMES.iter().position(|name| *name == "over_twentieth").expect("named");
+    estimator.features.expect("a contact")[slipped]
+}
+
+#[test]
+fn what_a_lighter_grip_leaves_at_the_rim_is_slip_only_under_a_load() {
+    let [unloaded, hardly, loaded] = [0.0, 0.08, 0.6].map(left_by_a_lighter_grip);
+    assert!(unloaded < 0.05 && hardly < 0.05, "{unloaded} {hardly}");
+    assert!(loaded > 0.3, "what has slipped meanwhile is not forgotten: {loaded}");
+}
+
 #[test]
 fn more_load_leaves_less_margin() {
     let margin = |far_pitch| push(1.0, Some(10.0), far_pitch, 0.7).estimates.margin.expect("a contact").value;
