@@ -43,7 +43,7 @@ LIB = ["--lib"]
 STATES = [*LIB, *tests("controllers", "events", "hand", "law_pictures", "task_pictures", "tasks")]
 REPORTS, CYCLES, WIRES = tests("reports"), tests("cycles"), tests("wires")
 PICTURES = tests("deviations", "faults", "gap", "rest_saved", "touch", "wrong_sensor")
-LONG = tests("evidence", "exactness", "paper_cases")
+LONG = tests("painted")
 
 
 def groups_of(file, is_long):
