@@ -9,6 +9,7 @@ mod gross;
 mod imprint;
 mod markers;
 mod motion;
+mod pace;
 mod reason_text;
 mod report;
 mod rest;
@@ -78,6 +79,7 @@ pub struct SlipMonitor {
     rest_seq: u64,
     refusal: Option<Reason>,
     gap: gap::Gap,
+    pace: pace::Pace,
     reference_seq: u64,
     rebase_from: Option<u64>,
     in_contact_count: u32,
@@ -110,6 +112,11 @@ impl SlipMonitor {
             rest_seq: rest.seq,
             refusal: rest.refusal,
             gap: gap::Gap::default(),
+            pace: pace::Pace::new(
+                settings.contact.period_ms,
+                settings.markers.search_period_ms,
+                settings.evidence.period_ms,
+            ),
             reference_seq: rest.seq,
             rebase_from: None,
             in_contact_count: 0,
@@ -141,11 +148,14 @@ impl SlipMonitor {
         }
         probe.after(Step::Imprint, self);
 
-        self.contact.find(&self.imprint, &self.markers.all);
+        let due = self.pace.see(frame.time_ns, self.contact.touches);
+        if due.contact {
+            self.contact.find(&self.imprint, &self.markers.all);
+        }
         probe.after(Step::Contact, self);
 
         match self.imprint.repeats() {
-            false => self.markers.track(&self.imprint, self.contact.touches),
+            false => self.markers.track(&self.imprint, self.contact.touches, due.search),
             true => self.markers.track_again(&self.imprint, self.contact.touches),
         }
         self.in_contact_count = slip::mark_contact(&self.contact.region, &mut self.markers.all);
@@ -164,7 +174,7 @@ impl SlipMonitor {
 
         let area_px2 = self.contact.area_px2 as f64;
         self.slip.judge(self.motion.motion.as_ref(), &mut self.markers.all);
-        self.evidence.take(frame, &self.imprint, area_px2, &self.markers.all);
+        self.evidence.take(frame, &self.imprint, area_px2, &self.markers.all, due.evidence);
         probe.after(Step::Slip, self);
 
         self.estimate(frame, grip, area_px2);

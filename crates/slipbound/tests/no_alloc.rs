@@ -4,7 +4,7 @@ mod picture;
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 use picture::{Painter, Touch, frame};
-use slipbound::image::SizePx;
+use slipbound::image::{Frame, SizePx};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipRule, SlipState};
 use slipbound::plane::Vec2;
 use slipbound::port::GripSample;
@@ -47,7 +47,8 @@ fn frames_are_judged_without_an_allocation() {
         reset_violation_count();
         let (mut states, mut margins) = (Vec::with_capacity(pictures.len()), 0);
         for (seq, rgb) in pictures.iter().enumerate() {
-            let frame = frame(rgb, size, seq as u64);
+            // A fast camera: some frames are searched, some followed.
+            let frame = Frame { time_ns: Some(seq as u64 * 1_000_000_000 / 90), ..frame(rgb, size, seq as u64) };
             let report = assert_no_alloc(|| monitor.step(&frame, Some(GripSample { force_n: 5.0 })));
             states.push(report.state);
             margins += u32::from(report.estimates.margin.is_some());

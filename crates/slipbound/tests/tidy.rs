@@ -24,7 +24,7 @@ fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
 
 #[test]
 fn every_number_among_the_settings_says_its_unit() {
-    let units = ["_px", "_mm", "_pitch", "_levels", "_fraction", "_count", "_rad", "_quality", "_n", "_mu"];
+    let units = ["_px", "_mm", "_pitch", "_levels", "_fraction", "_count", "_rad", "_quality", "_n", "_mu", "_ms"];
     let settings = serde_json::to_value(Settings::default()).expect("data");
     let mut seen = 0;
     for (step, keys) in settings.as_object().expect("a step a table") {

@@ -67,6 +67,9 @@ pub struct ContactSettings {
     pub full_markers_count: u32,
     /// Below this quality the state is `unsure`.
     pub unsure_below_quality: f64,
+    /// While something touches the region is found anew once in so many ms at most, ms: in every second frame of a camera at 90 Hz. Zero: in
+    /// every frame.
+    pub period_ms: f64,
 }
 
 impl Default for ContactSettings {
@@ -91,6 +94,7 @@ impl Default for ContactSettings {
             displaced_pitch: 0.03,
             full_markers_count: 12,
             unsure_below_quality: 0.35,
+            period_ms: 12.5,
         }
     }
 }
@@ -109,7 +113,8 @@ impl ContactSettings {
         within("contact.rim_fraction", self.rim_fraction, 0.0, 0.8)?;
         within("contact.displaced_pitch", self.displaced_pitch, 0.0, 10.0)?;
         within("contact.full_markers_count", f64::from(self.full_markers_count), 1.0, 1000.0)?;
-        within("contact.unsure_below_quality", self.unsure_below_quality, 0.0, 1.0)
+        within("contact.unsure_below_quality", self.unsure_below_quality, 0.0, 1.0)?;
+        within("contact.period_ms", self.period_ms, 0.0, 1000.0)
     }
 }
 

@@ -86,6 +86,9 @@ pub struct EvidenceSettings {
     pub sheared_pitch: f64,
     /// An imprint that changes by this much from one frame to the next while the gel stands still slides, too.
     pub jump_change_fraction: f64,
+    /// The evidence of a contact that has settled is taken once in so many ms at most, ms; between, the last is told with its age. Zero: in every
+    /// frame.
+    pub period_ms: f64,
 }
 
 impl Default for EvidenceSettings {
@@ -102,6 +105,7 @@ impl Default for EvidenceSettings {
             carried_fraction: 0.25,
             sheared_pitch: 0.12,
             jump_change_fraction: 0.5,
+            period_ms: 12.5,
         }
     }
 }
@@ -121,7 +125,8 @@ impl EvidenceSettings {
         within("evidence.slide_pitch", self.slide_pitch, 0.01, 10.0)?;
         within("evidence.carried_fraction", self.carried_fraction, 0.0, 1.0)?;
         within("evidence.sheared_pitch", self.sheared_pitch, 0.0, 10.0)?;
-        within("evidence.jump_change_fraction", self.jump_change_fraction, 0.05, 2.0)
+        within("evidence.jump_change_fraction", self.jump_change_fraction, 0.05, 2.0)?;
+        within("evidence.period_ms", self.period_ms, 0.0, 1000.0)
     }
 
     /// The slide score of three values: twice their mean share of the way from held to slid. What is not known counts as
@@ -205,13 +210,18 @@ impl Evidence {
         }
     }
 
-    /// Takes a frame whose markers are known. `area_px2`: that of the contact, zero without.
-    pub(super) fn take(&mut self, frame: &Frame<'_>, imprint: &Imprint, area_px2: f64, markers: &[Marker]) {
+    /// Takes a frame whose markers are known. `area_px2`: that of the contact, zero without. `due`: whether the evidence is taken anew.
+    pub(super) fn take(&mut self, frame: &Frame<'_>, imprint: &Imprint, area_px2: f64, markers: &[Marker], due: bool) {
+        let touched = area_px2 > 0.0 || self.starts_in_contact;
+        if touched && !due && self.report.is_some() {
+            self.go_on(markers);
+            return;
+        }
         (self.report, self.recent) = (None, None);
         if !self.settings.used {
             return;
         }
-        if area_px2 <= 0.0 && !self.starts_in_contact {
+        if !touched {
             (self.begun, self.settled_frames_count, self.area_px2) = (false, 0, 0.0);
             self.pattern.learn_rest(imprint);
             return;
@@ -227,19 +237,32 @@ impl Evidence {
         }
     }
 
-    /// The evidence of a frame that has a reference.
-    fn weigh(&mut self, frame: &Frame<'_>, markers: &[Marker]) {
+    /// What the displacement of the markers says, and with the greatest of the imprint's the slide score.
+    fn weigh_field(&mut self, markers: &[Marker], imprint_change: Option<f64>) -> f64 {
         self.field.take(&self.reference_px, markers, self.pitch_px);
-        let imprint_change = self.pattern.now.change(&self.reference_pattern);
-        self.slide.take(&self.pattern);
-        let (relaxation, centre_rim_ratio) = (self.field.relaxation, self.field.centre_rim_ratio);
         let most = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::max);
         self.greatest = Greatest {
-            relaxation: self.greatest.relaxation.max(relaxation),
-            centre_rim_ratio: most(self.greatest.centre_rim_ratio, centre_rim_ratio),
+            relaxation: self.greatest.relaxation.max(self.field.relaxation),
+            centre_rim_ratio: most(self.greatest.centre_rim_ratio, self.field.centre_rim_ratio),
             imprint_change: most(self.greatest.imprint_change, imprint_change),
         };
-        let Greatest { relaxation: r, centre_rim_ratio: c, imprint_change: i } = self.greatest;
+        let Greatest { relaxation, centre_rim_ratio, imprint_change } = self.greatest;
+        self.settings.slide_score(relaxation, centre_rim_ratio, imprint_change)
+    }
+
+    /// A frame whose imprint is not looked at: its part is told as it was, a frame older.
+    fn go_on(&mut self, markers: &[Marker]) {
+        let slide_score = self.weigh_field(markers, None);
+        let Some(report) = &mut self.report else { return };
+        (report.relaxation, report.centre_rim_ratio) = (self.field.relaxation, self.field.centre_rim_ratio);
+        (report.slide_score, report.imprint_age_frames) = (slide_score, report.imprint_age_frames + 1);
+    }
+
+    /// The evidence of a frame that has a reference.
+    fn weigh(&mut self, frame: &Frame<'_>, markers: &[Marker]) {
+        let imprint_change = self.pattern.now.change(&self.reference_pattern);
+        let slide_score = self.weigh_field(markers, imprint_change);
+        self.slide.take(&self.pattern);
         let sliding = self.gel_in_contact(markers).and_then(|(shift_px, turn_rad)| {
             let slide = &self.slide;
             let three = |shift: Vec2, turn_rad: f64| [shift.x, shift.y, turn_rad * slide.arm_px];
@@ -252,11 +275,11 @@ impl Evidence {
         let slide_pitch_per_s = sliding.and_then(|s| s.speed_px_per_s).map(|px| px / self.pitch_px);
         self.report = Some(EvidenceReport {
             reference_seq: self.reference_seq,
-            relaxation,
-            centre_rim_ratio,
+            relaxation: self.field.relaxation,
+            centre_rim_ratio: self.field.centre_rim_ratio,
             imprint_change,
             imprint_age_frames: 0,
-            slide_score: self.settings.slide_score(r, c, i),
+            slide_score,
             slide_px: self.slide.shift_px,
             slide_rad: self.slide.turn_rad,
             slides: sliding.is_some(),

@@ -9,6 +9,7 @@
 
 mod anchor;
 mod detect;
+mod follow;
 mod look;
 mod matching;
 mod settings;
@@ -18,12 +19,14 @@ mod threshold;
 pub(super) use detect::{Detector, RestMarker};
 pub use settings::{Finder, MarkerSettings};
 
+use crate::image::SizePx;
 use crate::monitor::imprint::Imprint;
 use crate::monitor::report::Marker;
 use crate::monitor::rest::Rest;
 use crate::plane::Vec2;
 use crate::sensor::{Sensor, Skin};
 use anchor::Anchor;
+use follow::core_levels;
 use look::{Looks, Seen};
 use matching::Matching;
 
@@ -40,6 +43,21 @@ struct Track {
     trusted: Vec2,
     /// Motion from the last frame but one to the last, px; zero when either was missed.
     step: Vec2,
+    /// Contrast when it was last searched, and the grey levels of its core when it was last found whole.
+    response_levels: f32,
+    core_levels: i32,
+}
+
+impl Track {
+    fn at_rest(rest: RestMarker, grey: &[u8], size: SizePx) -> Self {
+        Track {
+            rest,
+            trusted: rest.position,
+            step: Vec2::ZERO,
+            response_levels: rest.response_levels,
+            core_levels: core_levels(grey, size, rest.position).unwrap_or(0),
+        }
+    }
 }
 
 /// Step 2, with its memory and scratch.
@@ -51,6 +69,8 @@ pub(super) struct Markers {
     /// Of a fabric skin, whose weave has gaps like dots.
     looks: Option<Looks>,
     before: Vec<Vec2>,
+    /// Where markers are that are followed.
+    followed: Vec<Vec2>,
     /// The markers of the frame before, for a picture that repeats.
     kept: Vec<Marker>,
     anchor: Anchor,
@@ -80,10 +100,11 @@ impl Markers {
             matching: Matching::new(sensor, &all),
             looks: looked_at.then(|| Looks::new(sensor, &rest.grey, at_rest)),
             before: vec![Vec2::ZERO; all.len()],
+            followed: vec![Vec2::ZERO; all.len()],
             kept: all.clone(),
             anchor: Anchor::new(all.len()),
             anchored: true,
-            tracks: at_rest.iter().map(|&rest| Track { rest, trusted: rest.position, step: Vec2::ZERO }).collect(),
+            tracks: at_rest.iter().map(|&marker| Track::at_rest(marker, &rest.grey, sensor.rectified_px())).collect(),
             pitch_px: sensor.pitch_px,
             untrusted_frames_count: 0,
             detected_count: 0,
@@ -98,10 +119,13 @@ impl Markers {
         self.anchored &= !self.settings.ask_neighbours;
     }
 
-    /// Finds every marker in a frame. `touched`: whether anything presses on the finger.
-    pub(super) fn track(&mut self, imprint: &Imprint, touched: bool) {
+    /// Finds every marker in a frame. `touched`: whether anything presses on the finger; `search`: whether spots are sought in the whole picture.
+    pub(super) fn track(&mut self, imprint: &Imprint, touched: bool, search: bool) {
         let weakest = self.tracks.iter().map(|t| t.rest.response_levels).fold(f32::MAX, f32::min);
         let keep = self.settings.keep_contrast_fraction as f32;
+        if !search && self.follow(imprint, touched) {
+            return;
+        }
         let spots = self.detector.spots(imprint, f64::from(keep * weakest));
         let m = &mut self.matching;
         m.take_spots(spots);
@@ -122,7 +146,7 @@ impl Markers {
             }
             self.untrusted_frames_count = if m.trustworthy() { 0 } else { self.untrusted_frames_count + 1 };
         }
-        self.place(imprint);
+        self.place(imprint, touched);
     }
 
     /// Says where each marker is looked for after frames were missed.
@@ -175,7 +199,7 @@ impl Markers {
     pub(super) fn track_again(&mut self, imprint: &Imprint, touched: bool) {
         let known = self.anchored && self.untrusted_frames_count == 0;
         self.kept.clone_from_slice(&self.all);
-        self.track(imprint, touched);
+        self.track(imprint, touched, true);
         for (marker, kept) in self.all.iter_mut().zip(&self.kept).filter(|(_, kept)| known && kept.matched) {
             self.matched_count += u32::from(!marker.matched);
             (marker.now, marker.matched, marker.whole) = (kept.now, kept.matched, kept.whole);
@@ -190,7 +214,7 @@ impl Markers {
     }
 
     /// Takes over where each marker was found, or is expected to be.
-    fn place(&mut self, imprint: &Imprint) {
+    fn place(&mut self, imprint: &Imprint, touched: bool) {
         (self.matched_count, self.detected_count) = (0, 0);
         self.before.iter_mut().zip(&self.all).for_each(|(b, m)| *b = m.now);
         for i in 0..self.all.len() {
@@ -208,8 +232,13 @@ impl Markers {
                 None => (Seen::Unknown, None),
                 Some(looks) => {
                     let inferred = inferred();
-                    let stretch = self.matching.stretch(&self.all, &self.before, i);
-                    (looks.look(imprint, i, spot.map(|s| s.position), inferred, stretch), inferred)
+                    let at = spot.map(|s| s.position);
+                    if touched && looks.is_plain(i, at, inferred) && is_away(&self.matching, &self.all, i) {
+                        (Seen::Unknown, inferred)
+                    } else {
+                        let stretch = self.matching.stretch(&self.all, &self.before, i);
+                        (looks.look(imprint, i, at, inferred, stretch), inferred)
+                    }
                 }
             };
             let whole = match seen {
@@ -225,10 +254,20 @@ impl Markers {
             marker.whole = whole.is_some();
             marker.now = found.unwrap_or(expected);
             self.matched_count += u32::from(marker.matched);
+            let track = &mut self.tracks[i];
             if self.untrusted_frames_count == 0 && self.anchored {
-                self.tracks[i].trusted = marker.now;
+                track.trusted = marker.now;
             }
-            self.tracks[i].step = if marker.matched && known_before { marker.now - before } else { Vec2::ZERO };
+            if marker.whole {
+                track.response_levels = spot.map_or(track.response_levels, |spot| spot.response_levels);
+                track.core_levels = core_levels(&imprint.grey, imprint.size(), marker.now).unwrap_or(track.core_levels);
+            }
+            track.step = if marker.matched && known_before { marker.now - before } else { Vec2::ZERO };
         }
     }
+}
+
+/// Whether a marker and its neighbours were out of contact in the frame before.
+fn is_away(matching: &Matching, markers: &[Marker], i: usize) -> bool {
+    !matching.with_neighbours(i).any(|n| markers[n].in_contact)
 }

@@ -50,6 +50,7 @@ impl Settings {
                 rim_fraction: 0.0,
                 displaced_pitch: 0.0,
                 dilate_pitch: 25.0 / 15.2,
+                period_ms: 0.0,
                 ..ContactSettings::default()
             },
             markers: MarkerSettings {

@@ -4,6 +4,7 @@
 
 mod evidence;
 mod exactness;
+mod in_turns;
 mod paper_cases;
 #[path = "../picture/mod.rs"]
 mod picture;

@@ -1,5 +1,6 @@
 //! Markers in one picture: spots, their sub-pixel centres, and the markers of the rest frame.
 
+use super::look::BARE_WEAVE;
 use super::settings::{Finder, MarkerSettings};
 use super::threshold::ThresholdFinder;
 use crate::image::Mask;
@@ -45,7 +46,7 @@ const FAR_PULL_PX: f64 = 1.0;
 /// at rest, where the edge is the more exact, and all where it is three times as strong: a pressed weave takes the edge along, by
 /// 0.08 px in the mean under a box at 60 N.
 fn share(fit: &Fit) -> f64 {
-    ((fit.weave - 1.5) / 1.5).clamp(0.0, 1.0)
+    ((fit.weave - BARE_WEAVE) / 1.5).clamp(0.0, 1.0)
 }
 
 /// Finds markers, without memory of earlier pictures.
@@ -110,8 +111,19 @@ impl Detector {
             return Some(coarse);
         }
         let contrast = f64::from(spot.response_levels / rest.response_levels).clamp(0.4, 2.5);
-        let kernel = if rest.ragged { &self.wide } else { &self.sharp };
-        Some(self.pulled(kernel, imprint, spot.position, rest.stiffness * contrast).unwrap_or(coarse))
+        Some(self.pulled(self.kernel(rest), imprint, spot.position, rest.stiffness * contrast).unwrap_or(coarse))
+    }
+
+    /// The place of a marker near where it is expected, by its edge alone; None at the border and where no edge pulls.
+    pub(super) fn follow(&self, imprint: &Imprint, start: Vec2, contrast: f64, rest: &RestMarker) -> Option<Vec2> {
+        if rest.stiffness == 0.0 || !self.sharp.holds(imprint.size(), start) {
+            return None;
+        }
+        self.pulled(self.kernel(rest), imprint, start, rest.stiffness * contrast.clamp(0.4, 2.5))
+    }
+
+    fn kernel(&self, rest: &RestMarker) -> &EdgeKernel {
+        if rest.ragged { &self.wide } else { &self.sharp }
     }
 
     /// The place of a marker whose look was found: between the fit of dot and weave and where the edge pulls, from the spot there or,
@@ -122,8 +134,7 @@ impl Detector {
         }
         let near = |place: Vec2| (place - fit.place).length() < FAR_PULL_PX;
         let of_spot = spot.and_then(|spot| self.refine(imprint, spot, rest)).filter(|place| near(*place));
-        let kernel = if rest.ragged { &self.wide } else { &self.sharp };
-        let of_fit = || self.pulled(kernel, imprint, fit.place, rest.stiffness * fit.dot.clamp(0.4, 2.5));
+        let of_fit = || self.pulled(self.kernel(rest), imprint, fit.place, rest.stiffness * fit.dot.clamp(0.4, 2.5));
         let pulled = of_spot.or_else(of_fit).filter(|place| near(*place));
         pulled.map_or(fit.place, |place| place + (fit.place - place) * share(fit))
     }

@@ -5,6 +5,7 @@
 //!   last place + median step of    >-- each fitted with the marker's own dot and weave --> the better explained, or neither
 //!   the neighbours since then ----'
 //! ```
+//! Where nothing presses the weave, and spot and neighbours agree, the spot is the dot.
 
 use super::detect::RestMarker;
 use crate::image::SizePx;
@@ -23,6 +24,8 @@ const SEARCH_PITCH: f64 = 0.16;
 const LEAST_EXPLAINED: f64 = 0.35;
 /// And shows at least this share of the dot at rest.
 const LEAST_DOT: f64 = 0.4;
+/// A weave at most this many times as strong as at rest is not pressed.
+pub(super) const BARE_WEAVE: f64 = 1.5;
 
 /// The looks of all markers at rest, and what was last seen of their weave.
 #[derive(Debug, Clone)]
@@ -53,6 +56,17 @@ impl Looks {
         Looks { window, templates, weave: vec![1.0; markers.len()], pitch_px }
     }
 
+    /// Whether the spot of marker `i` is the marker without a look at it: its weave was not pressed when it was last looked at, and
+    /// its neighbours went the same way. Of markers away from the contact.
+    pub(super) fn is_plain(&self, i: usize, spot: Option<Vec2>, inferred: Option<Vec2>) -> bool {
+        self.weave[i] <= BARE_WEAVE && self.agree(spot, inferred)
+    }
+
+    /// Whether two places lead to the same fit.
+    fn agree(&self, spot: Option<Vec2>, inferred: Option<Vec2>) -> bool {
+        spot.zip(inferred).is_some_and(|(a, b)| (a - b).length() < SAME_PITCH * self.pitch_px)
+    }
+
     /// Looks for marker `i` at its spot and where its neighbours went.
     pub(super) fn look(
         &mut self,
@@ -64,14 +78,13 @@ impl Looks {
     ) -> Seen {
         let Some(template) = &self.templates[i] else { return Seen::Unknown };
         let (weave, size) = (self.weave[i], imprint.size());
+        let agree = self.agree(spot, inferred);
         let mut held = false;
         let mut fit = |start: Option<Vec2>| -> Option<Fit> {
             let start = Start { place: start?, weave, stretch };
             held |= self.window.holds(size, start.place);
             self.window.find(template, &imprint.grey, size, start, SEARCH_PITCH * self.pitch_px)
         };
-        let same = |a: Vec2, b: Vec2| (a - b).length() < SAME_PITCH * self.pitch_px;
-        let agree = spot.zip(inferred).is_some_and(|(a, b)| same(a, b));
         let by_neighbours = fit(inferred.or(spot));
         let by_spot = if agree && by_neighbours.is_some() { None } else { fit(spot) };
         let best = match (by_neighbours, by_spot) {

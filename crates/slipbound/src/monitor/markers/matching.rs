@@ -356,12 +356,16 @@ impl Matching {
         Some(Vec2::new(x, y))
     }
 
+    /// The neighbours of a marker and itself.
+    pub(super) fn with_neighbours(&self, i: usize) -> impl Iterator<Item = usize> + '_ {
+        self.neighbours[i][..self.neighbours_count[i]].iter().map(|&n| n as usize).chain([i])
+    }
+
     /// How far the neighbours' spots are from where these markers were in the last frame: the median along each axis, the
     /// marker itself among them. None with fewer than three.
     pub(super) fn step_of_neighbours(&self, before: &[Vec2], i: usize) -> Option<Vec2> {
         let (mut steps, mut count) = ([Vec2::ZERO; NEIGHBOURS + 1], 0);
-        let neighbours = self.neighbours[i][..self.neighbours_count[i]].iter().map(|&n| n as usize);
-        for n in neighbours.chain([i]) {
+        for n in self.with_neighbours(i) {
             let Some(spot) = self.spot_of(n) else { continue };
             steps[count] = spot.position - before[n];
             count += 1;

@@ -33,6 +33,9 @@ pub struct MarkerSettings {
     /// Whether markers not found that way are sought where their neighbours went, and whether a match that
     /// contradicts all neighbours is undone.
     pub ask_neighbours: bool,
+    /// While something touches, spots are sought in the whole picture once in so many ms at most, ms; between, each marker is followed from
+    /// where its own motion takes it. Zero: in every frame.
+    pub search_period_ms: f64,
 }
 
 impl Default for MarkerSettings {
@@ -45,6 +48,7 @@ impl Default for MarkerSettings {
             predict: true,
             match_within_pitch: 0.3,
             ask_neighbours: true,
+            search_period_ms: 12.5,
         }
     }
 }
@@ -55,10 +59,16 @@ impl MarkerSettings {
         self.finder == Finder::Threshold
     }
 
+    /// Whether markers can be followed from one frame to the next without a search.
+    pub(super) fn follows(&self) -> bool {
+        self.finder == Finder::Edges && self.predict && self.ask_neighbours
+    }
+
     pub(in crate::monitor) fn check(&self) -> Result<(), SettingError> {
         within("markers.birth_min_levels", self.birth_min_levels, 0.5, 128.0)?;
         within("markers.birth_contrast_fraction", self.birth_contrast_fraction, 0.0, 1.0)?;
         within("markers.keep_contrast_fraction", self.keep_contrast_fraction, 0.05, 1.0)?;
-        within("markers.match_within_pitch", self.match_within_pitch, 0.01, 0.5)
+        within("markers.match_within_pitch", self.match_within_pitch, 0.01, 0.5)?;
+        within("markers.search_period_ms", self.search_period_ms, 0.0, 1000.0)
     }
 }

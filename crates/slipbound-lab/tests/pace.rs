@@ -1,0 +1,88 @@
+//! A camera at 90 Hz is judged in turns (contact region, search for markers, evidence): the same states, onsets and marker places as with
+//! every step in every frame.
+
+use slipbound::image::Frame;
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
+use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
+use slipbound_lab::scenes::Trial;
+use slipbound_lab::world::World;
+
+/// Three times as slow as a camera at 30 Hz would see them, for these frames are taken for those of 90 Hz.
+const SCENES: [&str; 4] = [
+    "ramp?object=tape_roll&force_n=20&mu=0.5&direction_deg=40&ramp_s=2.4&press_s=0.6&seed=5",
+    "ramp?object=toy_duck&force_n=30&mu=0.7&twist_fraction=1&ramp_s=2.4&press_s=0.6&seed=6",
+    "ramp?object=super_glue&camera=gelsight_mini&force_n=20&mu=0.5&direction_deg=80&ramp_s=2.4&press_s=0.6&seed=9",
+    "roll?object=blue_tube&force_n=20&distance_mm=4&direction_deg=90&seed=12",
+];
+
+/// What two monitors have said of the same frames.
+#[derive(Debug, Default)]
+struct Compared {
+    frames: u32,
+    equal_states: u32,
+    markers: u32,
+    /// Further apart than 0.05 and than 0.5 px.
+    apart_markers: u32,
+    far_markers: u32,
+    onset_frames: [Option<u32>; 2],
+}
+
+/// Both watch a scene: one in turns, one everything in every frame.
+fn compare(scene: &str) -> Compared {
+    let trial = Trial::parse(&format!("{scene}&grid=fast&rest_frames=12")).expect("a trial");
+    let mut world = World::new(&trial).expect("a sound trial");
+    let (sensor, mut buffer) = (world.sensor(), FrameBuffer::default());
+    let in_turns = Settings::default();
+    let always = Settings::default().with(|s| {
+        (s.contact.period_ms, s.markers.search_period_ms, s.evidence.period_ms) = (0.0, 0.0, 0.0);
+    });
+    let mut rest = RestBuilder::new(&sensor, &in_turns, sensor.image_px).expect("valid");
+    let mut monitors: Option<[SlipMonitor; 2]> = None;
+    let mut compared = Compared::default();
+    while world.next(&mut buffer).expect("a frame") == Next::Frame {
+        let frame = buffer.frame().expect("whole");
+        let frame = Frame { time_ns: Some(frame.seq * 1_000_000_000 / 90), ..frame };
+        if frame.seq < 10 {
+            rest.add(&frame).expect("bright");
+            continue;
+        }
+        let of = |settings: &Settings| {
+            SlipMonitor::new(&sensor, settings, rest.clone().build(RestKind::Unloaded).expect("markers"))
+                .expect("valid")
+        };
+        let monitors = monitors.get_or_insert_with(|| [of(&in_turns), of(&always)]);
+        let grip = Some(GripSample { force_n: world.truth().grip_force_n });
+        let reports = monitors.each_mut().map(|monitor| monitor.step(&frame, grip));
+        compared.frames += 1;
+        compared.equal_states += u32::from(reports[0].state == reports[1].state);
+        for (onset, report) in compared.onset_frames.iter_mut().zip(&reports) {
+            let slips = matches!(report.state, SlipState::Incipient | SlipState::Gross);
+            *onset = onset.or(slips.then_some(compared.frames));
+        }
+        for (a, b) in monitors[0].markers().iter().zip(monitors[1].markers()).filter(|(a, b)| a.whole && b.whole) {
+            let off_px = (a.now - b.now).length();
+            compared.markers += 1;
+            compared.apart_markers += u32::from(off_px > 0.05);
+            compared.far_markers += u32::from(off_px > 0.5);
+        }
+    }
+    compared
+}
+
+#[test]
+fn a_fast_camera_is_judged_in_turns_as_in_every_frame() {
+    let (mut frames, mut equal) = (0, 0);
+    for scene in SCENES {
+        let compared = compare(scene);
+        let told = format!("{scene}: {compared:?}");
+        match compared.onset_frames {
+            [None, None] => assert!(scene.starts_with("roll"), "{told}"),
+            [Some(a), Some(b)] => assert!(a.abs_diff(b) <= 1, "{told}"),
+            _ => panic!("{told}"),
+        }
+        assert!(compared.apart_markers * 20 < compared.markers, "{told}");
+        assert!(compared.far_markers * 500 < compared.markers, "{told}");
+        (frames, equal) = (frames + compared.frames, equal + compared.equal_states);
+    }
+    assert!(equal * 100 >= 98 * frames, "{equal} of {frames} states are equal");
+}

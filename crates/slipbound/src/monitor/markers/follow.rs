@@ -1,0 +1,89 @@
+//! Between two searches for spots, in every second frame of a fast camera: each marker is followed from where its own motion takes it.
+//!
+//! ```text
+//!   place + last step --edge pull, or look where the weave is pressed--> place     as dark there as in the frame before?
+//!                                                                                  any marker not: all are searched
+//! ```
+//! What is lost is sought in the next search, a frame later, and coasts with its neighbours until then.
+
+use super::look::{Looks, Seen};
+use super::{Markers, is_away};
+use crate::image::SizePx;
+use crate::monitor::imprint::Imprint;
+use crate::plane::{Vec2, nearest_px};
+
+/// A core that has become lighter or darker by this share of the contrast of the dot is not the core any more.
+const CORE_CHANGE: f64 = 0.4;
+
+/// Grey levels of the 3 x 3 pixels around a place together; None at the border.
+pub(super) fn core_levels(grey: &[u8], size: SizePx, place: Vec2) -> Option<i32> {
+    let (x, y) = (nearest_px(place.x), nearest_px(place.y));
+    let inside = |v: isize, end: usize| v >= 1 && v < end as isize - 1;
+    if !inside(x, size.width) || !inside(y, size.height) {
+        return None;
+    }
+    let first = (y as usize - 1) * size.width + x as usize - 1;
+    let row = |k: usize| grey[first + k * size.width..][..3].iter().map(|&v| i32::from(v)).sum::<i32>();
+    Some(row(0) + row(1) + row(2))
+}
+
+impl Markers {
+    /// Follows the markers that are whole; whether all of them were found. If not, none has moved.
+    pub(super) fn follow(&mut self, imprint: &Imprint, touched: bool) -> bool {
+        let known = self.anchored && self.untrusted_frames_count == 0 && self.matched_count > 0;
+        if !known || !self.settings.follows() {
+            return false;
+        }
+        self.before.iter_mut().zip(&self.all).for_each(|(b, m)| *b = m.now);
+        for i in 0..self.all.len() {
+            if self.all[i].whole {
+                let Some(place) = self.near(imprint, i, touched) else { return false };
+                self.followed[i] = place;
+            }
+        }
+        for i in 0..self.all.len() {
+            let marker = self.all[i];
+            let now = if marker.whole { self.followed[i] } else { marker.now + self.step_around(i) };
+            self.all[i].now = now;
+            self.tracks[i].trusted = now;
+            self.tracks[i].step = if marker.matched { now - marker.now } else { Vec2::ZERO };
+        }
+        true
+    }
+
+    /// Where a whole marker is, near where its motion takes it.
+    fn near(&mut self, imprint: &Imprint, i: usize, touched: bool) -> Option<Vec2> {
+        let track = &self.tracks[i];
+        let start = self.all[i].now + track.step;
+        let rest = track.rest;
+        let contrast = f64::from(track.response_levels / rest.response_levels);
+        let away = touched && is_away(&self.matching, &self.all, i);
+        let is_plain = |looks: &Looks| away && looks.is_plain(i, Some(start), Some(start));
+        if let Some(looks) = self.looks.as_mut().filter(|looks| !is_plain(looks)) {
+            let stretch = self.matching.stretch(&self.all, &self.before, i);
+            match looks.look(imprint, i, None, Some(start), stretch) {
+                Seen::At(fit) => return Some(self.detector.blend(imprint, &fit, None, &rest)),
+                Seen::Doubtful => return None,
+                Seen::Unknown => {}
+            }
+        }
+        let place = self.detector.follow(imprint, start, contrast, &rest)?;
+        let core_levels = core_levels(&imprint.grey, imprint.size(), place)?;
+        let changed = f64::from((core_levels - self.tracks[i].core_levels).abs());
+        if changed > 9.0 * CORE_CHANGE * f64::from(self.tracks[i].response_levels) {
+            return None;
+        }
+        self.tracks[i].core_levels = core_levels;
+        Some(place)
+    }
+
+    /// Mean step of the whole neighbours since the frame before; none where there are none.
+    fn step_around(&self, i: usize) -> Vec2 {
+        let (mut sum, mut count) = (Vec2::ZERO, 0u32);
+        for n in self.matching.with_neighbours(i).filter(|&n| self.all[n].whole) {
+            sum += self.followed[n] - self.before[n];
+            count += 1;
+        }
+        sum / f64::from(count.max(1))
+    }
+}

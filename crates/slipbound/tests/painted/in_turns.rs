@@ -1,0 +1,115 @@
+//! A camera at 90 Hz, whose markers are searched in every second frame and followed in the others.
+
+use crate::picture::{Painter, Touch, frame};
+use slipbound::image::{Frame, SizePx};
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport};
+use slipbound::plane::Vec2;
+use slipbound::port::GripSample;
+use slipbound::sensor::Skin;
+
+const SIZE: SizePx = SizePx::new(640, 480);
+const PITCH_PX: f64 = 26.5;
+const PRESSED_FRAMES: u64 = 12;
+
+/// A pressed finger whose markers in the contact are then where `shift` says, frame by frame, at 90 Hz.
+struct Pressed {
+    painter: Painter,
+    touch: Touch,
+    monitor: SlipMonitor,
+    seq: u64,
+}
+
+impl Pressed {
+    fn new(skin: Skin) -> Self {
+        let painter = Painter::new(SIZE, PITCH_PX, 8.4, skin, 0.5, 9);
+        let centre = Vec2::new(320.0, 240.0);
+        let touch = Touch { centre, radii_px: Vec2::new(210.0, 180.0), strength_levels: 32.0 };
+        let mut builder = RestBuilder::new(&painter.sensor, &Settings::default(), SIZE).expect("valid");
+        builder.add(&frame(&painter.paint(&painter.rest, None, 0), SIZE, 0)).expect("bright");
+        let rest = builder.build(RestKind::Unloaded).expect("markers");
+        let monitor = SlipMonitor::new(&painter.sensor, &Settings::default(), rest).expect("valid");
+        let mut pressed = Pressed { painter, touch, monitor, seq: 0 };
+        for _ in 0..PRESSED_FRAMES {
+            pressed.show(&pressed.moved(Vec2::ZERO));
+        }
+        pressed
+    }
+
+    /// All markers, those in the contact moved.
+    fn moved(&self, shift: Vec2) -> Vec<Vec2> {
+        let inside = |p: Vec2| if self.touch.depth(p) < 0.8 { p + shift } else { p };
+        self.painter.rest.iter().map(|&p| inside(p)).collect()
+    }
+
+    fn show(&mut self, dots: &[Vec2]) -> SlipReport {
+        self.seq += 1;
+        let rgb = self.painter.paint(dots, Some(&self.touch), self.seq);
+        let time_ns = Some(self.seq * 1_000_000_000 / 90);
+        let shown = Frame { time_ns, ..frame(&rgb, SIZE, self.seq) };
+        self.monitor.step(&shown, Some(GripSample { force_n: 10.0 }))
+    }
+
+    /// Root mean square and largest distance of the whole markers from the dots, px.
+    fn off_px(&self, dots: &[Vec2]) -> [f64; 2] {
+        let nearest = |now: Vec2| dots.iter().map(|d| (*d - now).length()).fold(f64::MAX, f64::min);
+        let offs: Vec<f64> = self.monitor.markers().iter().filter(|m| m.whole).map(|m| nearest(m.now)).collect();
+        assert!(offs.len() > 350, "{} whole markers", offs.len());
+        let squares: f64 = offs.iter().map(|off| off * off).sum();
+        [(squares / offs.len() as f64).sqrt(), offs.iter().fold(0.0, |most, &off| f64::max(most, off))]
+    }
+}
+
+#[test]
+fn markers_that_are_followed_are_as_exact_as_those_that_are_searched() {
+    for skin in [Skin::Smooth, Skin::Fabric] {
+        let mut pressed = Pressed::new(skin);
+        for i in 0..24 {
+            // Faster and faster, then to and fro.
+            let way_px = if i < 12 { 0.1 * f64::from(i * i) } else { 14.4 + 3.0 * f64::from(i % 2) };
+            let dots = pressed.moved(Vec2::new(0.8, -0.6) * way_px);
+            pressed.show(&dots);
+            let [rms, most] = pressed.off_px(&dots);
+            assert!(rms < 0.12 && most < 1.0, "{skin:?}, frame {i}: {rms:.3} px, {most:.3} at most");
+        }
+    }
+}
+
+#[test]
+fn a_jump_between_two_searches_is_followed_at_once() {
+    for skin in [Skin::Smooth, Skin::Fabric] {
+        for later in 0..2 {
+            let mut pressed = Pressed::new(skin);
+            (0..later).for_each(|_| drop(pressed.show(&pressed.moved(Vec2::ZERO))));
+            let dots = pressed.moved(Vec2::new(0.27 * PITCH_PX, 0.0));
+            pressed.show(&dots);
+            let [rms, most] = pressed.off_px(&dots);
+            assert!(rms < 0.12 && most < 1.0, "{skin:?}, {later}: {rms:.3} px, {most:.3} at most");
+        }
+    }
+}
+
+#[test]
+fn dots_that_vanish_between_two_searches_are_lost_at_once() {
+    for skin in [Skin::Smooth, Skin::Fabric] {
+        for later in 0..2 {
+            let mut pressed = Pressed::new(skin);
+            (0..later).for_each(|_| drop(pressed.show(&pressed.moved(Vec2::ZERO))));
+            let dots: Vec<Vec2> = pressed.painter.rest.iter().copied().filter(|p| p.x < 560.0).collect();
+            let gone = pressed.painter.rest.len() - dots.len();
+            let report = pressed.show(&dots);
+            assert!(report.markers.lost as usize >= gone - 2, "{skin:?}, {later}: {gone} gone, {:?}", report.markers);
+            let report = pressed.show(&pressed.moved(Vec2::ZERO));
+            assert!(report.markers.lost <= 2, "{skin:?}, {later}: they are back, {:?}", report.markers);
+        }
+    }
+}
+
+#[test]
+fn the_imprint_is_looked_at_in_every_second_frame_and_its_age_is_told() {
+    let mut pressed = Pressed::new(Skin::Smooth);
+    let ages = [0; 10].map(|_| {
+        let report = pressed.show(&pressed.moved(Vec2::ZERO));
+        report.evidence.expect("a contact that has settled").imprint_age_frames
+    });
+    assert!(ages == [0, 1, 0, 1, 0, 1, 0, 1, 0, 1] || ages == [1, 0, 1, 0, 1, 0, 1, 0, 1, 0], "{ages:?}");
+}
