@@ -140,7 +140,8 @@ impl SlipMonitor {
         if let Some(seq) = self.rebase_from.take() {
             self.rebase(seq);
         }
-        if let Err(reason) = self.imprint.take(frame) {
+        let due = self.pace.see(frame.time_ns, self.contact.touches);
+        if let Err(reason) = self.imprint.take(frame, due.contact || self.settings.markers.finder_needs_flat()) {
             return self.unjudged(frame.seq, frame.time_ns, grip, reason);
         }
         if self.gap.see(frame.seq, frame.time_ns) {
@@ -148,7 +149,6 @@ impl SlipMonitor {
         }
         probe.after(Step::Imprint, self);
 
-        let due = self.pace.see(frame.time_ns, self.contact.touches);
         if due.contact {
             self.contact.find(&self.imprint, &self.markers.all);
         }

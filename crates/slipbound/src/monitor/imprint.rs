@@ -138,8 +138,8 @@ impl Imprint {
         }
     }
 
-    /// Takes a frame in, or returns the reason why it cannot be judged.
-    pub(super) fn take(&mut self, frame: &Frame<'_>) -> Result<(), Reason> {
+    /// Takes a frame in, or returns the reason why it cannot be judged. `flat`: whether [`Imprint::flat`] is made anew, where there is one.
+    pub(super) fn take(&mut self, frame: &Frame<'_>, flat: bool) -> Result<(), Reason> {
         let got = frame.pixels.size();
         if got != self.camera_px {
             return Err(Reason::FrameSize { expected: self.camera_px, got });
@@ -166,7 +166,9 @@ impl Imprint {
         if let Some((table, upright)) = &self.warp {
             table.apply(upright, &mut self.grey);
         }
-        self.flatten();
+        if flat {
+            self.flatten();
+        }
         let sum = checksum(&self.grey);
         self.repeats = self.sum.replace(sum) == Some(sum);
         Ok(())
@@ -253,7 +255,7 @@ mod tests {
             (0..3 * size.area() as u32).map(|i| 60 + (i.wrapping_mul(2_654_435_761) >> 25) as u8).collect();
         let rgb = Rgb::new(&bytes, size).expect("whole");
         let mut imprint = Imprint::new(&sensor, &ImprintSettings::default(), Extra::default());
-        imprint.take(&Frame { pixels: Pixels::Rgb(rgb), seq: 0, time_ns: None }).expect("bright");
+        imprint.take(&Frame { pixels: Pixels::Rgb(rgb), seq: 0, time_ns: None }, true).expect("bright");
         let mut grey = vec![0; size.area()];
         grey_from_rgb(rgb, &GreyWeights::new(sensor.grey_weights_rgb), sensor.flip, &mut grey);
         assert_eq!(imprint.grey, grey);

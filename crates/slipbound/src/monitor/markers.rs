@@ -26,7 +26,7 @@ use crate::monitor::rest::Rest;
 use crate::plane::Vec2;
 use crate::sensor::{Sensor, Skin};
 use anchor::Anchor;
-use follow::core_levels;
+use detect::core_levels;
 use look::{Looks, Seen};
 use matching::Matching;
 

@@ -78,7 +78,7 @@ impl RestBuilder {
     pub fn look(&mut self, frame: &Frame<'_>) -> RestLook {
         let mut look =
             RestLook { mean_levels: None, change_levels: f64::INFINITY, sharpness: f64::INFINITY, touched: true };
-        if self.imprint.take(frame).is_err() {
+        if self.imprint.take(frame, true).is_err() {
             self.looks.push(Picture::default());
             return look;
         }
@@ -132,7 +132,7 @@ impl RestBuilder {
 
     /// Averages a frame into the rest frame.
     pub fn add(&mut self, frame: &Frame<'_>) -> Result<(), RestError> {
-        self.imprint.take(frame).map_err(RestError::Unusable)?;
+        self.imprint.take(frame, true).map_err(RestError::Unusable)?;
         for (sum, &v) in self.grey_sum.iter_mut().zip(&self.imprint.grey) {
             *sum += u32::from(v);
         }

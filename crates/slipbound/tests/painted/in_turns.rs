@@ -79,7 +79,9 @@ fn a_jump_between_two_searches_is_followed_at_once() {
     for skin in [Skin::Smooth, Skin::Fabric] {
         for later in 0..2 {
             let mut pressed = Pressed::new(skin);
-            (0..later).for_each(|_| drop(pressed.show(&pressed.moved(Vec2::ZERO))));
+            for _ in 0..later {
+                pressed.show(&pressed.moved(Vec2::ZERO));
+            }
             let dots = pressed.moved(Vec2::new(0.27 * PITCH_PX, 0.0));
             pressed.show(&dots);
             let [rms, most] = pressed.off_px(&dots);
@@ -93,7 +95,9 @@ fn dots_that_vanish_between_two_searches_are_lost_at_once() {
     for skin in [Skin::Smooth, Skin::Fabric] {
         for later in 0..2 {
             let mut pressed = Pressed::new(skin);
-            (0..later).for_each(|_| drop(pressed.show(&pressed.moved(Vec2::ZERO))));
+            for _ in 0..later {
+                pressed.show(&pressed.moved(Vec2::ZERO));
+            }
             let dots: Vec<Vec2> = pressed.painter.rest.iter().copied().filter(|p| p.x < 560.0).collect();
             let gone = pressed.painter.rest.len() - dots.len();
             let report = pressed.show(&dots);

@@ -1,9 +1,8 @@
 //! Markers in one picture: spots, their sub-pixel centres, and the markers of the rest frame.
 
-use super::look::BARE_WEAVE;
 use super::settings::{Finder, MarkerSettings};
 use super::threshold::ThresholdFinder;
-use crate::image::Mask;
+use crate::image::{Mask, SizePx};
 use crate::monitor::imprint::Imprint;
 use crate::pixels::centroid::EdgeKernel;
 use crate::pixels::dots::{DotFinder, Spot};
@@ -39,6 +38,9 @@ impl RestMarker {
     }
 }
 
+/// A weave at most this many times as strong as at rest is not pressed.
+pub(super) const BARE_WEAVE: f64 = 1.5;
+
 /// An edge that pulls further than this from where the look of a marker was found is not the marker's, px.
 const FAR_PULL_PX: f64 = 1.0;
 
@@ -47,6 +49,18 @@ const FAR_PULL_PX: f64 = 1.0;
 /// 0.08 px in the mean under a box at 60 N.
 fn share(fit: &Fit) -> f64 {
     ((fit.weave - BARE_WEAVE) / 1.5).clamp(0.0, 1.0)
+}
+
+/// Grey levels of the 3 x 3 pixels around a place together; None at the border.
+pub(super) fn core_levels(grey: &[u8], size: SizePx, place: Vec2) -> Option<i32> {
+    let (x, y) = (nearest_px(place.x), nearest_px(place.y));
+    let inside = |v: isize, end: usize| v >= 1 && v < end as isize - 1;
+    if !inside(x, size.width) || !inside(y, size.height) {
+        return None;
+    }
+    let first = (y as usize - 1) * size.width + x as usize - 1;
+    let row = |k: usize| grey[first + k * size.width..][..3].iter().map(|&v| i32::from(v)).sum::<i32>();
+    Some(row(0) + row(1) + row(2))
 }
 
 /// Finds markers, without memory of earlier pictures.

@@ -6,26 +6,14 @@
 //! ```
 //! What is lost is sought in the next search, a frame later, and coasts with its neighbours until then.
 
+use super::detect::core_levels;
 use super::look::{Looks, Seen};
 use super::{Markers, is_away};
-use crate::image::SizePx;
 use crate::monitor::imprint::Imprint;
-use crate::plane::{Vec2, nearest_px};
+use crate::plane::Vec2;
 
 /// A core that has become lighter or darker by this share of the contrast of the dot is not the core any more.
 const CORE_CHANGE: f64 = 0.4;
-
-/// Grey levels of the 3 x 3 pixels around a place together; None at the border.
-pub(super) fn core_levels(grey: &[u8], size: SizePx, place: Vec2) -> Option<i32> {
-    let (x, y) = (nearest_px(place.x), nearest_px(place.y));
-    let inside = |v: isize, end: usize| v >= 1 && v < end as isize - 1;
-    if !inside(x, size.width) || !inside(y, size.height) {
-        return None;
-    }
-    let first = (y as usize - 1) * size.width + x as usize - 1;
-    let row = |k: usize| grey[first + k * size.width..][..3].iter().map(|&v| i32::from(v)).sum::<i32>();
-    Some(row(0) + row(1) + row(2))
-}
 
 impl Markers {
     /// Follows the markers that are whole; whether all of them were found. If not, none has moved.

@@ -7,7 +7,7 @@
 //! ```
 //! Where nothing presses the weave, and spot and neighbours agree, the spot is the dot.
 
-use super::detect::RestMarker;
+use super::detect::{BARE_WEAVE, RestMarker};
 use crate::image::SizePx;
 use crate::monitor::imprint::Imprint;
 use crate::pixels::template::{Fit, Start, Template, Window, darkness};
@@ -24,8 +24,6 @@ const SEARCH_PITCH: f64 = 0.16;
 const LEAST_EXPLAINED: f64 = 0.35;
 /// And shows at least this share of the dot at rest.
 const LEAST_DOT: f64 = 0.4;
-/// A weave at most this many times as strong as at rest is not pressed.
-pub(super) const BARE_WEAVE: f64 = 1.5;
 
 /// The looks of all markers at rest, and what was last seen of their weave.
 #[derive(Debug, Clone)]
