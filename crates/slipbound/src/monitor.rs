@@ -214,12 +214,9 @@ impl SlipMonitor {
             recent: self.evidence.recent.as_ref(),
             loaded: self.estimator.features.as_ref().map(|features| (features, loaded)),
         };
-        let slid = self.slides;
         self.slides = self.settings.evidence.used
             && self.gross.see(&self.estimator.estimates, self.estimator.knows_grip(), &seen);
-        if self.slides && !slid {
-            self.estimator.slides();
-        }
+        self.estimator.slides(self.slides);
         let settings = &self.settings.slip;
         if settings.rule == SlipRule::Markers {
             return;

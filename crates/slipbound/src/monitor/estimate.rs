@@ -188,9 +188,9 @@ impl Estimator {
         self.imprint_slides = slides;
     }
 
-    /// The object has begun to slide as a whole.
-    pub fn slides(&mut self) {
-        self.friction.slides();
+    /// Whether the object slides as a whole in the last frame.
+    pub fn slides(&mut self, slides: bool) {
+        self.friction.slides(slides);
     }
 
     /// All displacement from rest counts as load, until nothing touches: for a contact that the picture does not show.

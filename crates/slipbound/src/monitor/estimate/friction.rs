@@ -48,6 +48,10 @@ const EASED_LOG: f64 = 0.1;
 const EASED_LOG_SD: f64 = 1.0;
 /// How well the load at which an object begins to slide tells the friction: standard deviation of its logarithm.
 const SLIDES_LOG_SD: f64 = 0.15;
+/// It is believed once the slide has been told in so many frames and for so long, s: a load that drops at once, as of a bottle that is set
+/// down, can look like a slide in two.
+const SLIDES_FRAMES: u32 = 3;
+const SLIDES_S: f64 = 0.05;
 /// Standard deviation by which log mu may differ at another grip force, for a difference of 1 in the logarithm of the force: what
 /// `sunk` leaves.
 const DRIFT_LOG_SD: f64 = 0.2;
@@ -103,6 +107,16 @@ pub(super) struct Shown {
     pub log_used_sd: f64,
 }
 
+/// The frame in which an object began to slide, and what followed.
+#[derive(Debug, Clone, Copy)]
+struct SlideStart {
+    log_load: f64,
+    log_grip: f64,
+    since_s: f64,
+    frames_count: u32,
+    is_taken: bool,
+}
+
 /// What is known of the friction.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Friction {
@@ -123,6 +137,8 @@ pub(super) struct Friction {
     /// When the grip last grew under load, s, and when the last frame was: slip counts anew from there.
     regripped_s: Option<f64>,
     now_s: f64,
+    /// While the object slides.
+    slide: Option<SlideStart>,
 }
 
 impl Friction {
@@ -137,9 +153,19 @@ impl Friction {
         (self.most_log_grip, self.most_log_load_n) = (None, None);
     }
 
-    /// The object has begun to slide: in the last frame all of the friction was used.
-    pub fn slides(&mut self) {
-        if let Some((log_load, log_grip)) = self.last_log_load_grip {
+    /// Whether the object slides in the last frame: in the first in which it did all of the friction was used.
+    pub fn slides(&mut self, slides: bool) {
+        if !slides {
+            self.slide = None;
+            return;
+        }
+        let Some((log_load, log_grip)) = self.last_log_load_grip else { return };
+        let new = SlideStart { log_load, log_grip, since_s: self.now_s, frames_count: 0, is_taken: false };
+        let slide = self.slide.get_or_insert(new);
+        slide.frames_count += 1;
+        let lasts = slide.frames_count >= SLIDES_FRAMES && self.now_s - slide.since_s >= SLIDES_S;
+        if lasts && !std::mem::replace(&mut slide.is_taken, true) {
+            let SlideStart { log_load, log_grip, .. } = *slide;
             self.take(log_load, SLIDES_LOG_SD, 1.0, log_grip);
         }
     }
@@ -435,17 +461,41 @@ mod tests {
     #[test]
     fn the_load_that_slides_tells_the_friction_whatever_frames_said() {
         let mut friction = Friction::default();
-        friction.slides();
+        friction.slides(true);
         assert_eq!(friction.see(&shown(0.3, 10.0, 0.4), used(0.45)).0, None, "no frame, no slide");
-        // Told as rough: more than the half of it is out of sight.
-        for _ in 0..60 {
-            friction.see(&shown(0.3, 5.0, 0.2), used(0.5));
+        // Told as rough: more than the half of it is out of sight. The load falls as it slides.
+        let slid = |frames: u32, period_s: f64| {
+            let mut friction = Friction::default();
+            for _ in 0..60 {
+                friction.see(&shown(0.3, 5.0, 0.2), used(0.5));
+                friction.slides(false);
+            }
+            for frame in 0..frames {
+                let (per_grip, f) = if frame == 0 { (0.3, 0.5) } else { (0.2, 0.6) };
+                let at_s = period_s * f64::from(frame);
+                friction.see(&Shown { at_s, imprint_slides: true, ..shown(per_grip, 5.0, 0.4) }, used(f));
+                friction.slides(true);
+            }
+            friction
+        };
+        let told = |mut friction: Friction| {
+            friction.regripped();
+            let (told, now) = friction.see(&shown(0.15, 10.0, 0.2), used(0.22));
+            (told.expect("told").value, now.value)
+        };
+        let (mu, now) = told(slid(3, 1.0 / 30.0));
+        assert!((0.28..0.42).contains(&mu) && (0.36..0.55).contains(&now), "{mu} {now}");
+        let longer = told(slid(12, 1.0 / 30.0)).0;
+        assert!((0.34..0.42).contains(&longer), "taken once, of its first frame: {longer}");
+        for (frames, period_s) in [(2, 0.06), (5, 0.01)] {
+            let mu = told(slid(frames, period_s)).0;
+            assert!(mu > 0.45, "a slide of {frames} frames of {period_s} s may be none: {mu}");
         }
-        friction.slides();
-        friction.regripped();
-        let (told, now) = friction.see(&shown(0.15, 10.0, 0.2), used(0.22));
-        let told = told.expect("told").value;
-        assert!((0.28..0.36).contains(&told) && (0.42..0.55).contains(&now.value), "{told} {now:?}");
+        let mut twice = slid(2, 1.0 / 30.0);
+        twice.slides(false);
+        twice.see(&Shown { at_s: 0.1, ..shown(0.2, 5.0, 0.2) }, used(0.5));
+        twice.slides(true);
+        assert!(told(twice).0 > 0.45, "each counts from its own beginning");
     }
 
     #[test]
