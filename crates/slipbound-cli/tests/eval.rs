@@ -52,8 +52,42 @@ fn arguments_that_cannot_be_are_refused_by_name() {
         (&["ramps", "elsewhere"], "ramps: expected folders with `merge` only, got elsewhere"),
         (&["merge", "nowhere", "-o", "m"], "nowhere/sweep.json"),
         (&["merge", "nowhere"], "merge: expected -o FOLDER"),
+        (&["slides", "--left-out", "trees"], "--left-out: expected with `ramps` only, got slides"),
+        (&["ramps", "--left-out", "trees"], "trees/tape_roll.txt: "),
     ] {
         let (code, _, err) = run(dir.path(), arguments);
         assert!(code == Some(2) && err.contains(said), "{arguments:?}: {code:?} {err}");
     }
+}
+
+#[test]
+fn each_object_is_judged_by_the_trees_without_it() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let shipped = include_str!("../../slipbound/src/monitor/estimate/trees.txt");
+    let objects = ["tape_roll", "crayons_box", "scissors", "water_bottle", "super_glue"];
+    let others = ["brain_foam", "toy_duck", "screwdriver", "scrub_sponge", "blue_tube"];
+    let trees = dir.path().join("trees");
+    fs::create_dir(&trees).expect("a folder");
+    let write = |object: &str, text: &str| fs::write(trees.join(format!("{object}.txt")), text).expect("written");
+    objects.iter().chain(&others).for_each(|object| write(object, shipped));
+    let ramps = |more: &[&str], folder: &str| {
+        let (code, _, err) =
+            run(dir.path(), &[&["ramps", "--trials", "2", "--detector", "ours", "-o", folder], more].concat());
+        assert_eq!((code, err.as_str()), (Some(0), ""));
+        let lines = fs::read_to_string(dir.path().join(folder).join("trials.jsonl")).expect("records");
+        lines.lines().map(str::to_owned).collect::<Vec<String>>()
+    };
+    let by_shipped = ramps(&[], "shipped");
+    // Copies of the shipped table, but one that says more of the used fraction than there is, for the object of the first ramp.
+    let [first, second] =
+        [0, 1].map(|n| serde_json::from_str::<serde_json::Value>(&by_shipped[n]).expect("JSON")["object"].clone());
+    assert_ne!(first, second);
+    let base = shipped.lines().find(|line| line.starts_with("ensemble used ")).expect("one");
+    write(first.as_str().expect("a name"), &shipped.replacen(base, "ensemble used -0.2", 1));
+    let changed = ramps(&["--left-out", "trees"], "changed");
+    assert!(changed[0] != by_shipped[0] && changed[1] == by_shipped[1], "{changed:?}");
+
+    write("toy_duck", &shipped[..shipped.len() / 2]);
+    let (code, _, err) = run(dir.path(), &["ramps", "--left-out", "trees", "-o", "torn"]);
+    assert!(code == Some(2) && err.contains("trees/toy_duck.txt: expected a whole table of trees"), "{err}");
 }

@@ -4,14 +4,16 @@
 //! `crates/slipbound/src/monitor/estimate/trees.txt`, behind stick ratio and margin. Simulates the first N trials (default 600) unless the
 //! file of rows is there already, fits, writes the table, and prints how well the trees do on objects they were not fitted to. With
 //! `--only` the other trees are those of the table OLD.
+//! `... -- ROWS.jsonl --without FOLDER ...`: for every object in the rows FOLDER/OBJECT.txt, fitted without it, with the stated errors of OLD, for `slipbound eval ramps --left-out`.
 //! `... -- --gross ROWS.jsonl ...`: `crates/slipbound/src/monitor/gross/trees.txt`, behind the verdict on gross slip, the same way; the rows without
 //! grip force are in ROWS.jsonl.alone. All cores; the result does not depend on their number.
 
 use slipbound::monitor::{FEATURES_COUNT, SLIDE_FEATURES_COUNT};
 use slipbound_lab::eval::EvalError;
 use slipbound_lab::fit::{
-    LeftOut, Row, fitted, gross_rows_of, gross_table, kept, lessons, read_rows, rows_of, write_rows,
+    LeftOut, Row, fitted, fitted_without, gross_rows_of, gross_table, kept, lessons, read_rows, rows_of, write_rows,
 };
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -94,6 +96,27 @@ fn verdicts(name: &str, rows: &[Row], likely: &[f64]) {
     }
 }
 
+/// The trees of all lessons, new ones or those of another table.
+fn table(mut new: impl FnMut(&str) -> Option<String>, old: &str) -> Result<String, String> {
+    let of = |name| {
+        let trees = new(name).or_else(|| kept(old, name));
+        trees.ok_or_else(|| format!("--keep: expected a table with the trees of {name}"))
+    };
+    lessons().into_iter().map(of).collect()
+}
+
+/// A table for each object, fitted to the rows of all others; stated errors stay those of the old one.
+fn without_each(rows: &[Row], only: &[&str], old: &str, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    std::fs::create_dir_all(folder)?;
+    let objects: BTreeSet<&str> = rows.iter().map(|row| row.object.as_str()).collect();
+    for object in objects {
+        let new = |name: &str| only.contains(&name).then(|| fitted_without(rows, object, name, old)).flatten();
+        std::fs::write(folder.join(format!("{object}.txt")), table(new, old)?)?;
+        println!("without {object}");
+    }
+    Ok(())
+}
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
     let gross = arguments.first().is_some_and(|first| first == "--gross");
@@ -132,19 +155,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             return Err(format!("--only: expected some of {}, got {name}", lessons().join(",")).into());
         }
         let old = option("--keep").map_or(Ok(String::new()), std::fs::read_to_string)?;
+        if let Some(folder) = option("--without") {
+            return without_each(&rows, &only, &old, Path::new(folder));
+        }
         println!("{} rows; of objects left out:", rows.len());
         let mut fitted = fitted(&rows, &only);
         for (name, _, told) in &fitted {
             // The logarithm is taught where the grip force is known.
             errors(name, told, if *name == "used" { libm::exp } else { |value| value });
         }
-        let mut text = String::new();
-        for name in lessons() {
-            let new = fitted.iter_mut().find(|(fitted, ..)| *fitted == name).map(|(_, text, _)| std::mem::take(text));
-            let new = new.or_else(|| kept(&old, name));
-            text += &new.ok_or_else(|| format!("--keep: expected a table with the trees of {name}"))?;
-        }
-        text
+        let of = |name: &str| {
+            fitted.iter_mut().find(|(fitted, ..)| *fitted == name).map(|(_, text, _)| std::mem::take(text))
+        };
+        table(of, &old)?
     };
     if let Some(to) = option("--table") {
         std::fs::write(to, text)?;

@@ -137,9 +137,23 @@ pub fn fitted(rows: &[Row], names: &[&str]) -> Vec<(&'static str, String, Vec<Le
     })
 }
 
+/// The trees of a lesson fitted to the rows of all objects but one, with the stated errors of `old`; None where there is no such lesson, or `old` has
+/// none.
+pub fn fitted_without(rows: &[Row], object: &str, name: &str, old: &str) -> Option<String> {
+    let (_, lesson) = LESSONS.into_iter().find(|(known, _)| *known == name)?;
+    let others: Vec<Row> = rows.iter().filter(|row| row.object != object).filter_map(lesson).collect();
+    let trees = Ensemble::fit(&others, |row| [row.targets[0]], &VALUES).written(name);
+    Some(trees + &section(old, &[&format!("{name}_error")])?)
+}
+
 /// The trees of a lesson and their error in a table, as they are there; None when it has none.
 pub fn kept(table: &str, name: &str) -> Option<String> {
-    let own = [format!("ensemble {name} "), format!("ensemble {name}_error ")];
+    section(table, &[name, &format!("{name}_error")])
+}
+
+/// The lines of some ensembles of a table.
+fn section(table: &str, names: &[&str]) -> Option<String> {
+    let own: Vec<String> = names.iter().map(|name| format!("ensemble {name} ")).collect();
     let mut text = String::new();
     let mut is_own = false;
     for line in table.lines() {

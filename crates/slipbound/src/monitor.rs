@@ -19,7 +19,7 @@ mod slip;
 mod trees;
 
 pub use contact::ContactSettings;
-pub use estimate::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
+pub use estimate::{EstimateTrees, FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
 pub use evidence::{EvidenceScale, EvidenceSettings};
 pub use gross::{SLIDE_FEATURES_COUNT, SlideFeatures};
 pub use imprint::{Illumination, ImprintSettings};
@@ -130,6 +130,12 @@ impl SlipMonitor {
         })
     }
 
+    /// Estimates used fraction and stick ratio by other trees than the shipped ones, from the next frame on: those fitted without an object,
+    /// for an honest figure, or to another finger.
+    pub fn estimate_by(&mut self, trees: &EstimateTrees) {
+        self.estimator.go_by(trees);
+    }
+
     /// Judges one frame. Never fails: what cannot be judged says so in the report.
     pub fn step(&mut self, frame: &Frame<'_>, grip: Option<GripSample>) -> SlipReport {
         self.step_probed(frame, grip, &mut ())
@@ -203,10 +209,8 @@ impl SlipMonitor {
         if by_displacement && !had_reference {
             self.estimator.count_from_rest();
         }
-        // A region that only displacement shows moves with it.
-        let middle_px = if by_displacement { None } else { self.contact.region.middle_px() };
         self.estimator.imprint_slides(self.evidence.report.as_ref().is_some_and(|evidence| evidence.slides));
-        self.estimator.see(frame.time_ns, grip, area_px2, middle_px, &self.markers.all);
+        self.estimator.see(frame.time_ns, grip, area_px2, self.contact.middle_px, &self.markers.all);
         let (at_s, load, grip_n) = self.estimator.load_now();
         let loaded = gross::Loaded { at_s, load, grip_n: grip_n.unwrap_or(0.0) };
         let seen = gross::Seen {

@@ -6,16 +6,19 @@ mod pictures;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
+use slipbound::monitor::EstimateTrees;
 use slipbound::sensor::Sensor;
 use slipbound_lab::eval::clips::Clips;
 use slipbound_lab::eval::folder::{Shard, SweepFolder};
 use slipbound_lab::eval::lifts::Lifts;
+use slipbound_lab::eval::ramps::Ramps;
 use slipbound_lab::eval::wriggles::Wriggles;
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, simulated, table};
 use slipbound_lab::rivals::{DETECTORS, Entry, named};
 use slipbound_rig::{sensors, source};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 /// What can be asked for; the last of them joins folders.
@@ -52,6 +55,9 @@ pub struct Eval {
     /// With `lifts`: fit our scale for each object to the clips of all other objects
     #[arg(long)]
     refit: bool,
+    /// With `ramps`: judge each object by the trees of FOLDER/OBJECT.txt, fitted without it (`fit_estimates --without`)
+    #[arg(long, value_name = "FOLDER")]
+    left_out: Option<PathBuf>,
     /// Pictures of the worst failures on the page; each runs its trial again
     #[arg(long, value_name = "N", default_value_t = 6)]
     pictures: usize,
@@ -106,8 +112,26 @@ impl Eval {
                 let clips = self.clips("gelsight-mini-wriggle")?;
                 Ok(Box::new(Wriggles::new(clips, finger("gelsight_mini_near")?)))
             }
+            "ramps" if self.left_out.is_some() => {
+                Ok(Box::new(Ramps::new(seed, trials).left_out(|object| self.trees_without(object))?))
+            }
+            _ if self.left_out.is_some() => Err(Failure::Arguments(anyhow::Error::msg(format!(
+                "--left-out: expected with `ramps` only, got {name}"
+            )))),
             _ => simulated(name, seed, trials).map_err(Failure::arguments),
         }
+    }
+
+    /// The trees of `--left-out` for an object.
+    fn trees_without(&self, object: &str) -> Result<EstimateTrees, Failure> {
+        let path = self.left_out.as_deref().unwrap_or_else(|| Path::new(".")).join(format!("{object}.txt"));
+        let text = fs::read_to_string(&path)
+            .map_err(|error| Failure::Arguments(anyhow::Error::new(error).context(path.display().to_string())))?;
+        EstimateTrees::parse(&text).ok_or_else(|| {
+            let what =
+                format!("{}: expected a whole table of trees, as fit_estimates writes it, got none", path.display());
+            Failure::Arguments(anyhow::Error::msg(what))
+        })
     }
 
     /// The clips of `--data`, or of a folder of the recordings.

@@ -14,6 +14,8 @@ use super::watch::{Onlooker, Restarts, Watch, Watched, watch};
 use crate::objects::OBJECTS;
 use crate::rivals::{DETECTORS, Entry};
 use crate::scenes::Trial;
+use slipbound::monitor::EstimateTrees;
+use std::collections::BTreeMap;
 
 /// Objects of the paper: the library without the cap.
 const OBJECTS_COUNT: u64 = 10;
@@ -124,12 +126,29 @@ pub(super) fn records(number: u64, name: &str, trial: &Trial, mu: Option<f64>, w
 pub struct Ramps {
     seed: u64,
     trials_count: u64,
+    /// By object, trees that were fitted without it.
+    left_out: Option<BTreeMap<&'static str, EstimateTrees>>,
 }
 
 impl Ramps {
     /// The ramps of a seed.
     pub fn new(seed: u64, trials: Option<u64>) -> Self {
-        Ramps { seed, trials_count: trials.unwrap_or(TRIALS_COUNT) }
+        Ramps { seed, trials_count: trials.unwrap_or(TRIALS_COUNT), left_out: None }
+    }
+
+    /// Each object judged by trees that were fitted without it; `trees` of every object's name.
+    ///
+    /// # Errors
+    /// Those of `trees`.
+    pub fn left_out<E>(self, mut trees: impl FnMut(&'static str) -> Result<EstimateTrees, E>) -> Result<Self, E> {
+        let names = OBJECTS[..OBJECTS_COUNT as usize].iter().map(|object| object.name);
+        let left_out = names.map(|name| Ok((name, trees(name)?))).collect::<Result<_, E>>()?;
+        Ok(Ramps { left_out: Some(left_out), ..self })
+    }
+
+    fn watch(&self, trial: Trial) -> Watch {
+        let estimate_by = self.left_out.as_ref().and_then(|trees| trees.get(trial.object().name)).cloned();
+        Watch { estimate_by, ..Watch::new(trial, Restarts::Rivals) }
     }
 
     pub(super) fn trial(&self, number: u64) -> Result<Trial, EvalError> {
@@ -148,7 +167,7 @@ impl Protocol for Ramps {
 
     fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {
         let trial = self.trial(number)?;
-        let watched = watch(&Watch::new(trial.clone(), Restarts::Rivals), detectors, None)?;
+        let watched = watch(&self.watch(trial.clone()), detectors, None)?;
         Ok(records(number, &trial.to_string(), &trial, Some(trial.mu()), &watched))
     }
 
@@ -196,12 +215,13 @@ impl Protocol for Ramps {
     }
 
     fn settings(&self) -> Vec<(String, String)> {
-        vec![("restarts".into(), "rivals".into())]
+        let left_out = self.left_out.is_some();
+        let estimates = left_out.then(|| ("estimates".into(), "each object by trees fitted without it".into()));
+        [("restarts".into(), "rivals".into())].into_iter().chain(estimates).collect()
     }
 
     fn show(&self, number: u64, detector: &'static Entry, onlooker: &mut Onlooker<'_>) -> Result<(), EvalError> {
-        let what = Watch::new(self.trial(number)?, Restarts::Rivals);
-        watch(&what, &[detector], Some((detector.name, onlooker))).map(drop)
+        watch(&self.watch(self.trial(number)?), &[detector], Some((detector.name, onlooker))).map(drop)
     }
 }
 

@@ -11,7 +11,7 @@ use crate::random::Random;
 use crate::rivals::{Detector, Entry, Inputs, Said, said};
 use crate::scenes::{LoadProfile, Trial};
 use crate::world::{FRAME_RATE_HZ, Gross, Physics, World};
-use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
+use slipbound::monitor::{EstimateTrees, RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
 use slipbound::sensor::{Sensor, Shear};
 
@@ -72,6 +72,8 @@ pub struct Watch {
     pub restarts: Restarts,
     /// Frames of the world after which it stands still, by number, and for how many frames.
     pub stills: Vec<(u64, u64)>,
+    /// Trees of used fraction and stick ratio in place of the shipped ones.
+    pub estimate_by: Option<EstimateTrees>,
     /// How many frames after gross slip it ends; None for as long as the scene.
     pub frames_after_gross: Option<u64>,
 }
@@ -87,6 +89,7 @@ impl Watch {
             stiffness_scale: 1.0,
             restarts,
             stills: Vec::new(),
+            estimate_by: None,
             frames_after_gross: None,
         }
     }
@@ -182,6 +185,9 @@ pub fn watch(
     let rest_frames = trial.number("rest_frames") as u64;
     let load_from_frame = watch.load_from_frame();
     let mut desks = desks(&mut world, &sensor, entries, rest_frames)?;
+    if let Some(trees) = &watch.estimate_by {
+        desks.iter_mut().for_each(|desk| desk.monitor.estimate_by(trees));
+    }
     let mut readings = Random::of(trial.seed, 0x6121);
     let mut told = watch.reading.of(0.0, &mut readings);
     let mut watched = Watched { load_from_frame, ..Watched::default() };

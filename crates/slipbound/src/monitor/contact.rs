@@ -21,6 +21,7 @@ use crate::monitor::rest::{Rest, RestKind};
 use crate::pixels::canny::Canny;
 use crate::pixels::components::Components;
 use crate::pixels::morphology::{Element, Morphology};
+use crate::plane::Vec2;
 use crate::sensor::{EdgeBand, Sensor, Skin};
 use crate::setting::{SettingError, within};
 use displaced::DisplacedContact;
@@ -226,6 +227,8 @@ pub(super) struct Contact {
     pub(super) region: Mask,
     /// Its area in px.
     pub(super) area_px2: usize,
+    /// Its middle, px; None while nothing touches and where only displacement shows it, for that region moves with the markers.
+    pub(super) middle_px: Option<Vec2>,
     /// How strong the imprint is, 0 to 1. Smooth gel: 0 at the change that counts as contact, 1 at twice that. Fabric:
     /// the share of edge pixels over that of a pressed weave.
     pub(super) strength: f64,
@@ -262,6 +265,7 @@ impl Contact {
             touches: rest.kind == RestKind::InContact,
             region: Mask::new(size),
             area_px2: 0,
+            middle_px: None,
             strength: 0.0,
         }
     }
@@ -311,6 +315,7 @@ impl Contact {
             self.area_px2 = 0;
             self.strength = 0.0;
         }
+        self.middle_px = if self.by_displacement { None } else { self.region.middle_px() };
     }
 
     /// Quality of the patch, 0 to 1: the smaller of its share of markers and its strength.

@@ -35,7 +35,9 @@ use friction::{Friction, Shown, half_width_px, sunk};
 use last_motion::{Carried, LastMotion};
 use load::Load;
 use reference::{Reference, Regrip};
+pub use said::EstimateTrees;
 use said::Trees;
+use std::sync::Arc;
 use window::{Sample, Stretches, Window};
 
 /// Fewest markers in contact for an estimate.
@@ -69,7 +71,7 @@ pub(super) struct Estimator {
     /// Shear stiffness, N per px of displacement and px2 of area.
     stiffness_n_per_px3: Option<f64>,
     inside: (Vec2, Vec2),
-    trees: &'static Trees,
+    trees: Arc<Trees>,
     reference: Reference,
     window: Window,
     stretches: Stretches,
@@ -181,6 +183,11 @@ impl Estimator {
         self.friction = Friction::default();
         self.counts_from_rest = false;
         (self.estimates, self.features) = (Estimates::default(), None);
+    }
+
+    /// Goes by other trees from here.
+    pub fn go_by(&mut self, trees: &EstimateTrees) {
+        self.trees = trees.0.clone();
     }
 
     /// Whether the imprint of the next frame moves over the gel as that of an object that slides.

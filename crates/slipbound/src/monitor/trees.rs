@@ -88,7 +88,6 @@ impl Ensemble {
     }
 
     /// How many trees.
-    #[cfg(test)]
     pub fn trees_count(&self) -> usize {
         self.leaves.len() >> self.depth
     }

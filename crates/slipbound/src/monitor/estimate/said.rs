@@ -4,7 +4,7 @@
 
 use super::features::{FEATURES_COUNT, Features, GEOMETRIC_COUNT};
 use crate::monitor::trees::{Ensemble, parse};
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 /// What a frame says.
 #[derive(Debug, Clone, Copy, Default)]
@@ -31,9 +31,24 @@ pub(super) struct Trees {
 }
 
 /// The ones that are shipped.
-pub(super) fn shipped() -> &'static Trees {
-    static SHIPPED: LazyLock<Trees> = LazyLock::new(|| Trees::parse(include_str!("trees.txt")).unwrap_or_default());
-    &SHIPPED
+pub(super) fn shipped() -> Arc<Trees> {
+    static SHIPPED: LazyLock<Arc<Trees>> =
+        LazyLock::new(|| Arc::new(Trees::parse(include_str!("trees.txt")).unwrap_or_default()));
+    SHIPPED.clone()
+}
+
+/// Trees of used fraction and stick ratio other than those that are shipped: as `fit_estimates` of slipbound-lab writes them, fitted to other objects
+/// or to another finger. Monitors share them.
+#[derive(Debug, Clone)]
+pub struct EstimateTrees(pub(super) Arc<Trees>);
+
+impl EstimateTrees {
+    /// Reads a table; None where it is none, or where one of the trees is missing.
+    pub fn parse(table: &str) -> Option<Self> {
+        let trees = Trees::parse(table)?;
+        let whole = trees.counts().iter().all(|count| *count > 0);
+        whole.then(|| EstimateTrees(Arc::new(trees)))
+    }
 }
 
 /// The least standard deviation that is ever stated.
@@ -78,10 +93,7 @@ impl Trees {
             alone_stick: [alone_stick, alone_stick_error],
         })
     }
-}
 
-#[cfg(test)]
-impl Trees {
     /// Trees of each ensemble.
     pub fn counts(&self) -> Vec<usize> {
         let all = [&self.used, &self.stick, &self.alone_used, &self.alone_stick];
