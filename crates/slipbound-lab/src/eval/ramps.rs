@@ -230,6 +230,24 @@ mod tests {
     use super::*;
 
     #[test]
+    fn every_object_of_the_ramps_has_its_own_trees() {
+        let table = include_str!("../../../slipbound/src/monitor/estimate/trees.txt");
+        let mut names = Vec::new();
+        let trees = |name| {
+            names.push(name);
+            EstimateTrees::parse(table).ok_or(name)
+        };
+        let ramps = Ramps::new(0, None).left_out(trees).expect("whole tables");
+        assert_eq!(names.len(), 10);
+        for number in 0..10 {
+            let trial = ramps.trial(number).expect("a trial");
+            assert!(names.contains(&trial.object().name) && ramps.watch(trial).estimate_by.is_some());
+        }
+        let refused = |name| if name == "toy_duck" { Err(name) } else { EstimateTrees::parse(table).ok_or(name) };
+        assert_eq!(Ramps::new(0, None).left_out(refused).err(), Some("toy_duck"));
+    }
+
+    #[test]
     fn ramps_cover_forces_frictions_and_kinds_evenly() {
         let draws: Vec<Draw> = (0..1200).map(|number| draw(0, number)).collect();
         let count = |of: &dyn Fn(&Draw) -> bool| draws.iter().filter(|draw| of(draw)).count();

@@ -7,8 +7,8 @@ use slipbound::plane::Vec2;
 use slipbound::port::GripSample;
 use slipbound::sensor::Skin;
 
-const SIZE: SizePx = SizePx::new(640, 480);
-const PITCH_PX: f64 = 26.5;
+const SIZE: SizePx = SizePx::new(320, 240);
+const PITCH_PX: f64 = 16.0;
 const PRESSED_FRAMES: u64 = 12;
 
 /// A pressed finger whose markers in the contact are then where `shift` says, frame by frame, at 90 Hz.
@@ -21,9 +21,9 @@ struct Pressed {
 
 impl Pressed {
     fn new(skin: Skin) -> Self {
-        let painter = Painter::new(SIZE, PITCH_PX, 8.4, skin, 0.5, 9);
-        let centre = Vec2::new(320.0, 240.0);
-        let touch = Touch { centre, radii_px: Vec2::new(210.0, 180.0), strength_levels: 32.0 };
+        let painter = Painter::new(SIZE, PITCH_PX, 5.5, skin, 0.5, 9);
+        let centre = Vec2::new(160.0, 120.0);
+        let touch = Touch { centre, radii_px: Vec2::new(105.0, 90.0), strength_levels: 32.0 };
         let mut builder = RestBuilder::new(&painter.sensor, &Settings::default(), SIZE).expect("valid");
         builder.add(&frame(&painter.paint(&painter.rest, None, 0), SIZE, 0)).expect("bright");
         let rest = builder.build(RestKind::Unloaded).expect("markers");
@@ -53,7 +53,7 @@ impl Pressed {
     fn off_px(&self, dots: &[Vec2]) -> [f64; 2] {
         let nearest = |now: Vec2| dots.iter().map(|d| (*d - now).length()).fold(f64::MAX, f64::min);
         let offs: Vec<f64> = self.monitor.markers().iter().filter(|m| m.whole).map(|m| nearest(m.now)).collect();
-        assert!(offs.len() > 350, "{} whole markers", offs.len());
+        assert!(offs.len() > 200, "{} whole markers", offs.len());
         let squares: f64 = offs.iter().map(|off| off * off).sum();
         [(squares / offs.len() as f64).sqrt(), offs.iter().fold(0.0, |most, &off| f64::max(most, off))]
     }
@@ -65,11 +65,11 @@ fn markers_that_are_followed_are_as_exact_as_those_that_are_searched() {
         let mut pressed = Pressed::new(skin);
         for i in 0..24 {
             // Faster and faster, then to and fro.
-            let way_px = if i < 12 { 0.1 * f64::from(i * i) } else { 14.4 + 3.0 * f64::from(i % 2) };
+            let way_px = if i < 12 { 0.06 * f64::from(i * i) } else { 8.6 + 1.8 * f64::from(i % 2) };
             let dots = pressed.moved(Vec2::new(0.8, -0.6) * way_px);
             pressed.show(&dots);
             let [rms, most] = pressed.off_px(&dots);
-            assert!(rms < 0.12 && most < 1.0, "{skin:?}, frame {i}: {rms:.3} px, {most:.3} at most");
+            assert!(rms < 0.2 && most < 1.0, "{skin:?}, frame {i}: {rms:.3} px, {most:.3} at most");
         }
     }
 }
@@ -85,7 +85,7 @@ fn a_jump_between_two_searches_is_followed_at_once() {
             let dots = pressed.moved(Vec2::new(0.27 * PITCH_PX, 0.0));
             pressed.show(&dots);
             let [rms, most] = pressed.off_px(&dots);
-            assert!(rms < 0.12 && most < 1.0, "{skin:?}, {later}: {rms:.3} px, {most:.3} at most");
+            assert!(rms < 0.2 && most < 1.0, "{skin:?}, {later}: {rms:.3} px, {most:.3} at most");
         }
     }
 }
@@ -98,7 +98,7 @@ fn dots_that_vanish_between_two_searches_are_lost_at_once() {
             for _ in 0..later {
                 pressed.show(&pressed.moved(Vec2::ZERO));
             }
-            let dots: Vec<Vec2> = pressed.painter.rest.iter().copied().filter(|p| p.x < 560.0).collect();
+            let dots: Vec<Vec2> = pressed.painter.rest.iter().copied().filter(|p| p.x < 280.0).collect();
             let gone = pressed.painter.rest.len() - dots.len();
             let report = pressed.show(&dots);
             assert!(report.markers.lost as usize >= gone - 2, "{skin:?}, {later}: {gone} gone, {:?}", report.markers);
