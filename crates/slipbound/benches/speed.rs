@@ -108,6 +108,12 @@ fn quantile_us(times: &mut [f64], share: f64) -> f64 {
     times[((times.len() - 1) as f64 * share).round() as usize]
 }
 
+/// Median of the mean of two frames in a row: at 90 Hz some steps are done in every second frame.
+fn turn_us(times: &[f64]) -> f64 {
+    let mut turns: Vec<f64> = times.as_chunks::<2>().0.iter().map(|[a, b]| (a + b) / 2.0).collect();
+    quantile_us(&mut turns, 0.5)
+}
+
 fn timed_us(work: impl FnOnce()) -> f64 {
     let start = Instant::now();
     work();
@@ -137,14 +143,9 @@ fn measure(finger: &str, frames_count: usize) -> Value {
         recording.judge(&mut probe);
     }
     let mut by_step: serde_json::Map<String, Value> = (probe.times_us.iter())
-        .map(|(step, times)| {
-            let mut turns: Vec<f64> = times.as_chunks::<2>().0.iter().map(|[a, b]| (a + b) / 2.0).collect();
-            (format!("{step:?}").to_lowercase(), json!(quantile_us(&mut turns, 0.5)))
-        })
+        .map(|(step, times)| (format!("{step:?}").to_lowercase(), json!(turn_us(times))))
         .collect();
-    // At 90 Hz some steps are done in every second frame: two in a row are a turn.
-    let mut turns: Vec<f64> = whole.as_chunks::<2>().0.iter().map(|[a, b]| (a + b) / 2.0).collect();
-    let (copy_us, median_us) = (quantile_us(&mut copies, 0.5), quantile_us(&mut turns, 0.5));
+    let (copy_us, median_us) = (quantile_us(&mut copies, 0.5), turn_us(&whole));
     let stated: f64 = by_step.values().filter_map(Value::as_f64).sum();
     by_step.insert("estimates".into(), json!((median_us - stated).max(0.0)));
     json!({
@@ -162,8 +163,8 @@ fn with_markers(finger: &str, count: f64) -> Recording {
 fn growth(finger: &str) -> Value {
     let median_us = |mut recording: Recording| {
         (0..30).for_each(|_| recording.judge(&mut ()));
-        let mut times: Vec<f64> = (0..150).map(|_| timed_us(|| recording.judge(&mut ()))).collect();
-        (recording.monitor.markers().len(), quantile_us(&mut times, 0.5))
+        let times: Vec<f64> = (0..150).map(|_| timed_us(|| recording.judge(&mut ()))).collect();
+        (recording.monitor.markers().len(), turn_us(&times))
     };
     let pixels: Vec<Value> = [(320, 240), (640, 480), (960, 720), (1280, 960), (1600, 1200), (1920, 1440)]
         .map(|(width, height)| {

@@ -74,37 +74,56 @@ fn markers_that_are_followed_are_as_exact_as_those_that_are_searched() {
     }
 }
 
+/// A pressed finger of each skin whose next frame is searched, and one whose next frame is followed.
+fn before_either_turn() -> impl Iterator<Item = (String, Pressed)> {
+    [(Skin::Smooth, 0), (Skin::Smooth, 1), (Skin::Fabric, 0), (Skin::Fabric, 1)].into_iter().map(|(skin, later)| {
+        let mut pressed = Pressed::new(skin);
+        for _ in 0..later {
+            pressed.show(&pressed.moved(Vec2::ZERO));
+        }
+        (format!("{skin:?}, {later} frames later"), pressed)
+    })
+}
+
 #[test]
 fn a_jump_between_two_searches_is_followed_at_once() {
-    for skin in [Skin::Smooth, Skin::Fabric] {
-        for later in 0..2 {
-            let mut pressed = Pressed::new(skin);
-            for _ in 0..later {
-                pressed.show(&pressed.moved(Vec2::ZERO));
-            }
-            let dots = pressed.moved(Vec2::new(0.27 * PITCH_PX, 0.0));
-            pressed.show(&dots);
-            let [rms, most] = pressed.off_px(&dots);
-            assert!(rms < 0.2 && most < 1.0, "{skin:?}, {later}: {rms:.3} px, {most:.3} at most");
-        }
+    for (which, mut pressed) in before_either_turn() {
+        let dots = pressed.moved(Vec2::new(0.27 * PITCH_PX, 0.0));
+        pressed.show(&dots);
+        let [rms, most] = pressed.off_px(&dots);
+        assert!(rms < 0.2 && most < 1.0, "{which}: {rms:.3} px, {most:.3} at most");
     }
 }
 
 #[test]
 fn dots_that_vanish_between_two_searches_are_lost_at_once() {
-    for skin in [Skin::Smooth, Skin::Fabric] {
-        for later in 0..2 {
-            let mut pressed = Pressed::new(skin);
-            for _ in 0..later {
-                pressed.show(&pressed.moved(Vec2::ZERO));
-            }
-            let dots: Vec<Vec2> = pressed.painter.rest.iter().copied().filter(|p| p.x < 280.0).collect();
-            let gone = pressed.painter.rest.len() - dots.len();
-            let report = pressed.show(&dots);
-            assert!(report.markers.lost as usize >= gone - 2, "{skin:?}, {later}: {gone} gone, {:?}", report.markers);
-            let report = pressed.show(&pressed.moved(Vec2::ZERO));
-            assert!(report.markers.lost <= 2, "{skin:?}, {later}: they are back, {:?}", report.markers);
-        }
+    for (which, mut pressed) in before_either_turn() {
+        let dots: Vec<Vec2> = pressed.painter.rest.iter().copied().filter(|p| p.x < 280.0).collect();
+        let gone = pressed.painter.rest.len() - dots.len();
+        let report = pressed.show(&dots);
+        assert!(report.markers.lost as usize >= gone - 2, "{which}: {gone} gone, {:?}", report.markers);
+        let report = pressed.show(&pressed.moved(Vec2::ZERO));
+        assert!(report.markers.lost <= 2, "{which}: they are back, {:?}", report.markers);
+    }
+}
+
+#[test]
+fn a_lost_marker_goes_on_with_its_neighbours_between_two_searches() {
+    let mut pressed = Pressed::new(Skin::Smooth);
+    let away = |p: &Vec2| (*p - pressed.touch.centre).length();
+    let lost = (0..pressed.painter.rest.len())
+        .min_by(|&a, &b| away(&pressed.painter.rest[a]).total_cmp(&away(&pressed.painter.rest[b])))
+        .expect("dots");
+    let at_rest = pressed.painter.rest[lost];
+    let nearest = |m: &&slipbound::monitor::Marker| (m.rest - at_rest).length() < 1.0;
+    let id = pressed.monitor.markers().iter().find(nearest).expect("its marker").id as usize;
+    for i in 0..8 {
+        let mut dots = pressed.moved(Vec2::new(2.0, -1.0) * f64::from(i));
+        let place = dots.remove(lost);
+        pressed.show(&dots);
+        let marker = pressed.monitor.markers()[id];
+        let off_px = (marker.now - place).length();
+        assert!(!marker.matched && off_px < 0.7, "frame {i}: {off_px:.2} px off, {marker:?}");
     }
 }
 
