@@ -201,7 +201,7 @@ def page(result, others, opencv_ms, growth, fingers, memory, frames_count):
     lines += [f"| {name} | {ms:.2f} | {1000 * ms / result['smooth']['step_us_median']:.1f} |" for name, ms in others.items()]
     lines += ["", "## Growth", "", "![against pixels](speed-pixels.svg) ![against markers](speed-markers.svg)", ""]
     lines += growth_lines(growth)
-    lines += ["", "Pixels: 320x240 to 1920x1440 with the same 391 markers; markers: 48 to 4,900 on 1280x960.", *STEPS, "", "## Many fingers", ""]
+    lines += ["", "Pixels: 320x240 to 1920x1440 with the same 391 markers; markers: 35 to 4,900 on 1280x960.", *STEPS, "", "## Many fingers", ""]
     lines += [f"Monitors at 90 Hz on {fingers['cores_count']} cores, smooth gel; late: judged after the next frame was due. Over 100 %: it took longer than the recording lasts.", ""]
     lines += ["| monitors | late | of | cores in use |", "|---|---|---|---|"]
     lines += [f"| {r['monitors_count']} | {r['late_count']} | {r['judged_count']} | {100 * r['cores_in_use_fraction']:.0f} % |" for r in fingers["rows"]]
