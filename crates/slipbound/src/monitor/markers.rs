@@ -12,6 +12,8 @@ mod detect;
 mod follow;
 mod look;
 mod matching;
+mod median;
+mod plane_fit;
 mod settings;
 mod spot_index;
 mod threshold;

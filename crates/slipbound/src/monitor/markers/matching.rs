@@ -4,6 +4,8 @@
 //! contradicts all neighbours is undone; a marker without a spot is sought where its neighbours went. A marker
 //! still without a spot is expected there, and coasts with them.
 
+use super::median::middle_of;
+use super::plane_fit::{Around, slopes};
 use super::spot_index::SpotIndex;
 use crate::image::SizePx;
 use crate::monitor::report::Marker;
@@ -12,7 +14,7 @@ use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
 /// Neighbours asked for the motion of a marker.
-const NEIGHBOURS: usize = 8;
+pub(super) const NEIGHBOURS: usize = 8;
 /// A match is undone when it is further from what the neighbours say than this: a swap with the next marker is a
 /// whole pitch off, the gradient at the rim of a slipping contact less than half of one.
 const CONTRADICTION_PITCH: f64 = 0.6;
@@ -70,27 +72,6 @@ pub(super) struct Matching {
     /// The matches that were asked about before any was undone, and where the neighbours of each then said it is.
     asked_match_of: Vec<u32>,
     said: Vec<Option<Vec2>>,
-}
-
-/// The neighbours of a marker at rest, as the plane through their displacements needs them when all are known.
-#[derive(Debug, Clone, Copy)]
-struct Around {
-    /// From the marker to the middle of its neighbours, and from there to each.
-    middle: Vec2,
-    arms: [Vec2; NEIGHBOURS],
-    spread: Spread,
-}
-
-impl Around {
-    fn new(arms: [Vec2; NEIGHBOURS], pitch_px: f64) -> Self {
-        let mut middle = Vec2::ZERO;
-        arms.iter().for_each(|&arm| middle += arm);
-        middle = middle / NEIGHBOURS as f64;
-        let arms = arms.map(|arm| arm - middle);
-        let mut spread = Spread::new(pitch_px);
-        arms.iter().for_each(|&arm| spread.add(arm));
-        Around { middle, arms, spread }
-    }
 }
 
 impl Matching {
@@ -420,8 +401,8 @@ impl Matching {
         }
         let shift = shift / count as f64;
         if count == NEIGHBOURS {
-            let Around { middle, arms, spread } = &self.around[i];
-            let [slope_x, slope_y] = spread.slopes(arms.iter().zip(displaced).map(|(&arm, d)| (arm, d - shift)));
+            let [slope_x, slope_y] = self.around[i].slopes(displaced.map(|d| d - shift));
+            let middle = self.around[i].middle;
             return Some(here + shift - slope_x * middle.x - slope_y * middle.y);
         }
         let arms = known[..count].iter().map(|&n| markers[n].rest - here);
@@ -431,79 +412,6 @@ impl Matching {
         let [slope_x, slope_y] = slopes(arms.zip(displaced).map(|(arm, d)| (arm - middle, d - shift)), self.pitch_px);
         Some(here + shift - slope_x * middle.x - slope_y * middle.y)
     }
-}
-
-/// The value with half of them below it, the upper of two; of at most nine.
-#[rustfmt::skip]
-fn middle_of(steps: &[Vec2], part: impl Fn(&Vec2) -> f64) -> f64 {
-    // As many below all and above all as keep it in the middle of nine.
-    let below = 4 - steps.len() / 2;
-    let mut nine = [i64::MAX; NEIGHBOURS + 1];
-    nine[..below].fill(i64::MIN);
-    nine[below..].iter_mut().zip(steps).for_each(|(out, step)| *out = ordered(part(step)));
-    // Paeth's network: the last exchange leaves the middle in place 4.
-    let n = &mut nine;
-    order::<1, 2>(n); order::<4, 5>(n); order::<7, 8>(n); order::<0, 1>(n); order::<3, 4>(n); order::<6, 7>(n);
-    order::<1, 2>(n); order::<4, 5>(n); order::<7, 8>(n); order::<0, 3>(n); order::<5, 8>(n); order::<4, 7>(n);
-    order::<3, 6>(n); order::<1, 4>(n); order::<2, 5>(n); order::<4, 7>(n); order::<4, 2>(n); order::<6, 4>(n);
-    order::<4, 2>(n);
-    f64::from_bits(ordered_bits(nine[4]) as u64)
-}
-
-/// Exchanges the values at two places where the first is the greater.
-#[inline(always)]
-fn order<const FIRST: usize, const SECOND: usize>(nine: &mut [i64; NEIGHBOURS + 1]) {
-    let (a, b) = (nine[FIRST], nine[SECOND]);
-    (nine[FIRST], nine[SECOND]) = (a.min(b), a.max(b));
-}
-
-/// A whole number in the order of [`f64::total_cmp`], and back.
-fn ordered(v: f64) -> i64 {
-    ordered_bits(v.to_bits() as i64)
-}
-
-fn ordered_bits(bits: i64) -> i64 {
-    bits ^ ((bits >> 63) as u64 >> 1) as i64
-}
-
-/// How far arms reach along x and along y: their sums of products, held up where there are hardly any.
-#[derive(Debug, Clone, Copy)]
-struct Spread {
-    xx: f64,
-    xy: f64,
-    yy: f64,
-}
-
-impl Spread {
-    fn new(pitch_px: f64) -> Self {
-        let ridge = 0.5 * pitch_px * pitch_px;
-        Spread { xx: ridge, xy: 0.0, yy: ridge }
-    }
-
-    fn add(&mut self, arm: Vec2) {
-        self.xx += arm.x * arm.x;
-        self.xy += arm.x * arm.y;
-        self.yy += arm.y * arm.y;
-    }
-
-    /// Slopes along x and along y of displacements at these arms, by least squares, held down where the arms do not determine them.
-    fn slopes(&self, points: impl Iterator<Item = (Vec2, Vec2)>) -> [Vec2; 2] {
-        let Spread { xx, xy, yy } = *self;
-        let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
-        for (arm, d) in points {
-            by_x += d * arm.x;
-            by_y += d * arm.y;
-        }
-        let det = xx * yy - xy * xy;
-        [(by_x * yy - by_y * xy) / det, (by_y * xx - by_x * xy) / det]
-    }
-}
-
-/// See [`Spread::slopes`].
-fn slopes(points: impl Iterator<Item = (Vec2, Vec2)> + Clone, pitch_px: f64) -> [Vec2; 2] {
-    let mut spread = Spread::new(pitch_px);
-    points.clone().for_each(|(arm, _)| spread.add(arm));
-    spread.slopes(points)
 }
 
 #[cfg(test)]

@@ -131,21 +131,6 @@ fn eight_known_neighbours_say_to_the_bit_what_a_plane_fitted_anew_says() {
 }
 
 #[test]
-fn the_middle_of_up_to_nine_is_that_of_the_sorted_ones() {
-    let mut state = 7u32;
-    let mut value = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        [-0.0, 0.0, 1.5, f64::from(state >> 20) - 2000.0, -f64::from(state >> 28)][(state >> 24) as usize % 5]
-    };
-    for count in (3..=9).cycle().take(700) {
-        let steps: Vec<Vec2> = (0..count).map(|_| Vec2::new(value(), value())).collect();
-        let mut sorted: Vec<f64> = steps.iter().map(|step| step.y).collect();
-        sorted.sort_by(f64::total_cmp);
-        assert_eq!(middle_of(&steps, |step| step.y).to_bits(), sorted[count / 2].to_bits(), "{steps:?}");
-    }
-}
-
-#[test]
 fn a_field_that_is_torn_is_grown_anew_from_the_markers_that_stood_still() {
     let markers = markers();
     let snapped =

@@ -1,0 +1,70 @@
+//! A plane through the displacements of a few neighbours, by least squares: how the gel around a marker is stretched and turned.
+
+use super::matching::NEIGHBOURS;
+use crate::plane::Vec2;
+
+/// The neighbours of a marker at rest, as the plane through their displacements needs them when all are known.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Around {
+    /// From the marker to the middle of its neighbours, and from there to each.
+    pub middle: Vec2,
+    arms: [Vec2; NEIGHBOURS],
+    spread: Spread,
+}
+
+impl Around {
+    pub fn new(arms: [Vec2; NEIGHBOURS], pitch_px: f64) -> Self {
+        let mut middle = Vec2::ZERO;
+        arms.iter().for_each(|&arm| middle += arm);
+        middle = middle / NEIGHBOURS as f64;
+        let arms = arms.map(|arm| arm - middle);
+        let mut spread = Spread::new(pitch_px);
+        arms.iter().for_each(|&arm| spread.add(arm));
+        Around { middle, arms, spread }
+    }
+
+    /// Slopes along x and along y of the displacements of all neighbours over their mean.
+    pub fn slopes(&self, displaced: [Vec2; NEIGHBOURS]) -> [Vec2; 2] {
+        self.spread.slopes(self.arms.iter().copied().zip(displaced))
+    }
+}
+
+/// How far arms reach along x and along y: their sums of products, held up where there are hardly any.
+#[derive(Debug, Clone, Copy)]
+struct Spread {
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+impl Spread {
+    fn new(pitch_px: f64) -> Self {
+        let ridge = 0.5 * pitch_px * pitch_px;
+        Spread { xx: ridge, xy: 0.0, yy: ridge }
+    }
+
+    fn add(&mut self, arm: Vec2) {
+        self.xx += arm.x * arm.x;
+        self.xy += arm.x * arm.y;
+        self.yy += arm.y * arm.y;
+    }
+
+    /// Slopes along x and along y of displacements at these arms, by least squares, held down where the arms do not determine them.
+    fn slopes(&self, points: impl Iterator<Item = (Vec2, Vec2)>) -> [Vec2; 2] {
+        let Spread { xx, xy, yy } = *self;
+        let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
+        for (arm, d) in points {
+            by_x += d * arm.x;
+            by_y += d * arm.y;
+        }
+        let det = xx * yy - xy * xy;
+        [(by_x * yy - by_y * xy) / det, (by_y * xx - by_x * xy) / det]
+    }
+}
+
+/// Slopes along x and along y of displacements at these arms, by least squares, held down where the arms do not determine them.
+pub(super) fn slopes(points: impl Iterator<Item = (Vec2, Vec2)> + Clone, pitch_px: f64) -> [Vec2; 2] {
+    let mut spread = Spread::new(pitch_px);
+    points.clone().for_each(|(arm, _)| spread.add(arm));
+    spread.slopes(points)
+}
