@@ -5,7 +5,7 @@
 //! still without a spot is expected there, and coasts with them.
 
 use super::median::middle_of;
-use super::plane_fit::{Around, slopes};
+use super::plane_fit::{Around, NEIGHBOURS, slopes};
 use super::spot_index::SpotIndex;
 use crate::image::SizePx;
 use crate::monitor::report::Marker;
@@ -13,8 +13,6 @@ use crate::pixels::dots::Spot;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
-/// Neighbours asked for the motion of a marker.
-pub(super) const NEIGHBOURS: usize = 8;
 /// A match is undone when it is further from what the neighbours say than this: a swap with the next marker is a
 /// whole pitch off, the gradient at the rim of a slipping contact less than half of one.
 const CONTRADICTION_PITCH: f64 = 0.6;

@@ -1,14 +1,15 @@
 //! The median of up to nine numbers, without a branch.
 
-use super::matching::NEIGHBOURS;
 use crate::plane::Vec2;
+
+const MOST: usize = 9;
 
 /// The value with half of them below it, the upper of two; of at most nine.
 #[rustfmt::skip]
 pub(super) fn middle_of(steps: &[Vec2], part: impl Fn(&Vec2) -> f64) -> f64 {
     // As many below all and above all as keep it in the middle of nine.
     let below = 4 - steps.len() / 2;
-    let mut nine = [i64::MAX; NEIGHBOURS + 1];
+    let mut nine = [i64::MAX; MOST];
     nine[..below].fill(i64::MIN);
     nine[below..].iter_mut().zip(steps).for_each(|(out, step)| *out = ordered(part(step)));
     // Paeth's network: the last exchange leaves the middle in place 4.
@@ -22,7 +23,7 @@ pub(super) fn middle_of(steps: &[Vec2], part: impl Fn(&Vec2) -> f64) -> f64 {
 
 /// Exchanges the values at two places where the first is the greater.
 #[inline(always)]
-fn order<const FIRST: usize, const SECOND: usize>(nine: &mut [i64; NEIGHBOURS + 1]) {
+fn order<const FIRST: usize, const SECOND: usize>(nine: &mut [i64; MOST]) {
     let (a, b) = (nine[FIRST], nine[SECOND]);
     (nine[FIRST], nine[SECOND]) = (a.min(b), a.max(b));
 }

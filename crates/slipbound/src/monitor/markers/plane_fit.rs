@@ -1,7 +1,9 @@
 //! A plane through the displacements of a few neighbours, by least squares: how the gel around a marker is stretched and turned.
 
-use super::matching::NEIGHBOURS;
 use crate::plane::Vec2;
+
+/// Neighbours of a marker.
+pub(super) const NEIGHBOURS: usize = 8;
 
 /// The neighbours of a marker at rest, as the plane through their displacements needs them when all are known.
 #[derive(Debug, Clone, Copy)]
