@@ -1,8 +1,8 @@
 //! Makes the tables of boosted trees that the monitor ships, from the training split.
 //!
-//! `cargo run --release -p slipbound-lab --example fit_estimates -- ROWS.jsonl [--trials N] [--only used,stick --keep OLD] [--table FILE]`:
-//! `crates/slipbound/src/monitor/estimate/trees.txt`, behind stick ratio and margin. Simulates the first N trials (default 600) unless the
-//! file of rows is there already, fits, writes the table, and prints how well the trees do on objects they were not fitted to. With
+//! `cargo run --release -p slipbound-lab --example fit_estimates -- ROWS.jsonl [--trials N] [--from N] [--only used,stick --keep OLD] [--table FILE]`:
+//! `crates/slipbound/src/monitor/estimate/trees.txt`, behind stick ratio and margin. Simulates the first N trials (default 600; those from
+//! `--from` on: files of rows can be joined) unless the file of rows is there already, fits, writes the table, and prints how well the trees do on objects they were not fitted to. With
 //! `--only` the other trees are those of the table OLD.
 //! `... -- ROWS.jsonl --without FOLDER ...`: for every object in the rows FOLDER/OBJECT.txt, fitted without it, with the stated errors of OLD, for `slipbound eval ramps --left-out`.
 //! `... -- --gross ROWS.jsonl ...`: `crates/slipbound/src/monitor/gross/trees.txt`, behind the verdict on gross slip, the same way; the rows without
@@ -18,8 +18,8 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-fn simulate<T: Send>(trials_count: u64, of: impl Fn(u64) -> Result<T, EvalError> + Sync) -> Vec<T> {
-    let (next, found) = (AtomicU64::new(0), Mutex::new(Vec::new()));
+fn simulate<T: Send>(from: u64, trials_count: u64, of: impl Fn(u64) -> Result<T, EvalError> + Sync) -> Vec<T> {
+    let (next, found) = (AtomicU64::new(from), Mutex::new(Vec::new()));
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     std::thread::scope(|scope| {
         for _ in 0..cores {
@@ -124,6 +124,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let option = |name: &str| arguments.iter().position(|a| a == name).and_then(|at| arguments.get(at + 1));
     let name = arguments.first().ok_or("expected a file for the rows")?;
     let trials_count = option("--trials").map_or(Ok(600), |count| count.parse())?;
+    let from = option("--from").map_or(Ok(0), |from| from.parse())?;
     let path = Path::new(name);
     let text = if gross {
         let without = format!("{name}.alone");
@@ -131,7 +132,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             [read_rows(path, SLIDE_FEATURES_COUNT)?, read_rows(Path::new(&without), SLIDE_FEATURES_COUNT)?]
         } else {
             let (with, alone): (Vec<_>, Vec<_>) =
-                simulate(trials_count, gross_rows_of).into_iter().map(Into::into).unzip();
+                simulate(from, trials_count, gross_rows_of).into_iter().map(Into::into).unzip();
             let rows = [with.concat(), alone.concat()];
             write_rows(path, &rows[0])?;
             write_rows(Path::new(&without), &rows[1])?;
@@ -146,7 +147,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let rows = if path.exists() {
             read_rows(path, FEATURES_COUNT)?
         } else {
-            let rows = simulate(trials_count, rows_of).concat();
+            let rows = simulate(from, trials_count, rows_of).concat();
             write_rows(path, &rows)?;
             rows
         };

@@ -8,6 +8,7 @@
 //! A table is judged on objects that it was not fitted to: [`left_out`] fits once for every object without it. The
 //! errors found there are what the shipped estimates state.
 
+mod bodies;
 mod boosting;
 mod gross_rows;
 mod row;

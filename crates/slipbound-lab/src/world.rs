@@ -76,7 +76,7 @@ impl World {
     /// The same with another course of things than the scene's, and with other physics than the object's and the
     /// standard gel's.
     pub fn with(trial: &Trial, profile: LoadProfile, physics: &Physics) -> Result<Self, SettingError> {
-        let object = trial.object();
+        let object = physics.object.unwrap_or(*trial.object());
         let grid = if trial.word("grid") == "fast" { Grid::fast() } else { Grid::standard() };
         let camera = CameraSettings::of_words(trial.word("camera"), trial.word("surroundings"));
         let settings = FingerSettings {

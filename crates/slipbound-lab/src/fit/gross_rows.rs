@@ -1,18 +1,21 @@
 //! Rows for the verdict on gross slip: the training split's trials and guided slides, seen with and without the grip force.
 
 use super::row::Row;
-use super::split::{TRAINING_SEED, gross_later, monitor_at_rest, reading, training_trial};
+use super::split::{TRAINING_SEED, body_of, gross_later, monitor_at_rest, reading, training_trial};
 use crate::eval::facts::facts;
 use crate::eval::quiet::Quiet;
 use crate::eval::slides::Slides;
 use crate::eval::watch::{Restarts, Watch};
 use crate::eval::{EvalError, Facts};
-use crate::world::{Physics, World};
+use crate::world::World;
 use slipbound::monitor::SlideFeatures;
 use slipbound::port::{FrameBuffer, FrameSource, Next};
 
 /// The first trial of the split: those below it taught the estimates, which are features here, and would look better than they are.
 const FIRST_TRIAL: u64 = 2000;
+
+/// Rows of numbers from here on hold a body of no name in place of the object.
+const BODIES_FROM: u64 = 2000;
 
 /// Every fifth is a guided slide.
 const SLIDES_EVERY: u64 = 5;
@@ -46,6 +49,14 @@ fn is_quiet(number: u64) -> bool {
 }
 
 fn watched(number: u64) -> Option<Watch> {
+    let mut watch = watched_with_name(number)?;
+    if number >= BODIES_FROM && !is_quiet(number) {
+        watch.physics.object = Some(body_of(FIRST_TRIAL + number));
+    }
+    Some(watch)
+}
+
+fn watched_with_name(number: u64) -> Option<Watch> {
     if number.is_multiple_of(SLIDES_EVERY) {
         return Slides::new(TRAINING_SEED, None).watch_of(number / SLIDES_EVERY).ok().map(|(_, watch)| watch);
     }
@@ -62,7 +73,7 @@ pub fn gross_rows_of(number: u64) -> Result<[Vec<Row>; 2], EvalError> {
     let Some(watch) = watched(number) else { return Ok(Default::default()) };
     let trial = &watch.trial;
     let profile = watch.profile.clone().map_or_else(|| trial.load_profile(), Ok);
-    let world = profile.ok().and_then(|profile| World::with(trial, profile, &Physics::default()).ok());
+    let world = profile.ok().and_then(|profile| World::with(trial, profile, &watch.physics).ok());
     let Some(mut world) = world else { return Ok(Default::default()) };
     let mut frame = FrameBuffer::default();
     let mut monitor = monitor_at_rest(&mut world, &mut frame)?;
@@ -91,7 +102,8 @@ pub fn gross_rows_of(number: u64) -> Result<[Vec<Row>; 2], EvalError> {
             break;
         }
     }
-    let gross = world.gross().or_else(|| gross_later(trial));
+    let object = watch.physics.object.map_or(trial.object().name, |object| object.name);
+    let gross = world.gross().or_else(|| gross_later(trial, &watch.physics));
     let truth = |Seen { facts, slides, .. }: &Seen| -> Option<[f64; 2]> {
         let stick_ratio = facts.stick_ratio?;
         if world.gross().is_some_and(|gross| facts.time_s >= gross.time_s) {
@@ -114,7 +126,7 @@ pub fn gross_rows_of(number: u64) -> Result<[Vec<Row>; 2], EvalError> {
         seen.iter()
             .step_by(stride)
             .filter_map(|seen| Some((seen.features[knowing]?, truth(seen)?)))
-            .map(|(features, targets)| Row::new(number, trial.object().name, 1.0, trial.mu(), targets, &features))
+            .map(|(features, targets)| Row::new(number, object, 1.0, trial.mu(), targets, &features))
             .collect()
     };
     Ok([rows(0), rows(1)])

@@ -1,10 +1,11 @@
 //! The training split: random trials with seeds that no table of results uses.
 
+use super::bodies::random_body;
 use super::row::Row;
 use crate::eval::EvalError;
 use crate::eval::quiet::Quiet;
 use crate::eval::watch::Reading;
-use crate::objects::OBJECTS;
+use crate::objects::{OBJECTS, Object};
 use crate::random::Random;
 use crate::scenes::Trial;
 use crate::world::{Gross, Physics, World};
@@ -35,6 +36,11 @@ const QUIET_EVERY: u64 = 40;
 
 /// Of so many the friction is below 0.4 for sure: little slip is to be seen of what slides at a light load, and half of what is used was told.
 const SLIPPERY_FRACTION: f64 = 0.2;
+
+/// Trials from here on hold a body of no name in place of the object.
+const BODIES_FROM: u64 = 2400;
+/// What a row of theirs weighs: there are nearly as many of them as of the eleven objects together.
+const BODY_WEIGHT: f64 = 0.5;
 
 /// A trial of the split: mostly pulls and turns up to gross slip, some below it, some without any load.
 pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
@@ -123,8 +129,13 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     Trial::parse(&text)
 }
 
+/// The body of no name of a trial.
+pub(super) fn body_of(number: u64) -> Object {
+    random_body(&mut Random::of(TRAINING_SEED + 2, number))
+}
+
 /// Gross slip of a ramp that stops before it, had the load grown on.
-pub(super) fn gross_later(trial: &Trial) -> Option<Gross> {
+pub(super) fn gross_later(trial: &Trial, physics: &Physics) -> Option<Gross> {
     if trial.scene().name != "ramp" {
         return None;
     }
@@ -132,7 +143,8 @@ pub(super) fn gross_later(trial: &Trial) -> Option<Gross> {
         if setting.starts_with("peak_fraction=") { "peak_fraction=1.8".into() } else { setting.to_string() }
     };
     let text: Vec<String> = trial.to_string().split('&').map(grown).collect();
-    let mut world = World::new(&Trial::parse(&text.join("&")).ok()?).ok()?;
+    let trial = Trial::parse(&text.join("&")).ok()?;
+    let mut world = World::with(&trial, trial.load_profile().ok()?, physics).ok()?;
     while world.gross().is_none() && world.advance().ok()?.is_some() {}
     world.gross()
 }
@@ -155,21 +167,24 @@ pub(super) fn reading(number: u64) -> (Reading, Random) {
     (Reading { noise_n: readings.between(0.0, MOST_NOISE_N), ..Reading::default() }, readings)
 }
 
-/// A trial and its world; None for one whose object does not fit on the pad.
-fn world_of(number: u64) -> Option<(Trial, World)> {
+/// A trial, its world and the physics of it; None for one whose object does not fit on the pad.
+fn world_of(number: u64) -> Option<(Trial, World, Physics)> {
     if number % QUIET_EVERY != QUIET_EVERY / 2 {
         let trial = training_trial(number).ok()?;
-        let world = World::new(&trial).ok()?;
-        return Some((trial, world));
+        let object = (number >= BODIES_FROM).then(|| body_of(number));
+        let physics = Physics { object, ..Physics::default() };
+        let world = World::with(&trial, trial.load_profile().ok()?, &physics).ok()?;
+        return Some((trial, world, physics));
     }
     let (_, watch) = Quiet::new(TRAINING_SEED, None).watch_of(number / QUIET_EVERY).ok()?;
-    let world = World::with(&watch.trial, watch.profile?, &Physics::default()).ok()?;
-    Some((watch.trial, world))
+    let physics = Physics::default();
+    let world = World::with(&watch.trial, watch.profile?, &physics).ok()?;
+    Some((watch.trial, world, physics))
 }
 
 /// The rows of a trial; none for one whose object does not fit on the pad.
 pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
-    let Some((trial, mut world)) = world_of(number) else { return Ok(Vec::new()) };
+    let Some((trial, mut world, physics)) = world_of(number) else { return Ok(Vec::new()) };
     let mut frame = FrameBuffer::default();
     let mut monitor = monitor_at_rest(&mut world, &mut frame)?;
     let mut seen: Vec<(Features, [f64; 2], f64, f64)> = Vec::new();
@@ -191,7 +206,8 @@ pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
         let unloaded = force_n / (trial.mu() * grip_n).max(1e-6);
         seen.push((*features, [unloaded, stick], load_n.unwrap_or(f64::NAN), truth.time_ns as f64 * 1e-9));
     }
-    let gross = world.gross().or_else(|| gross_later(&trial));
+    let gross = world.gross().or_else(|| gross_later(&trial, &physics));
+    let object = physics.object.map_or(trial.object().name, |object| object.name);
     let is_ramp = matches!(trial.scene().name, "ramp" | "regrip");
     let rows = seen.into_iter().filter_map(|(features, [unloaded, stick], load, time_s)| {
         let used = match gross {
@@ -201,8 +217,9 @@ pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
             // It never slid: what would have made it slide is not known.
             None => return None,
         };
-        let weight = if is_ramp { 1.0 } else { QUIET_WEIGHT };
-        Some(Row::new(number, trial.object().name, weight, trial.mu(), [used.clamp(0.0, 1.1), stick], &features))
+        let of_body = if physics.object.is_some() { BODY_WEIGHT } else { 1.0 };
+        let weight = of_body * if is_ramp { 1.0 } else { QUIET_WEIGHT };
+        Some(Row::new(number, object, weight, trial.mu(), [used.clamp(0.0, 1.1), stick], &features))
     });
     Ok(rows.collect())
 }

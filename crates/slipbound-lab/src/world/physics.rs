@@ -2,14 +2,18 @@
 
 use crate::contact::Friction;
 use crate::layer::{Gel, SoftObject};
+use crate::objects::Object;
 
-/// What gel, interface and object are made of; by default the standard gel, Coulomb friction and the object's own softness.
+/// What gel, interface and object are made of; by default the standard gel, Coulomb friction, and the trial's object with
+/// its own softness.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Physics {
     /// The gel.
     pub gel: Gel,
     /// Friction; None for Coulomb's with the coefficient of the trial.
     pub friction: Option<Friction>,
+    /// What is held; None for the trial's object.
+    pub object: Option<Object>,
     /// Softness; None for the object's own.
     pub softness: Option<SoftObject>,
 }

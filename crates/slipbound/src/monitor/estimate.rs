@@ -33,7 +33,7 @@ use crate::sensor::Sensor;
 use field::{FieldFacts, Learned, Point};
 use friction::{Friction, Shown, half_width_px, sunk};
 use last_motion::{Carried, LastMotion};
-use load::Load;
+use load::{Load, Middle};
 use reference::{Reference, Regrip};
 pub use said::EstimateTrees;
 use said::Trees;
@@ -84,6 +84,7 @@ pub(super) struct Estimator {
     time_s: f64,
     last_ns: Option<u64>,
     load: Load,
+    middle: Middle,
     friction: Friction,
     counts_from_rest: bool,
     imprint_slides: bool,
@@ -98,8 +99,9 @@ pub(super) struct Estimator {
 /// What a frame shows of load and contact.
 struct Seen {
     force_px3: Vec2,
-    moment_px4: f64,
-    /// Both as one number, see [`Learned::load_px3`].
+    /// As it is told.
+    torque_px4: f64,
+    /// Force and moment as one number, see [`Learned::load_px3`].
     load_px3: f64,
     /// Middle of the contact, px.
     middle: Vec2,
@@ -139,6 +141,7 @@ impl Estimator {
             time_s: 0.0,
             last_ns: None,
             load: Load::new(sensor, markers, skirt_px, inside),
+            middle: Middle::default(),
             friction: Friction::default(),
             counts_from_rest: starts_in_contact,
             imprint_slides: false,
@@ -180,6 +183,7 @@ impl Estimator {
         self.stiffest_px2 = 0.0;
         (self.grip_n, self.time_s, self.last_ns) = (None, 0.0, None);
         self.load.clear();
+        self.middle = Middle::default();
         self.friction = Friction::default();
         self.counts_from_rest = false;
         (self.estimates, self.features) = (Estimates::default(), None);
@@ -309,10 +313,22 @@ impl Estimator {
         self.features = Some(learned.features);
         self.load_px3 = (force_px3, learned.arm_px.recip() * moment_px4);
         self.turning_px3 = moment_px4 / learned.lever_px;
+        let torque_px4 = self.torque_px4(seconds_s, middle_px, markers, growth);
         self.estimate(
             &learned,
-            &Seen { force_px3, moment_px4, load_px3: learned.load_px3, middle, area_px2: whole_px2 },
+            &Seen { force_px3, torque_px4, load_px3: learned.load_px3, middle, area_px2: whole_px2 },
         );
+    }
+
+    /// The torque about the middle of the contact, as it is told.
+    fn torque_px4(&mut self, seconds_s: f64, middle_px: Option<Vec2>, markers: &[Marker], growth: f64) -> f64 {
+        let mean = |of: &dyn Fn(&Point) -> Vec2| {
+            self.points.iter().fold(Vec2::ZERO, |sum, q| sum + of(q)) / self.points.len() as f64
+        };
+        let moved = mean(&|q| q.displacement);
+        let of_markers = mean(&|q| markers[q.id as usize].now) - moved;
+        let about = self.middle.see(seconds_s, of_markers, middle_px.map(|middle_px| middle_px - moved));
+        self.load.torque_px4(markers, about, |m| self.reference.under_load(m, growth))
     }
 
     /// Time since the last frame.
@@ -374,7 +390,7 @@ impl Estimator {
         }
         if let Some((k, mm)) = self.stiffness_n_per_px3.zip(self.mm_per_px) {
             let force_n = k * seen.force_px3.length();
-            let torque_nmm = k * seen.moment_px4 * mm;
+            let torque_nmm = k * seen.torque_px4 * mm;
             self.estimates.shear_n = Some(Estimate { value: force_n, sd: LOAD_SD * force_n + 0.05, age_frames: 0 });
             self.estimates.torque_nmm =
                 Some(Estimate { value: torque_nmm, sd: LOAD_SD * torque_nmm.abs() + 0.3, age_frames: 0 });

@@ -41,6 +41,30 @@ impl Patch {
     }
 }
 
+/// Time constant of the mean of where the middle of the contact is, s.
+const MIDDLE_S: f64 = 0.1;
+
+/// The middle of the contact on the squeezed gel, about which torque is told. That of the markers in contact is off by a fifth of a pitch,
+/// since few are at the rim; that of the region by less, but it is where the picture shows an imprint; their mean is off by less than
+/// either. A pull of 20 N beside it makes a torque of 6 N mm from 0.3 mm.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Middle {
+    px: Option<Vec2>,
+}
+
+impl Middle {
+    /// Takes the middles of a frame, so many seconds after the last; that of the region where it is known. Both are where the gel would be
+    /// without the load.
+    pub fn see(&mut self, seconds_s: f64, of_markers: Vec2, of_region: Option<Vec2>) -> Vec2 {
+        let now = of_region.map_or(of_markers, |of_region| (of_markers + of_region) / 2.0);
+        let before = self.px.unwrap_or(now);
+        let share = 1.0 - libm::exp(-seconds_s / MIDDLE_S);
+        let px = before + (now - before) * share;
+        self.px = Some(px);
+        px
+    }
+}
+
 /// Load of a finger along its surface, divided by the shear stiffness: displacement times area.
 #[derive(Debug, Clone)]
 pub(super) struct Load {
@@ -146,8 +170,18 @@ impl Load {
         self.patches.iter().map(Patch::area_px2).sum()
     }
 
-    /// Moment about a point, positive from x to y, px4.
+    /// Moment about a point with the gel as it is at rest, positive from x to y, px4: of the features, whose trees were fitted with it.
     pub fn moment_px4(&self, markers: &[Marker], about: Vec2, under_load: impl Fn(&Marker) -> Vec2) -> f64 {
         self.seen(markers).map(|(m, area)| area * (m.rest - about).cross(under_load(m))).sum()
+    }
+
+    /// Torque about a point of the squeezed gel, positive from x to y, px4. A press spreads the gel under it, by a twentieth of the lever
+    /// and more at 60 N, and the load acts there. That the load carries it further adds nothing: it moves along the load.
+    pub fn torque_px4(&self, markers: &[Marker], about: Vec2, under_load: impl Fn(&Marker) -> Vec2) -> f64 {
+        let of = |(m, area): (&Marker, f64)| {
+            let moved = under_load(m);
+            area * (m.now - moved - about).cross(moved)
+        };
+        self.seen(markers).map(of).sum()
     }
 }

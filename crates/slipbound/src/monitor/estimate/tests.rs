@@ -103,6 +103,50 @@ fn pull_and_turn_stand_to_each_other_as_shift_and_rotation_of_the_arm() {
     }
 }
 
+/// Torque that is told of a disc of so many px, which a press has spread and which then turns by so much and is pulled, while the picture
+/// shows its middle so far from where its markers have it in the mean; and the torque, both N mm.
+fn turned(spread: f64, turn_rad: f64, pull_px: Vec2, region_off_px: Vec2) -> (f64, f64) {
+    let (sensor, mut markers) = finger(1.0);
+    let (middle, mut torque) = (Vec2::new(180.0, 135.0), 0.0);
+    let mut estimator = Estimator::new(&sensor, &markers, false);
+    let per_px2 = 0.1 / 30.0 * sensor.mm_per_px().expect("pitch known");
+    for frame in 0..60u64 {
+        let (pressed, share) = ((frame as f64 / 4.0).min(1.0), (frame.max(10) - 10) as f64 / 49.0);
+        torque = 0.0;
+        for m in &mut markers {
+            let from = m.rest - middle;
+            m.in_contact = from.length() < 90.0;
+            if m.in_contact {
+                let spread = from * (1.0 + spread * pressed);
+                let moved = (Vec2::new(-spread.y, spread.x) * turn_rad + pull_px) * share;
+                m.now = middle + spread + moved;
+                torque += per_px2 * (spread - region_off_px / 2.0).cross(moved);
+            }
+        }
+        let (region, force_n) = (middle + pull_px * share + region_off_px, 10.0 * pressed);
+        estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n }), AREA_PX2, Some(region), &markers);
+    }
+    (estimator.estimates.torque_nmm.expect("stiffness known").value, torque)
+}
+
+#[test]
+fn a_torque_is_that_of_the_gel_as_the_press_has_spread_it() {
+    let ((flat, truth), (spread, spread_truth)) =
+        (turned(0.0, 0.1, Vec2::ZERO, Vec2::ZERO), turned(0.1, 0.1, Vec2::ZERO, Vec2::ZERO));
+    assert!((flat / truth - 1.0).abs() < 0.01, "{flat} N mm of {truth}");
+    assert!((spread / spread_truth - 1.0).abs() < 0.01, "{spread} N mm of {spread_truth}");
+    assert!(spread / flat > 1.15, "the square of the lever: {}", spread / flat);
+}
+
+#[test]
+fn a_pull_makes_a_torque_about_the_mean_of_the_middles_of_markers_and_region() {
+    let off = Vec2::new(0.0, 6.0);
+    let ((told, truth), (straight, _)) =
+        (turned(0.0, 0.0, Vec2::new(20.0, 0.0), off), turned(0.0, 0.0, Vec2::new(20.0, 0.0), Vec2::ZERO));
+    assert!(straight.abs() < 0.01 * truth.abs(), "{straight} N mm where both are the same");
+    assert!((told / truth - 1.0).abs() < 0.02, "{told} N mm of {truth}");
+}
+
 /// What is told of a contact that the view cuts.
 struct Cut {
     load_n: f64,
@@ -224,9 +268,9 @@ fn what_a_lighter_grip_leaves_at_the_rim_is_slip_only_under_a_load() {
 
 #[test]
 fn more_load_leaves_less_margin() {
-    let margin = |far_pitch| push(1.0, Some(10.0), far_pitch, 0.7).estimates.margin.expect("a contact").value;
+    let margin = |far_pitch| push(1.0, Some(10.0), far_pitch, 0.6).estimates.margin.expect("a contact").value;
     let (light, heavy) = (margin(0.4), margin(1.2));
-    assert!(light > heavy + 0.1, "{light} and {heavy}");
+    assert!(light > heavy + 0.2, "{light} and {heavy}");
     let features = push(1.0, None, 0.6, 0.4).features.expect("a contact");
     assert!(features[GEOMETRIC_COUNT..].iter().all(|value| *value == 0.0), "no grip, no load over grip: {features:?}");
 }
