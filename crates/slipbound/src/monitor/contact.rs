@@ -68,7 +68,7 @@ pub struct ContactSettings {
     pub full_markers_count: u32,
     /// Below this quality the state is `unsure`.
     pub unsure_below_quality: f64,
-    /// While something touches the region is found anew once in so many ms at most, ms: in every second frame of a camera at 90 Hz. Zero: in
+    /// While something touches the region is found anew once in so many ms at most, ms: in every third frame of a camera at 90 Hz. Zero: in
     /// every frame.
     pub period_ms: f64,
 }
@@ -95,7 +95,7 @@ impl Default for ContactSettings {
             displaced_pitch: 0.03,
             full_markers_count: 12,
             unsure_below_quality: 0.35,
-            period_ms: 12.5,
+            period_ms: 25.0,
         }
     }
 }

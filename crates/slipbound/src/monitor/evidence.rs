@@ -105,7 +105,7 @@ impl Default for EvidenceSettings {
             carried_fraction: 0.25,
             sheared_pitch: 0.12,
             jump_change_fraction: 0.5,
-            period_ms: 12.5,
+            period_ms: 25.0,
         }
     }
 }

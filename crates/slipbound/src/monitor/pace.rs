@@ -1,12 +1,13 @@
-//! What is not done anew in every frame of a fast camera: the contact region on one side, the search for spots and the evidence of sliding
-//! on the other, in turns.
+//! What is not done anew in every frame of a fast camera: the contact region, the search for spots and the evidence of sliding, in turns.
 //!
 //! ```text
-//!   90 Hz, periods of 12.5 ms   frame             0   1   2   3   4   5        60 Hz   frame             0   1   2
-//!                               contact           x       x       x                    contact           x   x   x
-//!                               search, evidence  x           x       x                search, evidence  x   x   x
+//!   90 Hz, periods of 25 ms   frame      0   1   2   3   4   5   6        60 Hz   frame      0   1   2   3        30 Hz   frame      0   1
+//!                             contact    x           x           x                contact    x       x                    contact    x   x
+//!                             search     x   x           x                        search     x   x       x                search     x   x
+//!                             evidence   x       x           x                    evidence   x   x       x                evidence   x   x
 //! ```
-//! A region changes little in a hundredth of a second, a marker goes on as it moved, and evidence is about motion over 33 to 200 ms.
+//! Nothing is done more rarely than a camera at 30 Hz would let it be done. A region changes little in that time, a marker goes on as it
+//! moved, and evidence is about motion over 33 to 200 ms.
 
 /// Which steps a frame gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,24 +29,22 @@ impl Turn {
         Turn { period_ns: (1e6 * period_ms).round() as u64, done_ns: None }
     }
 
-    /// Whether its period is over since it was done.
-    fn is_over(&self, time_ns: Option<u64>) -> bool {
-        passed(self.done_ns, time_ns, self.period_ns)
+    /// Whether so many periods are over since it was done. Without times they are, and after a clock that was set back.
+    fn is_over(&self, time_ns: Option<u64>, periods: u64) -> bool {
+        let Some((since_ns, now_ns)) = self.done_ns.zip(time_ns) else { return true };
+        now_ns.checked_sub(since_ns).is_none_or(|ns| ns >= periods * self.period_ns)
     }
 
-    /// Whether it is done in this frame.
-    fn take(&mut self, time_ns: Option<u64>, due: bool) -> bool {
+    /// Whether it is done in this frame: when its period is over, but after what is `before` it, where it need not wait for a whole
+    /// period more.
+    fn take(&mut self, time_ns: Option<u64>, touches: bool, before: bool) -> bool {
+        let waits = before && !self.is_over(time_ns, 2);
+        let due = !touches || (self.is_over(time_ns, 1) && !waits);
         if due {
             self.done_ns = time_ns;
         }
         due
     }
-}
-
-/// Whether so much time has passed. Without times it has, and after a clock that was set back.
-fn passed(since_ns: Option<u64>, time_ns: Option<u64>, period_ns: u64) -> bool {
-    let Some((since_ns, now_ns)) = since_ns.zip(time_ns) else { return true };
-    now_ns.checked_sub(since_ns).is_none_or(|ns| ns >= period_ns)
 }
 
 /// Watches the times of the frames that are judged.
@@ -68,15 +67,15 @@ impl Pace {
     /// What is due in a frame. A frame without a time gets everything, as does one while nothing touches.
     pub(super) fn see(&mut self, time_ns: Option<u64>, touches: bool) -> Due {
         let last_ns = std::mem::replace(&mut self.frame_ns, time_ns);
-        let contact = !touches || self.contact.is_over(time_ns);
-        self.contact.take(time_ns, contact);
-        // After the contact they wait for the next frame, where that comes before long.
-        let waits = |turn: &Turn| touches && contact && !passed(last_ns, time_ns, turn.period_ns);
-        let due = |turn: &mut Turn| {
-            let due = !touches || (turn.is_over(time_ns) && !waits(turn));
-            turn.take(time_ns, due)
-        };
-        Due { contact, search: due(&mut self.search), evidence: due(&mut self.evidence) }
+        let frame_ns = last_ns.zip(time_ns).and_then(|(last_ns, now_ns)| now_ns.checked_sub(last_ns));
+        // Whether so many frames more come within its period.
+        let has_room = |turn: &Turn, frames: u64| frame_ns.is_some_and(|ns| frames * ns < turn.period_ns);
+        let contact = self.contact.take(time_ns, touches, false);
+        let after_contact = contact && has_room(&self.search, 1);
+        let search = self.search.take(time_ns, touches, after_contact);
+        let after_either = (contact && has_room(&self.evidence, 1)) || (search && has_room(&self.evidence, 2));
+        let evidence = self.evidence.take(time_ns, touches, after_either);
+        Due { contact, search, evidence }
     }
 }
 
@@ -84,46 +83,54 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Which of so many frames get the contact region and which the evidence, of a camera with this period.
-    fn turns(pace: &mut Pace, period_us: u64, frames_count: u64) -> [String; 2] {
+    /// Which of so many frames get the contact region, the search and the evidence, of a camera with this period.
+    fn turns(pace: &mut Pace, period_us: u64, frames_count: u64) -> [String; 3] {
         let due: Vec<Due> = (1..=frames_count).map(|i| pace.see(Some(1_000 * period_us * i), true)).collect();
         let text = |of: fn(&Due) -> bool| due.iter().map(|d| if of(d) { 'x' } else { '.' }).collect();
-        [text(|d| d.contact), text(|d| d.evidence)]
+        [text(|d| d.contact), text(|d| d.search), text(|d| d.evidence)]
     }
 
     #[test]
     fn a_fast_camera_gets_them_in_turns_and_a_slow_one_in_every_frame() {
-        for (period_us, contact, evidence) in [
-            (33_333, "xxxxxxxx", "xxxxxxxx"),
-            (16_667, "xxxxxxxx", "xxxxxxxx"),
-            (12_500, "xxxxxxxx", "xxxxxxxx"),
-            (11_111, "x.x.x.x.", "x..x.x.x"),
-            (8_333, "x.x.x.x.", "x..x.x.x"),
-            (5_000, "x..x..x.", "x...x..x"),
+        for (period_us, contact, search, evidence) in [
+            (33_333, "xxxxxxxxx", "xxxxxxxxx", "xxxxxxxxx"),
+            (25_000, "xxxxxxxxx", "xxxxxxxxx", "xxxxxxxxx"),
+            (16_667, "x.x.x.x.x", "x..x.x.x.", "x..x.x.x."),
+            (12_500, "x.x.x.x.x", "x..x.x.x.", "x..x.x.x."),
+            (11_111, "x..x..x..", "x...x..x.", "x....x..x"),
+            (8_333, "x...x...x", "x....x...", "x.....x.."),
+            (5_000, "x....x...", "x.....x..", "x......x."),
         ] {
-            assert_eq!(turns(&mut Pace::new(12.5, 12.5, 12.5), period_us, 8), [contact, evidence], "{period_us} us");
+            let seen = turns(&mut Pace::new(25.0, 25.0, 25.0), period_us, 9);
+            assert_eq!(seen, [contact, search, evidence], "{period_us} us");
         }
-        assert_eq!(turns(&mut Pace::new(0.0, 0.0, 0.0), 1_000, 4), ["xxxx", "xxxx"]);
-        assert_eq!(turns(&mut Pace::new(0.0, 12.5, 12.5), 11_111, 5)[0], "xxxxx");
+        assert_eq!(turns(&mut Pace::new(0.0, 0.0, 0.0), 1_000, 4), ["xxxx"; 3]);
+        assert_eq!(turns(&mut Pace::new(0.0, 25.0, 25.0), 11_111, 5)[0], "xxxxx");
     }
 
     #[test]
-    fn neither_waits_for_ever_where_frames_come_unevenly() {
-        let mut pace = Pace::new(12.5, 12.5, 12.5);
-        let (mut now_ns, mut contact_ns, mut evidence_ns) = (0u64, 0u64, 0u64);
-        for i in 0..2_000u64 {
-            now_ns += 4_000_000 + (i.wrapping_mul(2_654_435_761) >> 7) % 12_000_000;
-            let due = pace.see(Some(now_ns), true);
-            contact_ns = if due.contact { now_ns } else { contact_ns };
-            evidence_ns = if due.evidence { now_ns } else { evidence_ns };
-            assert!(now_ns - contact_ns < 12_500_000 && now_ns - evidence_ns < 25_000_000, "frame {i}");
+    fn none_waits_for_ever_whatever_the_periods_and_however_unevenly_frames_come() {
+        for (contact_ms, search_ms, evidence_ms) in
+            [(25.0, 25.0, 25.0), (12.5, 12.5, 25.0), (0.0, 12.5, 12.5), (12.5, 0.0, 40.0), (50.0, 12.5, 0.0)]
+        {
+            let mut pace = Pace::new(contact_ms, search_ms, evidence_ms);
+            let (mut now_ns, mut done_ns) = (0u64, [0u64; 3]);
+            for i in 0..2_000u64 {
+                now_ns += 4_000_000 + (i.wrapping_mul(2_654_435_761) >> 7) % 12_000_000;
+                let Due { contact, search, evidence } = pace.see(Some(now_ns), true);
+                let each = [(contact, contact_ms), (search, search_ms), (evidence, evidence_ms)];
+                for (done_ns, (due, period_ms)) in done_ns.iter_mut().zip(each) {
+                    *done_ns = if due { now_ns } else { *done_ns };
+                    assert!(now_ns - *done_ns <= (2e6 * period_ms) as u64, "frame {i}, {each:?}");
+                }
+            }
         }
     }
 
     #[test]
     fn everything_is_due_without_times_without_contact_and_after_a_clock_is_set_back() {
         let all = Due { contact: true, search: true, evidence: true };
-        let mut pace = Pace::new(12.5, 12.5, 12.5);
+        let mut pace = Pace::new(25.0, 25.0, 25.0);
         assert!((0..5).all(|_| pace.see(None, true) == all));
         assert!((0..5).all(|i| pace.see(Some(1_000_000 * i), false) == all));
         assert_ne!(pace.see(Some(6_000_000), true), all);

@@ -1,10 +1,10 @@
-//! Between two searches for spots, in every second frame of a fast camera: each marker is followed from where its own motion takes it.
+//! Between two searches for spots, which a camera at 90 Hz gets in every third frame: each marker is followed from where its own motion takes it.
 //!
 //! ```text
 //!   place + last step --edge pull, or look where the weave is pressed--> place     as dark there as in the frame before?
 //!                                                                                  any marker not: all are searched
 //! ```
-//! What is lost is sought in the next search, a frame later, and coasts with its neighbours until then.
+//! What is lost is sought in the next search, two frames later at most, and coasts with its neighbours until then.
 
 use super::detect::core_levels;
 use super::look::{Looks, Seen};

@@ -48,7 +48,7 @@ impl Default for MarkerSettings {
             predict: true,
             match_within_pitch: 0.3,
             ask_neighbours: true,
-            search_period_ms: 12.5,
+            search_period_ms: 25.0,
         }
     }
 }
