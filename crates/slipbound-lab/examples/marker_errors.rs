@@ -1,5 +1,6 @@
 //! What pulls a marker off its true place: the method on simulated pictures with one cause at a time taken away.
-//! `cargo run --release -p slipbound-lab --example marker_errors`; the table is in docs/simulator.md, "The camera".
+//! `cargo run --release -p slipbound-lab --example marker_errors`; the table is in docs/simulator.md, "The camera". With `-- 90` the frames are told to
+//! be those of a camera at 90 Hz, which is judged in turns.
 
 use slipbound::image::{Frame, Pixels, Rgb};
 use slipbound::monitor::{Marker, RestBuilder, RestKind, Settings, SlipMonitor};
@@ -86,7 +87,12 @@ fn offs(monitor: &SlipMonitor, camera: &Renderer, surface: &Surface) -> Vec<Opti
     monitor.markers().iter().map(|m| (m.matched && m.whole).then(|| off(m))).collect()
 }
 
-fn errors(settings: &CameraSettings, frames: &[Pressed], quality: Option<u8>) -> Result<Errors, Failure> {
+fn errors(
+    settings: &CameraSettings,
+    frames: &[Pressed],
+    quality: Option<u8>,
+    rate_hz: Option<u64>,
+) -> Result<Errors, Failure> {
     let mut camera = Renderer::new(settings.clone(), 2);
     let (sensor, method) = (camera.sensor(), Settings::default());
     let mut builder = RestBuilder::new(&sensor, &method, camera.size())?;
@@ -99,7 +105,8 @@ fn errors(settings: &CameraSettings, frames: &[Pressed], quality: Option<u8>) ->
     let (mut pressed, mut last) = (Vec::new(), Vec::new());
     for (i, frame) in frames.iter().enumerate() {
         let rgb = photograph(&mut camera, &frame.surface(), i as u64, quality)?;
-        let picture = Frame { pixels: Pixels::Rgb(Rgb::new(&rgb, camera.size())?), seq: i as u64, time_ns: None };
+        let time_ns = rate_hz.map(|hz| (i as u64 + 1) * 1_000_000_000 / hz);
+        let picture = Frame { pixels: Pixels::Rgb(Rgb::new(&rgb, camera.size())?), seq: i as u64, time_ns };
         monitor.step(&picture, None);
         last = offs(&monitor, &camera, &frame.surface());
         if i == PRESSED_FRAME {
@@ -125,6 +132,7 @@ fn errors(settings: &CameraSettings, frames: &[Pressed], quality: Option<u8>) ->
 }
 
 fn main() -> Result<(), Failure> {
+    let rate_hz = std::env::args().nth(1).map(|text| text.parse()).transpose()?;
     let cap = Cylinder { radius_mm: 14.0, length_mm: 12.0, edge_radius_mm: 0.5 };
     let face = FlatBox { length_mm: 24.0, width_mm: 18.0, edge_radius_mm: 1.0 };
     let loads = [
@@ -180,7 +188,7 @@ fn main() -> Result<(), Failure> {
         for (case, changes, quality) in &cases {
             let mut settings = CameraSettings::gelslim();
             changes.iter().for_each(|change| change(&mut settings));
-            let e = errors(&settings, frames, *quality)?;
+            let e = errors(&settings, frames, *quality, rate_hz)?;
             let rms = |squares: f64, count: f64| (squares / (2.0 * count)).sqrt();
             println!(
                 "| {case} | {} | {} | {:.3} | {:.3} | {:.3} |",

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //!   speed judge   FINGER FRAMES [MARKERS]   judges so many frames; with so many markers, of 1280x960 px
-//!   speed measure FINGER FRAMES     whole step and each step, us: median of the mean of three frames in a row, 99.9th percentile of one
+//!   speed measure FINGER FRAMES     whole step and each step, us: median of the mean of 30 frames in a row, 99.9th percentile of one
 //!   speed growth  FINGER            medians for 320x240 to 1920x1440 px, and for 50 to 5,000 markers
 //!   speed memory  FINGER            resident memory of a monitor, MiB
 //!   speed fingers FINGER SECONDS    1 to 16 monitors at 90 Hz on all cores: late frames, share of the cores in use
@@ -108,9 +108,9 @@ fn quantile_us(times: &mut [f64], share: f64) -> f64 {
     times[((times.len() - 1) as f64 * share).round() as usize]
 }
 
-/// Median of the mean of three frames in a row: at 90 Hz some steps are done in every third frame.
+/// Median of the mean of 30 frames in a row: at 90 Hz some steps are done in every third frame, one in every tenth.
 fn turn_us(times: &[f64]) -> f64 {
-    let mut turns: Vec<f64> = times.as_chunks::<3>().0.iter().map(|[a, b, c]| (a + b + c) / 3.0).collect();
+    let mut turns: Vec<f64> = times.as_chunks::<30>().0.iter().map(|turn| turn.iter().sum::<f64>() / 30.0).collect();
     quantile_us(&mut turns, 0.5)
 }
 

@@ -146,7 +146,7 @@ impl SlipMonitor {
         if let Some(seq) = self.rebase_from.take() {
             self.rebase(seq);
         }
-        let due = self.pace.see(frame.time_ns, self.contact.touches);
+        let due = self.pace.see(frame.time_ns, self.contact.touches, self.markers.complete());
         if let Err(reason) = self.imprint.take(frame, due.contact || self.settings.markers.finder_needs_flat()) {
             return self.unjudged(frame.seq, frame.time_ns, grip, reason);
         }

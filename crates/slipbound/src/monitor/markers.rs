@@ -215,6 +215,11 @@ impl Markers {
         self.matched_count < missed || 4 * self.matched_count < self.all.len() as u32
     }
 
+    /// Whether every marker in view is there as a whole.
+    pub(super) fn complete(&self) -> bool {
+        self.all.iter().all(|m| m.whole || !self.matching.in_view(m.now))
+    }
+
     /// Takes over where each marker was found, or is expected to be.
     fn place(&mut self, imprint: &Imprint, touched: bool) {
         (self.matched_count, self.detected_count) = (0, 0);

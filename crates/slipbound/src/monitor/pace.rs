@@ -1,13 +1,14 @@
 //! What is not done anew in every frame of a fast camera: the contact region, the search for spots and the evidence of sliding, in turns.
 //!
 //! ```text
-//!   90 Hz, periods of 25 ms   frame      0   1   2   3   4   5   6        60 Hz   frame      0   1   2   3        30 Hz   frame      0   1
-//!                             contact    x           x           x                contact    x       x                    contact    x   x
-//!                             search     x   x           x                        search     x   x       x                search     x   x
-//!                             evidence   x       x           x                    evidence   x   x       x                evidence   x   x
+//!   90 Hz, periods of 25 ms       frame      0   1   2   3   4   5   6   7   8   9  10        30 Hz   frame      0   1   2
+//!                                 contact    x           x           x           x                    contact    x   x   x
+//!     a marker is missing:        search     x   x           x           x           x                search     x   x   x
+//!     none is:                    search     x                                       x                search     x   x   x
+//!                                 evidence   x       x           x           x                        evidence   x   x   x
 //! ```
-//! Nothing is done more rarely than a camera at 30 Hz would let it be done. A region changes little in that time, a marker goes on as it
-//! moved, and evidence is about motion over 33 to 200 ms.
+//! Neither region nor evidence is taken more rarely than a camera at 30 Hz would let it be, nor is a marker that is missing sought more rarely; those that
+//! were found go on as they moved. A region changes little in that time, and evidence is about motion over 33 to 200 ms.
 
 /// Which steps a frame gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,17 +36,20 @@ impl Turn {
         now_ns.checked_sub(since_ns).is_none_or(|ns| ns >= periods * self.period_ns)
     }
 
-    /// Whether it is done in this frame: when its period is over, but after what is `before` it, where it need not wait for a whole
+    /// Whether it is done in this frame: when so many periods are over, but after what is `before` it, where it need not wait for a
     /// period more.
-    fn take(&mut self, time_ns: Option<u64>, touches: bool, before: bool) -> bool {
-        let waits = before && !self.is_over(time_ns, 2);
-        let due = !touches || (self.is_over(time_ns, 1) && !waits);
+    fn take(&mut self, time_ns: Option<u64>, periods: u64, touches: bool, before: bool) -> bool {
+        let waits = before && !self.is_over(time_ns, periods + 1);
+        let due = !touches || (self.is_over(time_ns, periods) && !waits);
         if due {
             self.done_ns = time_ns;
         }
         due
     }
 }
+
+/// While none is missing, markers are followed for so many periods of their search: each is known to be found in every frame.
+const PERIODS_WHEN_COMPLETE: u64 = 4;
 
 /// Watches the times of the frames that are judged.
 #[derive(Debug, Clone)]
@@ -65,16 +69,18 @@ impl Pace {
 
     // Deviation: D21 turns
     /// What is due in a frame. A frame without a time gets everything, as does one while nothing touches.
-    pub(super) fn see(&mut self, time_ns: Option<u64>, touches: bool) -> Due {
+    /// `complete`: whether every marker in view was found in the last frame, so that there is none to be searched for.
+    pub(super) fn see(&mut self, time_ns: Option<u64>, touches: bool, complete: bool) -> Due {
         let last_ns = std::mem::replace(&mut self.frame_ns, time_ns);
         let frame_ns = last_ns.zip(time_ns).and_then(|(last_ns, now_ns)| now_ns.checked_sub(last_ns));
         // Whether so many frames more come within its period.
         let has_room = |turn: &Turn, frames: u64| frame_ns.is_some_and(|ns| frames * ns < turn.period_ns);
-        let contact = self.contact.take(time_ns, touches, false);
-        let after_contact = contact && has_room(&self.search, 1);
-        let search = self.search.take(time_ns, touches, after_contact);
+        let contact = self.contact.take(time_ns, 1, touches, false);
+        let next_soon = has_room(&self.search, 1);
+        let periods = if complete && next_soon { PERIODS_WHEN_COMPLETE } else { 1 };
+        let search = self.search.take(time_ns, periods, touches, contact && next_soon);
         let after_either = (contact && has_room(&self.evidence, 1)) || (search && has_room(&self.evidence, 2));
-        let evidence = self.evidence.take(time_ns, touches, after_either);
+        let evidence = self.evidence.take(time_ns, 1, touches, after_either);
         Due { contact, search, evidence }
     }
 }
@@ -84,8 +90,9 @@ mod tests {
     use super::*;
 
     /// Which of so many frames get the contact region, the search and the evidence, of a camera with this period.
-    fn turns(pace: &mut Pace, period_us: u64, frames_count: u64) -> [String; 3] {
-        let due: Vec<Due> = (1..=frames_count).map(|i| pace.see(Some(1_000 * period_us * i), true)).collect();
+    fn turns(pace: &mut Pace, period_us: u64, frames_count: u64, complete: bool) -> [String; 3] {
+        let due = (1..=frames_count).map(|i| pace.see(Some(1_000 * period_us * i), true, complete));
+        let due: Vec<Due> = due.collect();
         let text = |of: fn(&Due) -> bool| due.iter().map(|d| if of(d) { 'x' } else { '.' }).collect();
         [text(|d| d.contact), text(|d| d.search), text(|d| d.evidence)]
     }
@@ -101,11 +108,26 @@ mod tests {
             (8_333, "x...x...x", "x....x...", "x.....x.."),
             (5_000, "x....x...", "x.....x..", "x......x."),
         ] {
-            let seen = turns(&mut Pace::new(25.0, 25.0, 25.0), period_us, 9);
+            let seen = turns(&mut Pace::new(25.0, 25.0, 25.0), period_us, 9, false);
             assert_eq!(seen, [contact, search, evidence], "{period_us} us");
         }
-        assert_eq!(turns(&mut Pace::new(0.0, 0.0, 0.0), 1_000, 4), ["xxxx"; 3]);
-        assert_eq!(turns(&mut Pace::new(0.0, 25.0, 25.0), 11_111, 5)[0], "xxxxx");
+        assert_eq!(turns(&mut Pace::new(0.0, 0.0, 0.0), 1_000, 4, false), ["xxxx"; 3]);
+        assert_eq!(turns(&mut Pace::new(0.0, 25.0, 25.0), 11_111, 5, false)[0], "xxxxx");
+    }
+
+    #[test]
+    fn while_no_marker_is_missing_a_fast_camera_is_searched_more_rarely() {
+        for (period_us, search) in
+            [(33_333, "xxxxxxxxxxxxx"), (25_000, "xxxxxxxxxxxxx"), (16_667, "x......x....."), (11_112, "x.........x..")]
+        {
+            let [_, seen, _] = turns(&mut Pace::new(25.0, 25.0, 25.0), period_us, 13, true);
+            assert_eq!(seen, search, "{period_us} us");
+        }
+        assert_eq!(turns(&mut Pace::new(0.0, 0.0, 0.0), 1_000, 4, true), ["xxxx"; 3]);
+        let mut pace = Pace::new(25.0, 25.0, 25.0);
+        let searched = |pace: &mut Pace, i: u64, complete: bool| pace.see(Some(11_111_000 * i), true, complete).search;
+        assert!((1..=6).map(|i| searched(&mut pace, i, true)).skip(1).all(|search| !search), "none is missing");
+        assert!(searched(&mut pace, 7, false) || searched(&mut pace, 8, false), "one is missing now");
     }
 
     #[test]
@@ -117,7 +139,7 @@ mod tests {
             let (mut now_ns, mut done_ns) = (0u64, [0u64; 3]);
             for i in 0..2_000u64 {
                 now_ns += 4_000_000 + (i.wrapping_mul(2_654_435_761) >> 7) % 12_000_000;
-                let Due { contact, search, evidence } = pace.see(Some(now_ns), true);
+                let Due { contact, search, evidence } = pace.see(Some(now_ns), true, false);
                 let each = [(contact, contact_ms), (search, search_ms), (evidence, evidence_ms)];
                 for (done_ns, (due, period_ms)) in done_ns.iter_mut().zip(each) {
                     *done_ns = if due { now_ns } else { *done_ns };
@@ -131,9 +153,9 @@ mod tests {
     fn everything_is_due_without_times_without_contact_and_after_a_clock_is_set_back() {
         let all = Due { contact: true, search: true, evidence: true };
         let mut pace = Pace::new(25.0, 25.0, 25.0);
-        assert!((0..5).all(|_| pace.see(None, true) == all));
-        assert!((0..5).all(|i| pace.see(Some(1_000_000 * i), false) == all));
-        assert_ne!(pace.see(Some(6_000_000), true), all);
-        assert_eq!(pace.see(Some(1_000_000), true), all);
+        assert!((0..5).all(|_| pace.see(None, true, true) == all));
+        assert!((0..5).all(|i| pace.see(Some(1_000_000 * i), false, true) == all));
+        assert_ne!(pace.see(Some(6_000_000), true, true), all);
+        assert_eq!(pace.see(Some(1_000_000), true, true), all);
     }
 }
