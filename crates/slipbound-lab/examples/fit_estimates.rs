@@ -11,7 +11,8 @@
 use slipbound::monitor::{FEATURES_COUNT, SLIDE_FEATURES_COUNT};
 use slipbound_lab::eval::EvalError;
 use slipbound_lab::fit::{
-    LeftOut, Row, fitted, fitted_without, gross_rows_of, gross_table, kept, lessons, read_rows, rows_of, write_rows,
+    BODY, LeftOut, Row, fitted, fitted_without, gross_rows_of, gross_table, kept, lessons, read_rows, rows_of,
+    write_rows,
 };
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -63,12 +64,13 @@ fn errors(name: &str, told: &[LeftOut], of: impl Fn(f64) -> f64) {
     }
 }
 
-/// Trials with a false word and trials that slide without a word in their first three frames, by the probability from which it is said, in
-/// one frame or in two in a row.
+/// Of objects with a name, by trees fitted without each of them: trials with a false word and trials that slide without a word in their first
+/// three frames, by the probability from which it is said, in one frame or in two in a row.
 fn verdicts(name: &str, rows: &[Row], likely: &[f64]) {
     let trials: Vec<Vec<(&Row, f64)>> = rows
         .iter()
         .zip(likely.iter().copied())
+        .filter(|(row, _)| row.object != BODY)
         .collect::<Vec<_>>()
         .chunk_by(|(a, _), (b, _)| a.trial == b.trial)
         .map(<[_]>::to_vec)

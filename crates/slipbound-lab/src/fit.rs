@@ -14,6 +14,7 @@ mod gross_rows;
 mod row;
 mod split;
 
+pub use bodies::BODY;
 pub use boosting::{Ensemble, Fitting, Loss};
 pub use gross_rows::gross_rows_of;
 pub use row::{Row, RowError, read_rows, write_rows};
@@ -32,7 +33,7 @@ pub const ERRORS: Fitting =
 
 /// What the verdict on gross slip is fitted with.
 pub const GROSS: Fitting =
-    Fitting { loss: Loss::Logistic, trees_count: 600, depth: 3, shrinkage: 0.1, least_rows: 20.0, ridge: 3.0 };
+    Fitting { loss: Loss::Logistic, trees_count: 300, depth: 6, shrinkage: 0.1, least_rows: 30.0, ridge: 3.0 };
 
 /// Where the load is among the features: the first one that needs the grip force.
 const LOAD: usize = GEOMETRIC_COUNT;

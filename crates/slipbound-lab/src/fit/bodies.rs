@@ -4,8 +4,8 @@ use crate::layer::SoftObject;
 use crate::objects::{Form, OBJECTS, Object, Relief};
 use crate::random::Random;
 
-/// What rows call them.
-pub(super) const BODY: &str = "random_body";
+/// What rows of bodies of no name call them all.
+pub const BODY: &str = "random_body";
 
 /// Of so many the surface is smooth, and so many do not give.
 const SMOOTH_FRACTION: f64 = 0.5;
