@@ -262,7 +262,7 @@ mod tests {
     fn a_slide_begins_at_its_probability_and_the_picture_alone_has_to_be_surer() {
         let (evidence, mut between) = (evidence(true), [0, 0]);
         for (case, knows_grip) in [true, false].into_iter().enumerate() {
-            let least = if knows_grip { 0.985 } else { 0.99 };
+            let least = if knows_grip { 0.95 } else { 0.97 };
             for step in 0..6000 {
                 let (used, stick) = (0.7 + 0.02 * f64::from(step % 20), 0.02 * f64::from(step / 20 % 10));
                 let (recent, field) =
@@ -273,7 +273,7 @@ mod tests {
                 let logit = trees.at(&watch.features.expect("all is known"));
                 let probability = 1.0 / (1.0 + libm::exp(-logit));
                 assert_eq!(says, probability >= least, "{knows_grip}, {used}, {stick}: {probability}");
-                between[case] += u32::from((0.98..least).contains(&probability));
+                between[case] += u32::from((0.93..least).contains(&probability));
             }
         }
         assert!(between[0] > 0 && between[1] > 0, "cases just below: {between:?}");
