@@ -40,7 +40,7 @@ pub type SlideFeatures = [f64; SLIDE_FEATURES_COUNT];
 /// out one frame of .95 with the grip force is false in 15 of 1,749 trials and in time in 1,140 of 1,330; one of .97 without it in 12 and 985.
 const BEGINS: f64 = 0.95;
 const BEGINS_ALONE: f64 = 0.97;
-const GOES_ON: f64 = 0.15;
+const GOES_ON: f64 = 0.05;
 
 /// Where the grip force is known, less used friction than this begins no slide: the estimate is seldom off by half, and a sudden press moves
 /// an imprint over the gel as a slide does. With earlier trees it delayed 5 of 809
