@@ -177,7 +177,7 @@ def page(result, others, opencv_ms, growth, fingers, memory, frames_count):
         f"{LOAD_BEFORE:.1f}, after: {load:.1f}. 640x480 colour in memory, 391 markers, in contact, grip known, one core; {frames_count} frames",
         "a finger, 90 Hz. A copy is one memcpy of the frame, of the same twelve frames in turn that the monitor sees.",
         "",
-        "Not done in every frame, and averaged in: the contact region is found and the imprint is looked at in every third frame, and, as none is missing, markers are searched in the whole picture in every tenth",
+        "Not done in every frame, and averaged in: the contact region is found and the imprint is looked at in every third frame, and, as none is missing, markers are searched in the whole picture in every fifth",
         "(`contact.period_ms`, `markers.search_period_ms`, `evidence.period_ms`: 25 ms; cameras of up to 40 Hz get everything in every frame). The median is that of the mean of 30",
         "frames in a row; the 99.9th percentile is of single frames.",
         "",

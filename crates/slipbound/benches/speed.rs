@@ -108,7 +108,7 @@ fn quantile_us(times: &mut [f64], share: f64) -> f64 {
     times[((times.len() - 1) as f64 * share).round() as usize]
 }
 
-/// Median of the mean of 30 frames in a row: at 90 Hz some steps are done in every third frame, one in every tenth.
+/// Median of the mean of 30 frames in a row: at 90 Hz some steps are done in every third frame, one in every fifth.
 fn turn_us(times: &[f64]) -> f64 {
     let mut turns: Vec<f64> = times.as_chunks::<30>().0.iter().map(|turn| turn.iter().sum::<f64>() / 30.0).collect();
     quantile_us(&mut turns, 0.5)

@@ -1,4 +1,4 @@
-//! A camera at 90 Hz, whose markers are searched in every third frame, or in every tenth while none is missing, and followed in the others.
+//! A camera at 90 Hz, whose markers are searched in every third frame, or in every fifth while none is missing, and followed in the others.
 
 use crate::picture::{Painter, Touch, frame};
 use slipbound::image::{Frame, SizePx};

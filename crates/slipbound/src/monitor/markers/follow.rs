@@ -1,4 +1,4 @@
-//! Between two searches for spots, which a camera at 90 Hz gets in every third frame while a marker is missing and in every tenth else: each marker is followed from where its own motion takes it.
+//! Between two searches for spots, which a camera at 90 Hz gets in every third frame while a marker is missing and in every fifth else: each marker is followed from where its own motion takes it.
 //!
 //! ```text
 //!   place + last step --edge pull, or look where the weave is pressed--> place     as dark there as in the frame before?

@@ -33,7 +33,7 @@ pub struct MarkerSettings {
     /// Whether markers not found that way are sought where their neighbours went, and whether a match that
     /// contradicts all neighbours is undone.
     pub ask_neighbours: bool,
-    /// While something touches, spots are sought in the whole picture once in so many ms at most, ms, and once in four times that while no marker is
+    /// While something touches, spots are sought in the whole picture once in so many ms at most, ms, and once in twice that while no marker is
     /// missing; between, each is followed from where its own motion takes it. Zero: in every frame.
     pub search_period_ms: f64,
 }
