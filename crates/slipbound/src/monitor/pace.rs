@@ -135,15 +135,20 @@ mod tests {
         for (contact_ms, search_ms, evidence_ms) in
             [(25.0, 25.0, 25.0), (12.5, 12.5, 25.0), (0.0, 12.5, 12.5), (12.5, 0.0, 40.0), (50.0, 12.5, 0.0)]
         {
-            let mut pace = Pace::new(contact_ms, search_ms, evidence_ms);
-            let (mut now_ns, mut done_ns) = (0u64, [0u64; 3]);
-            for i in 0..2_000u64 {
-                now_ns += 4_000_000 + (i.wrapping_mul(2_654_435_761) >> 7) % 12_000_000;
-                let Due { contact, search, evidence } = pace.see(Some(now_ns), true, false);
-                let each = [(contact, contact_ms), (search, search_ms), (evidence, evidence_ms)];
-                for (done_ns, (due, period_ms)) in done_ns.iter_mut().zip(each) {
-                    *done_ns = if due { now_ns } else { *done_ns };
-                    assert!(now_ns - *done_ns <= (2e6 * period_ms) as u64, "frame {i}, {each:?}");
+            // The longest that may pass: a period more than wanted.
+            for (complete, search_periods) in [(false, 2.0), (true, 3.0)] {
+                let mut pace = Pace::new(contact_ms, search_ms, evidence_ms);
+                let (mut now_ns, mut done_ns) = (0u64, [0u64; 3]);
+                for i in 0..2_000u64 {
+                    now_ns += 4_000_000 + (i.wrapping_mul(2_654_435_761) >> 7) % 12_000_000;
+                    let Due { contact, search, evidence } = pace.see(Some(now_ns), true, complete);
+                    let longest_ms = [2.0 * contact_ms, search_periods * search_ms, 2.0 * evidence_ms];
+                    for ((done_ns, due), longest_ms) in
+                        done_ns.iter_mut().zip([contact, search, evidence]).zip(longest_ms)
+                    {
+                        *done_ns = if due { now_ns } else { *done_ns };
+                        assert!(now_ns - *done_ns <= (1e6 * longest_ms) as u64, "frame {i}, {longest_ms} ms");
+                    }
                 }
             }
         }

@@ -110,6 +110,22 @@ fn dots_that_vanish_between_two_searches_are_lost_at_once() {
 }
 
 #[test]
+fn a_marker_that_shows_again_is_found_as_soon_as_in_every_frame_of_a_slow_camera() {
+    // Of a camera at 30 Hz the next frame would be the fourth.
+    for hidden_frames in 4..10 {
+        let mut pressed = Pressed::new(Skin::Smooth);
+        let dots = pressed.moved(Vec2::ZERO);
+        let without: Vec<Vec2> =
+            dots.iter().copied().filter(|p| (*p - pressed.touch.centre).length() > 0.7 * PITCH_PX).collect();
+        let hidden = (dots.len() - without.len()) as u32;
+        let lost = (0..hidden_frames).map(|_| pressed.show(&without).markers.lost).last();
+        assert_eq!(lost, Some(hidden), "{hidden_frames} frames");
+        let lost = [0; 4].map(|_| pressed.show(&dots).markers.lost);
+        assert_eq!(lost[3], 0, "{hidden_frames} frames: {lost:?}");
+    }
+}
+
+#[test]
 fn a_lost_marker_goes_on_with_its_neighbours_between_two_searches() {
     let mut pressed = Pressed::new(Skin::Smooth);
     let away = |p: &Vec2| (*p - pressed.touch.centre).length();

@@ -4,7 +4,7 @@
 //!   place + last step --edge pull, or look where the weave is pressed--> place     as dark there as in the frame before?
 //!                                                                                  any marker not: all are searched
 //! ```
-//! What is lost is sought in the next search, two frames later at most, and coasts with its neighbours until then.
+//! What is lost is sought in the next search, three frames later at most, and coasts with its neighbours until then.
 
 use super::detect::core_levels;
 use super::look::{Looks, Seen};
