@@ -147,14 +147,17 @@ impl GrossWatch {
         self.features = features(estimates, seen, grown);
         let (begins, goes_on) = match &self.features {
             Some(features) => {
+                self.all_used_frames_count = 0;
                 let (trees, least) = match knows_grip {
                     true => (&self.trees.grip, BEGINS),
                     false => (&self.trees.alone, BEGINS_ALONE),
                 };
-                let logit = trees.at(features);
-                let probability = 1.0 / (1.0 + libm::exp(-logit));
-                self.all_used_frames_count = 0;
                 let can_begin = !knows_grip || 1.0 - margin.value >= LEAST_USED;
+                // Where neither can be, the trees need not be asked.
+                let probability = match can_begin || self.slides {
+                    true => 1.0 / (1.0 + libm::exp(-trees.at(features))),
+                    false => 0.0,
+                };
                 (can_begin && probability >= least, probability >= GOES_ON)
             }
             None => {

@@ -25,6 +25,8 @@ use crate::image::SizePx;
 use crate::monitor::imprint::Imprint;
 use crate::monitor::report::Marker;
 use crate::monitor::rest::Rest;
+use crate::pixels::dots::Spot;
+use crate::pixels::template::Fit;
 use crate::plane::Vec2;
 use crate::sensor::{Sensor, Skin};
 use anchor::Anchor;
@@ -226,7 +228,7 @@ impl Markers {
         self.before.iter_mut().zip(&self.all).for_each(|(b, m)| *b = m.now);
         for i in 0..self.all.len() {
             let (before, known_before) = (self.all[i].now, self.all[i].matched);
-            let spot = self.matching.spot_of(i);
+            let spot = self.matching.spot_of(i).copied();
             self.detected_count += u32::from(spot.is_some());
             // Nothing is expected of a marker whose match was undone and whose neighbours are lost: it stays.
             let expected = Some(self.matching.expected(i)).filter(|p| p.is_finite()).unwrap_or(before);
@@ -249,9 +251,9 @@ impl Markers {
                 }
             };
             let whole = match seen {
-                Seen::At(fit) => Some(self.detector.blend(imprint, &fit, spot, &self.tracks[i].rest)),
+                Seen::At(fit) => Some(self.settle(imprint, i, &fit, spot.as_ref())),
                 Seen::Doubtful => None,
-                Seen::Unknown => spot.and_then(|spot| self.detector.refine(imprint, spot, &self.tracks[i].rest)),
+                Seen::Unknown => spot.and_then(|spot| self.detector.refine(imprint, &spot, &self.tracks[i].rest)),
             };
             let cut = || if seen == Seen::Doubtful { None } else { self.matching.cut(&self.all, i) };
             let found = whole.or_else(cut);
@@ -271,6 +273,14 @@ impl Markers {
             }
             track.step = if marker.matched && known_before { marker.now - before } else { Vec2::ZERO };
         }
+    }
+
+    /// The place of marker `i` whose look was found, by its spot where there is one; fit and place lay as far apart as the last ones.
+    fn settle(&mut self, imprint: &Imprint, i: usize, fit: &Fit, spot: Option<&Spot>) -> Vec2 {
+        let Some(looks) = &mut self.looks else { return fit.place };
+        let place = self.detector.blend(imprint, fit, spot, fit.place - looks.lead(i), &self.tracks[i].rest);
+        looks.taken(i, fit, place);
+        place
     }
 }
 

@@ -6,11 +6,18 @@
 /// Deepest trees that are read.
 const MOST_DEPTH: u32 = 12;
 
+/// Most features that trees look at, and most thresholds of one.
+const MOST_FEATURES: usize = 64;
+const MOST_THRESHOLDS: usize = 255;
+
 /// Split i goes on with split 2 i + 1 where the feature is at most the threshold, else with 2 i + 2; behind the last splits are the leaves.
+///
+/// A threshold is known by its number among those of its feature, from the lowest on. In one frame after the other the table is no
+/// longer in the caches nearby; so it is a quarter as many bytes.
 #[derive(Debug, Clone, Copy)]
 struct Split {
     feature: u8,
-    threshold: f32,
+    threshold: u8,
 }
 
 /// Trees whose leaves add up.
@@ -18,41 +25,51 @@ struct Split {
 pub(super) struct Ensemble {
     base: f64,
     depth: u32,
+    /// Of each feature, rising.
+    thresholds: Vec<Vec<f32>>,
     /// Of all trees, one after the other.
     splits: Vec<Split>,
     leaves: Vec<f32>,
 }
 
+/// Feature and threshold of a split, as the table has them.
+type Read = (usize, f32);
+
 impl Default for Ensemble {
     fn default() -> Self {
-        Ensemble { base: 0.0, depth: 1, splits: Vec::new(), leaves: Vec::new() }
+        Ensemble { base: 0.0, depth: 1, thresholds: Vec::new(), splits: Vec::new(), leaves: Vec::new() }
     }
 }
 
-/// The ensembles of a table by these names, in their order, of so many features; None when a line is not as described above.
+/// The ensembles of a table by these names, in their order, of so many features (64 at most); None when a line is not as described above, or
+/// a feature has more than 255 thresholds in an ensemble.
 pub(super) fn parse<const NAMES: usize>(
     text: &str,
     names: [&str; NAMES],
     features_count: usize,
 ) -> Option<[Ensemble; NAMES]> {
-    let mut ensembles: [Ensemble; NAMES] = std::array::from_fn(|_| Ensemble::default());
+    let mut ensembles: [(Ensemble, Vec<Read>); NAMES] = std::array::from_fn(|_| Default::default());
     let mut into = None;
     for line in text.lines().filter(|line| !line.starts_with('#')) {
         if let Some(rest) = line.strip_prefix("ensemble ") {
             let (name, base) = rest.split_once(' ')?;
             let ensemble = &mut ensembles[names.iter().position(|known| *known == name)?];
-            ensemble.base = base.parse().ok()?;
+            ensemble.0.base = base.parse().ok()?;
             into = Some(ensemble);
         } else {
-            into.as_mut()?.add(line, features_count)?;
+            let (ensemble, read) = into.as_mut()?;
+            ensemble.add(line, features_count.min(MOST_FEATURES), read)?;
         }
     }
-    Some(ensembles)
+    for (ensemble, read) in &mut ensembles {
+        ensemble.number(read, features_count)?;
+    }
+    Some(ensembles.map(|(ensemble, _)| ensemble))
 }
 
 impl Ensemble {
-    /// Adds the tree of a line.
-    fn add(&mut self, line: &str, features_count: usize) -> Option<()> {
+    /// Adds the tree of a line, its splits to those that were read.
+    fn add(&mut self, line: &str, features_count: usize, read: &mut Vec<Read>) -> Option<()> {
         let words = || line.split_ascii_whitespace();
         let splits_count = words().filter(|word| word.contains(':')).count();
         let leaves_count = words().count() - splits_count;
@@ -64,8 +81,9 @@ impl Ensemble {
         self.depth = depth;
         for word in words().take(splits_count) {
             let (feature, threshold) = word.split_once(':')?;
-            let feature = feature.parse().ok().filter(|feature| usize::from(*feature) < features_count)?;
-            self.splits.push(Split { feature, threshold: threshold.parse().ok()? });
+            let feature = feature.parse().ok().filter(|feature| *feature < features_count)?;
+            let threshold = threshold.parse().ok().filter(|threshold: &f32| !threshold.is_nan())?;
+            read.push((feature, threshold));
         }
         for word in words().skip(splits_count) {
             self.leaves.push(word.parse().ok()?);
@@ -73,15 +91,38 @@ impl Ensemble {
         Some(())
     }
 
+    /// Numbers the thresholds of the splits that were read.
+    fn number(&mut self, read: &[Read], features_count: usize) -> Option<()> {
+        self.thresholds = vec![Vec::new(); features_count];
+        for &(feature, threshold) in read {
+            self.thresholds[feature].push(threshold);
+        }
+        for thresholds in &mut self.thresholds {
+            thresholds.sort_by(f32::total_cmp);
+            thresholds.dedup();
+        }
+        let fits = self.thresholds.iter().all(|thresholds| thresholds.len() <= MOST_THRESHOLDS);
+        let split = |&(feature, threshold): &Read| Split {
+            feature: feature as u8,
+            threshold: self.thresholds[feature].partition_point(|lower| *lower < threshold) as u8,
+        };
+        self.splits = read.iter().map(split).collect();
+        fits.then_some(())
+    }
+
     /// What it says of these features.
     pub fn at(&self, features: &[f64]) -> f64 {
+        let mut passed = [0u8; MOST_FEATURES];
+        for ((passed, thresholds), &value) in passed.iter_mut().zip(&self.thresholds).zip(features) {
+            *passed = thresholds.partition_point(|threshold| value > f64::from(*threshold)) as u8;
+        }
         let leaves_count = 1 << self.depth;
         let trees = self.splits.chunks_exact(leaves_count - 1).zip(self.leaves.chunks_exact(leaves_count));
         trees.fold(self.base, |sum, (splits, leaves)| {
             let mut at = 0;
             for _ in 0..self.depth {
                 let Split { feature, threshold } = splits[at];
-                at = 2 * at + 1 + usize::from(features[usize::from(feature)] > f64::from(threshold));
+                at = 2 * at + 1 + usize::from(passed[usize::from(feature)] > threshold);
             }
             sum + f64::from(leaves[at - splits.len()])
         })
@@ -119,5 +160,19 @@ mod tests {
             assert!(refused(&format!("ensemble flat 0\n{tree}")), "{tree}");
         }
         assert!(refused("ensemble flat 0\n1:0.25 -1 1\n0:0.5 1:1.5 1:2.5 1 2 3 4"), "trees of two depths");
+        assert!(refused("ensemble flat 0\n1:NaN -1 1"), "nothing is over it");
+        let stumps = |count: usize| {
+            (0..count).map(|k| format!("\n1:{k} 0 1")).fold("ensemble flat 0".into(), |a: String, b| a + &b)
+        };
+        assert!(!refused(&stumps(255)) && refused(&stumps(256)), "thresholds that no byte numbers");
+    }
+
+    #[test]
+    fn equal_thresholds_of_many_trees_are_each_passed_from_just_above_on() {
+        let text = "ensemble flat 0\n0:2 0 1\n0:-0 0 10\n0:2 0 100\n0:0 0 1000\n1:2 0 10000\n0:3 0 100000";
+        let [flat] = parse(text, ["flat"], 2).expect("as described");
+        let of = |value: f64, other: f64| flat.at(&[value, other]);
+        assert_eq!([of(-1.0, 2.0), of(0.0, 2.0), of(1e-9, 2.0), of(2.0, 2.0)], [0.0, 0.0, 1010.0, 1010.0]);
+        assert_eq!([of(2.0 + 1e-9, 2.0), of(3.1, 2.1), of(f64::NAN, 3.0)], [1111.0, 111_111.0, 10_000.0]);
     }
 }

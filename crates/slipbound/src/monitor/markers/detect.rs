@@ -141,16 +141,24 @@ impl Detector {
     }
 
     /// The place of a marker whose look was found: between the fit of dot and weave and where the edge pulls, from the spot there or,
-    /// where none is, from the fit.
-    pub(super) fn blend(&self, imprint: &Imprint, fit: &Fit, spot: Option<&Spot>, rest: &RestMarker) -> Vec2 {
-        if rest.stiffness == 0.0 {
+    /// where none is, from `start`. Where the weave is pressed it is the fit, and no edge is looked at.
+    pub(super) fn blend(
+        &self,
+        imprint: &Imprint,
+        fit: &Fit,
+        spot: Option<&Spot>,
+        start: Vec2,
+        rest: &RestMarker,
+    ) -> Vec2 {
+        let share = share(fit);
+        if rest.stiffness == 0.0 || share == 1.0 {
             return fit.place;
         }
         let near = |place: Vec2| (place - fit.place).length() < FAR_PULL_PX;
         let of_spot = spot.and_then(|spot| self.refine(imprint, spot, rest)).filter(|place| near(*place));
-        let of_fit = || self.pulled(self.kernel(rest), imprint, fit.place, rest.stiffness * fit.dot.clamp(0.4, 2.5));
-        let pulled = of_spot.or_else(of_fit).filter(|place| near(*place));
-        pulled.map_or(fit.place, |place| place + (fit.place - place) * share(fit))
+        let of_start = || self.pulled(self.kernel(rest), imprint, start, rest.stiffness * fit.dot.clamp(0.4, 2.5));
+        let pulled = of_spot.or_else(of_start).filter(|place| near(*place));
+        pulled.map_or(fit.place, |place| place + (fit.place - place) * share)
     }
 
     /// Where the edge pulls a start to; None at the border or when it pulls out of the dot.

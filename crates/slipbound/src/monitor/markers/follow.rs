@@ -50,7 +50,7 @@ impl Markers {
         if let Some(looks) = self.looks.as_mut().filter(|looks| !is_plain(looks)) {
             let stretch = self.matching.stretch(&self.all, &self.before, i);
             match looks.look(imprint, i, None, Some(start), stretch) {
-                Seen::At(fit) => return Some(self.detector.blend(imprint, &fit, None, &rest)),
+                Seen::At(fit) => return Some(self.settle(imprint, i, &fit, None)),
                 Seen::Doubtful => return None,
                 Seen::Unknown => {}
             }

@@ -31,6 +31,8 @@ pub(super) struct Looks {
     window: Window,
     templates: Vec<Option<Template>>,
     weave: Vec<f64>,
+    /// From the place of each marker to that of its fit, when it was last looked at, px: a fit that starts there ends at once.
+    leads: Vec<Vec2>,
     pitch_px: f64,
 }
 
@@ -51,7 +53,7 @@ impl Looks {
         let window = Window::new(REACH_PITCH * pitch_px);
         let dark = profile(grey, size, markers, sensor.marker_diameter_px);
         let templates = markers.iter().map(|m| window.learn(grey, size, m.position, &dark)).collect();
-        Looks { window, templates, weave: vec![1.0; markers.len()], pitch_px }
+        Looks { window, templates, weave: vec![1.0; markers.len()], leads: vec![Vec2::ZERO; markers.len()], pitch_px }
     }
 
     /// Whether the spot of marker `i` is the marker without a look at it: its weave was not pressed when it was last looked at, and
@@ -63,6 +65,16 @@ impl Looks {
     /// Whether two places lead to the same fit.
     fn agree(&self, spot: Option<Vec2>, inferred: Option<Vec2>) -> bool {
         spot.zip(inferred).is_some_and(|(a, b)| (a - b).length() < SAME_PITCH * self.pitch_px)
+    }
+
+    /// Where the fit of marker `i` lay apart from its place when it was last looked at, px.
+    pub(super) fn lead(&self, i: usize) -> Vec2 {
+        self.leads[i]
+    }
+
+    /// Marker `i`, whose fit is known, was taken to be at `place`.
+    pub(super) fn taken(&mut self, i: usize, fit: &Fit, place: Vec2) {
+        self.leads[i] = fit.place - place;
     }
 
     /// Looks for marker `i` at its spot and where its neighbours went.
@@ -77,6 +89,7 @@ impl Looks {
         let Some(template) = &self.templates[i] else { return Seen::Unknown };
         let (weave, size) = (self.weave[i], imprint.size());
         let agree = self.agree(spot, inferred);
+        let inferred = inferred.map(|place| place + self.leads[i]);
         let mut held = false;
         let mut fit = |start: Option<Vec2>| -> Option<Fit> {
             let start = Start { place: start?, weave, stretch };
@@ -96,7 +109,7 @@ impl Looks {
             }
             None if held => {
                 // What nonsense has taught of the weave must not keep the marker from being found.
-                self.weave[i] = 1.0;
+                (self.weave[i], self.leads[i]) = (1.0, Vec2::ZERO);
                 Seen::Doubtful
             }
             None => Seen::Unknown,
