@@ -5,6 +5,7 @@ use slipbound::monitor::{
     ContactReport, Estimate, Estimates, MarkerCounts, Reason, ShearReport, SlipKind, SlipReport, SlipState, SlipSummary,
 };
 use slipbound::plane::Vec2;
+use std::collections::BTreeSet;
 
 const MS: u64 = 1_000_000;
 
@@ -352,4 +353,20 @@ fn one_bad_marker_a_finger_is_no_half_of_a_slip() {
     };
     assert_eq!(fused(&bad(1, 2), &bad(1, 2)).state, SlipState::Stick);
     assert_eq!(fused(&bad(2, 3), &bad(2, 3)).state, SlipState::Incipient);
+}
+
+/// The message is built in a workspace of its own, whose tests are not run with these.
+#[test]
+fn the_ros_message_of_a_hand_has_the_fields_of_its_report() {
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../ros2/slipbound_msgs/msg/HandReport.msg"));
+    let field = |line: &str| {
+        let line = line.split('#').next()?.trim();
+        let (_, name) = line.split_once(char::is_whitespace).filter(|_| !line.contains('='))?;
+        Some(name.to_owned())
+    };
+    let mut of_message: BTreeSet<String> = text.lines().filter_map(field).collect();
+    assert!(of_message.remove("header"));
+    let json = serde_json::to_value(two().report(0)).expect("JSON");
+    let of_report: BTreeSet<String> = json.as_object().expect("an object").keys().cloned().collect();
+    assert_eq!(of_message, of_report);
 }

@@ -159,6 +159,7 @@ impl HandReport {
             },
             margin: number(report.margin),
             friction: number(report.friction),
+            cut_fraction: report.cut_fraction,
         }
     }
 }

@@ -124,6 +124,7 @@ pub struct HandReport {
     pub slip: HandSlip,
     pub margin: f64,
     pub friction: f64,
+    pub cut_fraction: f64,
 }
 
 topic_types! {
