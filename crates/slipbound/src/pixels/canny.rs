@@ -137,6 +137,8 @@ impl Canny {
                 continue;
             }
             strong[i] |= new;
+            // What has grown beside a word lies at its end.
+            let (before, after) = (before & new as usize, after & (new >> 63) as usize);
             for row in [above, i, below] {
                 for at in row - before..=row + after {
                     if weak[at] & !strong[at] != 0 && !self.stacked[at] {
@@ -206,17 +208,19 @@ wide! {
         let [below_left, below_mid, below_right] = [0, 1, 2].map(|k| &below[k..][..n]);
         let (directions, strong) = (&directions[..n], &mut strong[..n]);
         for i in 0..n {
-            let m = mid[i];
+            let (m, d) = (mid[i], directions[i]);
+            // All ones in the direction that it has: what a branch would choose.
+            let [across, down, falling, rising] =
+                [ACROSS, DOWN, FALLING, RISING].map(|direction| i16::from(d == direction).wrapping_neg());
+            let before =
+                left[i] & across | above_mid[i] & down | above_left[i] & falling | above_right[i] & rising;
+            let after = right[i] & across | below_mid[i] & down | below_right[i] & falling | below_left[i] & rising;
             // Of two equal neighbours along an axis the first counts.
-            let across = (m > left[i]) & (m >= right[i]);
-            let down = (m > above_mid[i]) & (m >= below_mid[i]);
-            let falling = (m > above_left[i]) & (m > below_right[i]);
-            let rising = (m > above_right[i]) & (m > below_left[i]);
-            let d = directions[i];
-            let ridge =
-                ((d == ACROSS) & across) | ((d == DOWN) & down) | ((d == FALLING) & falling) | ((d == RISING) & rising);
-            weak[i] = u8::from(ridge & (m > low)).wrapping_neg();
-            strong[i] = u8::from(ridge & (m > high)).wrapping_neg();
+            let is_ridge = (m > before) & (m >= after - (falling | rising));
+            // Never above a threshold where it is none.
+            let ridge = m & i16::from(is_ridge).wrapping_neg();
+            weak[i] = u8::from(ridge > low).wrapping_neg();
+            strong[i] = u8::from(ridge > high).wrapping_neg();
         }
     }
 }

@@ -20,8 +20,7 @@ pub fn cell_contrast(grey: Gray<'_>, cell_px: usize, sums: &mut [u16], out: &mut
         for y in cell_row * cell_px..(cell_row + 1) * cell_px {
             let row = grey.row(y);
             let below = grey.row((y + 1).min(size.height - 1));
-            // The last pixel of a row has none to its right, those of the last row none below.
-            add_differences(row, &row[1..], sums);
+            // Those of the last row have none below.
             add_differences(row, below, sums);
         }
         for (out, cell) in out.iter_mut().zip(sums.chunks_exact(cell_px)) {
@@ -31,10 +30,14 @@ pub fn cell_contrast(grey: Gray<'_>, cell_px: usize, sums: &mut [u16], out: &mut
 }
 
 wide! {
-    fn add_differences(a: &[u8], b: &[u8], sums: &mut [u16]) {
-        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
-            *sum += u16::from(a.abs_diff(*b));
+    /// Adds how far each pixel of a row is from the one to its right, which the last has not, and from the one below.
+    fn add_differences(row: &[u8], below: &[u8], sums: &mut [u16]) {
+        let last = row.len() - 1;
+        let (right, below, sums) = (&row[1..][..last], &below[..=last], &mut sums[..=last]);
+        for i in 0..last {
+            sums[i] += u16::from(row[i].abs_diff(right[i])) + u16::from(row[i].abs_diff(below[i]));
         }
+        sums[last] += u16::from(row[last].abs_diff(below[last]));
     }
 }
 

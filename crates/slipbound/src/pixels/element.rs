@@ -104,10 +104,12 @@ impl Element {
             x >= left && x - left + self.size.width <= width && y >= above && y - above + self.size.height <= height;
         if whole && !self.chord_bits.is_empty() {
             let (word, shift) = ((x - left) / 64, (x - left) % 64);
+            let per_row = mask.row(0).len();
+            let words = &mask.words()[(y - above) * per_row + word..];
             return self.chord_bits.iter().all(|&(row, bits)| {
-                let words = &mask.row(y - above + row)[word..];
-                // The next word, without the shift by 64 that there is none of.
-                let seen = words[0] >> shift | words.get(1).copied().unwrap_or(0) << 1 << (63 - shift);
+                let at = row * per_row;
+                // What a chord has in the next word, without the shift by 64 that there is none of; at the end of a row it has nothing there.
+                let seen = words[at] >> shift | words.get(at + 1).copied().unwrap_or(0) << 1 << (63 - shift);
                 bits & !seen == 0
             });
         }

@@ -97,13 +97,7 @@ impl Spread {
         };
         let end = (first..height).rev().find(holds).map_or(height, |last| last + 1);
         let count = (end - first) * stride;
-        for (padded, y) in self.rows.chunks_exact_mut(stride).zip(first..end) {
-            padded[..pad].fill(0);
-            padded[pad + words..].fill(0);
-            for (i, (to, &bits)) in padded[pad..pad + words].iter_mut().zip(src.row(y)).enumerate() {
-                *to = spreading(bits, turn, i, words, last_word);
-            }
-        }
+        add_pads(&src.words()[first * words..end * words], words, pad, turn, last_word, &mut self.rows[..count]);
         let laid = &mut self.laid[..height * stride];
         laid.fill(0);
         let mut offsets = &element.rows[..];
@@ -120,11 +114,7 @@ impl Spread {
             }
             offsets = later;
         }
-        for (y, laid) in laid.chunks_exact(stride).enumerate() {
-            let to = out.row_mut(y);
-            to.iter_mut().zip(&laid[pad..]).for_each(|(to, bits)| *to = bits ^ turn);
-            to[words - 1] &= last_word;
-        }
+        drop_pads(laid, words, pad, turn, last_word, out.words_mut());
     }
 }
 
@@ -178,6 +168,32 @@ fn join_moved(rows: &[u64], at: isize, stride: usize, laid: &mut [u64]) {
     }
 }
 wide! {
+    /// Rows of words -> the same with `pad` empty words on each side; what is set in `turn` is turned, nothing beyond the width.
+    fn add_pads(rows: &[u64], words: usize, pad: usize, turn: u64, last_word: u64, out: &mut [u64]) {
+        for (to, from) in out.chunks_exact_mut(words + 2 * pad).zip(rows.chunks_exact(words)) {
+            let (before, to) = to.split_at_mut(pad);
+            let (to, after) = to.split_at_mut(words);
+            to.iter_mut().zip(from).for_each(|(to, bits)| *to = bits ^ turn);
+            to[words - 1] &= last_word;
+            match (before, after) {
+                // Mostly; two calls a row take longer than the row.
+                ([before], [after]) => (*before, *after) = (0, 0),
+                (before, after) => {
+                    before.fill(0);
+                    after.fill(0);
+                }
+            }
+        }
+    }
+
+    /// The way back.
+    fn drop_pads(padded: &[u64], words: usize, pad: usize, turn: u64, last_word: u64, out: &mut [u64]) {
+        for (to, from) in out.chunks_exact_mut(words).zip(padded.chunks_exact(words + 2 * pad)) {
+            to.iter_mut().zip(&from[pad..]).for_each(|(to, bits)| *to = bits ^ turn);
+            to[words - 1] &= last_word;
+        }
+    }
+
     /// Pixel x of `out` is set where x - left, x or x + right of `rows` is, through all rows with their padding. Moves of 0 to 63 px.
     fn widen(rows: &[u64], out: &mut [u64], left: u32, right: u32) {
         // Two shifts, since a shift by 64 is none.

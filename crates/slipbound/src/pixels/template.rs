@@ -330,14 +330,14 @@ fn solve(m: &mut [[f64; 5]; 4]) -> Option<[f64; 4]> {
 wide! {
     /// A rectangle of samples between pixels, `fx` and `fy` sixteenths off; less the middle of the range.
     fn bilinear(grey: &[u8], stride: usize, width: usize, fx: i16, fy: i16, out: &mut [i16]) {
-        let height = out.len() / width;
         // The last lanes may lie over those before them.
         let lanes = width.div_ceil(LANES);
         for at in (0..lanes).map(|k| (k * LANES).min(width - LANES)) {
-            let Some(mut upper) = between_columns(&grey[at..], fx) else { return };
-            for y in 0..height {
-                let Some(lower) = between_columns(&grey[(y + 1) * stride + at..], fx) else { return };
-                let Some(out) = out[y * width + at..].first_chunk_mut::<LANES>() else { return };
+            let mut rows = grey[at..].chunks(stride);
+            let Some(mut upper) = rows.next().and_then(|row| between_columns(row, fx)) else { return };
+            for (out, row) in out[at..].chunks_mut(width).zip(rows) {
+                let Some(lower) = between_columns(row, fx) else { return };
+                let Some(out) = out.first_chunk_mut::<LANES>() else { return };
                 for i in 0..LANES {
                     // Sixteenths of sixteenths would not fit: halves of levels are kept for the last step.
                     out[i] = upper[i] + ((((lower[i] - upper[i]) >> 1) * fy) >> 3) - 2048;

@@ -162,14 +162,8 @@ pub(super) fn features(
     );
     let over_fraction = share(&|q| slip(q) > 0.1 * q.rigid.length() + 0.03 * p);
     let over_twentieth = share(&|q| slip(q) > 0.05 * p);
-    let quantile = |scratch: &mut [f64], of: &dyn Fn(&Point) -> f64, at: [f64; 4]| -> [f64; 4] {
-        let scratch = &mut scratch[..points.len()];
-        scratch.iter_mut().zip(points.iter()).for_each(|(out, q)| *out = of(q));
-        scratch.sort_unstable_by(f64::total_cmp);
-        at.map(|at| scratch[(at * (n - 1.0)).round() as usize])
-    };
-    let [q25, q50, q75, q90] = quantile(scratch, &relative, [0.25, 0.5, 0.75, 0.9]);
-    let far_px = quantile(scratch, &moved, [0.9; 4])[0];
+    let [q90, q75, q50, q25] = quantiles(points, relative, [0.9, 0.75, 0.5, 0.25], scratch);
+    let [far_px] = quantiles(points, moved, [0.9], scratch);
 
     let mean_moved = points.iter().fold(Vec2::ZERO, |sum, q| sum + (q.displacement - q.joined)) / n;
     let slip_rms = (points.iter().map(|q| q.residual().length_squared()).sum::<f64>() / n).sqrt();
@@ -211,6 +205,28 @@ pub(super) fn features(
     }
 }
 
+/// Quantiles of what is told of each point, the largest first. `scratch` holds as many numbers.
+fn quantiles<const N: usize>(
+    points: &[Point],
+    of: impl Fn(&Point) -> f64,
+    at: [f64; N],
+    scratch: &mut [f64],
+) -> [f64; N] {
+    let mut below = &mut scratch[..points.len()];
+    below.iter_mut().zip(points).for_each(|(out, q)| *out = of(q));
+    let last = (points.len() - 1) as f64;
+    let mut larger = f64::NAN;
+    at.map(|at| {
+        let at = (at * last).round() as usize;
+        // Two quantiles of few points may be the same one.
+        if at < below.len() {
+            let (rest, found, _) = std::mem::take(&mut below).select_nth_unstable_by(at, f64::total_cmp);
+            (below, larger) = (rest, *found);
+        }
+        larger
+    })
+}
+
 /// Standard deviations of places along their main axes, the smaller first, px.
 fn spread(points: &[Point]) -> (f64, f64) {
     let n = points.len() as f64;
@@ -222,4 +238,23 @@ fn spread(points: &[Point]) -> (f64, f64) {
     }
     let (half, apart) = ((xx + yy) / 2.0, libm::hypot((xx - yy) / 2.0, xy));
     ((half - apart).max(0.0).sqrt(), (half + apart).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_those_of_the_sorted_numbers_however_few() {
+        for count in 1..60usize {
+            let radius = |i: usize| ((i * 37) % 11) as f64;
+            let points: Vec<Point> = (0..count).map(|i| Point { radius: radius(i), ..Point::default() }).collect();
+            let mut sorted: Vec<f64> = (0..count).map(radius).collect();
+            sorted.sort_unstable_by(f64::total_cmp);
+            let at = [0.9, 0.75, 0.5, 0.25];
+            let wanted = at.map(|at| sorted[(at * (count - 1) as f64).round() as usize]);
+            let mut scratch = vec![0.0; count + 3];
+            assert_eq!(quantiles(&points, |q| q.radius, at, &mut scratch), wanted, "of {count}");
+        }
+    }
 }
