@@ -14,6 +14,9 @@ const TILE_FRACTIONS: u32 = 64;
 /// Box passes along each axis; three bring a box within a few per cent of a Gaussian.
 const BOXES: usize = 3;
 
+/// The largest radius of a box, in tiles: for a Gaussian of some 250 px.
+const MOST_RADIUS: usize = 31;
+
 /// The scratch of the wide smooth.
 #[derive(Debug, Clone)]
 pub struct Background {
@@ -34,7 +37,7 @@ pub struct Background {
 
 impl Background {
     /// Scratch for images of `size`; the smooth is that of a Gaussian of `sigma_px`, which should be 8 px or more
-    /// (below 6 px the smooth no longer shrinks with it).
+    /// (below 6 px the smooth no longer shrinks with it, above 250 px it no longer grows).
     pub fn new(size: SizePx, sigma_px: f64) -> Self {
         // Wide tiles are twice as fast; below sigma 20 the steps of the boxes show. bench/parity finds the result
         // within 4 levels of the Gaussian everywhere, and within 1.2 in the mean of any frame.
@@ -141,7 +144,13 @@ fn box_radii(sigma_tiles: f64) -> [usize; BOXES] {
     let mut radii = [0; BOXES];
     // Widen one box after the other while that brings the sum nearer; the last stays the widest.
     'widen: loop {
+        if radii[0] == MOST_RADIUS {
+            break radii;
+        }
         for i in (0..BOXES).rev() {
+            if radii[i] == MOST_RADIUS {
+                continue;
+            }
             let now: f64 = radii.iter().map(|&r| variance(r)).sum();
             let gain = variance(radii[i] + 1) - variance(radii[i]);
             if now + gain / 2.0 > wanted {
@@ -153,13 +162,16 @@ fn box_radii(sigma_tiles: f64) -> [usize; BOXES] {
 }
 
 /// 1 / (2 radius + 1) in 2^-24.
-fn inverse(radius: usize) -> u64 {
-    let width = 2 * radius as u64 + 1;
+fn inverse(radius: usize) -> u32 {
+    let width = 2 * radius as u32 + 1;
     ((1 << 24) + width / 2) / width
 }
 
-fn scaled(sum: u32, inverse: u64) -> u16 {
-    ((u64::from(sum) * inverse + (1 << 23)) >> 24) as u16
+/// A sum over a box -> its mean, rounded. The sum times `inverse`, in 2^-24, is that times its upper bits and that times its lower
+/// twelve, which both fit 32 bits up to [`MOST_RADIUS`].
+#[inline(always)]
+fn mean_level(sum: u32, inverse: u32) -> u16 {
+    ((sum * (inverse >> 12) + ((sum * (inverse & 0xfff) + (1 << 23)) >> 12)) >> 12) as u16
 }
 
 /// Rows become columns, by squares of so many levels a side as far as they go.
@@ -215,9 +227,9 @@ wide! {
 }
 
 wide! {
-    fn box_columns(sums: &mut [u32], leaves: &[u16], enters: &[u16], inverse: u64, out: &mut [u16]) {
+    fn box_columns(sums: &mut [u32], leaves: &[u16], enters: &[u16], inverse: u32, out: &mut [u16]) {
         for (((sum, out), &leaves), &enters) in sums.iter_mut().zip(out).zip(leaves).zip(enters) {
-            *out = scaled(*sum, inverse);
+            *out = mean_level(*sum, inverse);
             *sum = *sum + u32::from(enters) - u32::from(leaves);
         }
     }
@@ -283,6 +295,30 @@ mod tests {
             }
             assert!(upright.iter().max() > upright.iter().min());
         }
+    }
+
+    #[test]
+    fn means_over_boxes_are_rounded_as_in_whole_numbers_of_any_size() {
+        let most_level = 255 * TILE_FRACTIONS;
+        for radius in 0..=MOST_RADIUS {
+            let most = (2 * radius as u32 + 1) * most_level;
+            for i in 0..1000 {
+                let sum = (u64::from(most) * i / 999) as u32;
+                let wanted = (u64::from(sum) * u64::from(inverse(radius)) + (1 << 23)) >> 24;
+                assert_eq!(u64::from(mean_level(sum, inverse(radius))), wanted, "{sum} over a box of {radius}");
+            }
+            assert_eq!(u32::from(mean_level(most, inverse(radius))), most_level);
+        }
+    }
+
+    #[test]
+    fn boxes_have_the_variance_asked_for_up_to_the_widest() {
+        let variance = |radii: [usize; BOXES]| radii.map(|r| (r * (r + 1)) as f64 / 3.0).iter().sum::<f64>() + 0.25;
+        for sigma_tiles in [1.0, 2.0, 5.0, 12.0, 25.0] {
+            let got = variance(box_radii(sigma_tiles)).sqrt();
+            assert!((got - sigma_tiles).abs() < 0.35, "{got} for {sigma_tiles}");
+        }
+        assert_eq!(box_radii(100.0), [MOST_RADIUS; BOXES]);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::plane::Vec2;
 
+/// How many the network takes.
 const MOST: usize = 9;
 
 /// The value with half of them below it, the upper of two; of at most nine.
