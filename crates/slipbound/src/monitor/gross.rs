@@ -37,10 +37,10 @@ pub const SLIDE_FEATURES_COUNT: usize = OTHERS_COUNT + OF_WINDOW_COUNT * WINDOWS
 pub type SlideFeatures = [f64; SLIDE_FEATURES_COUNT];
 
 /// Probability from which it slides, where the grip force is known and from the picture alone, and down to which it goes on. The lowest of those
-/// tried at which words are false in less than half a per cent of the trials of objects left out: .97 with the grip force in 8 of 1,749 (in time in
-/// 1,087 of 1,330), .985 without it in 7 (900).
-const BEGINS: f64 = 0.97;
-const BEGINS_ALONE: f64 = 0.985;
+/// tried at which words are false in less than half a per cent of the trials of objects left out: .95 with the grip force in 7 of 1,775 (in time in
+/// 1,193 of 1,403), .98 without it in 8 (983).
+const BEGINS: f64 = 0.95;
+const BEGINS_ALONE: f64 = 0.98;
 const GOES_ON: f64 = 0.05;
 
 /// Where the grip force is known, less used friction than this begins no slide: the estimate is seldom off by half, and a sudden press moves
@@ -266,7 +266,7 @@ mod tests {
     fn a_slide_begins_at_its_probability_and_the_picture_alone_has_to_be_surer() {
         let (evidence, mut between) = (evidence(true), [0, 0]);
         for (case, knows_grip) in [true, false].into_iter().enumerate() {
-            let least = if knows_grip { 0.97 } else { 0.985 };
+            let least = if knows_grip { 0.95 } else { 0.98 };
             for step in 0..6000 {
                 let (used, stick) = (0.7 + 0.02 * f64::from(step % 20), 0.02 * f64::from(step / 20 % 10));
                 let (recent, field) =
@@ -277,7 +277,7 @@ mod tests {
                 let logit = trees.at(&watch.features.expect("all is known"));
                 let probability = 1.0 / (1.0 + libm::exp(-logit));
                 assert_eq!(says, probability >= least, "{knows_grip}, {used}, {stick}: {probability}");
-                between[case] += u32::from((0.93..least).contains(&probability));
+                between[case] += u32::from((0.9..least).contains(&probability));
             }
         }
         assert!(between[0] > 0 && between[1] > 0, "cases just below: {between:?}");
