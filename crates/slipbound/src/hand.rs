@@ -120,8 +120,8 @@ pub enum Health {
 /// Slip of the object in the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HandSlip {
-    /// Direction in which the object slides, of length 1; 0 throughout when it only pivots, and where the fingers do not
-    /// agree on any. Of a slip that the fingers of one side alone see, `across` and `around` are the same number.
+    /// Direction in which the object slides, of length 1; 0 throughout when it only pivots, where no finger knows any, and where the
+    /// fingers do not agree. Of a slip that the fingers of one side alone see, `across` and `around` are the same number.
     pub direction: HandVector,
     /// Whether it turns about the axis through both fingers, alone or besides.
     pub pivots: bool,
@@ -378,7 +378,8 @@ fn fused_slip<'a>(live: impl Iterator<Item = (&'a Finger, SlipReport)> + Clone, 
     if fingers_count == 0 {
         return None;
     }
-    let pivots = slipping.clone().any(|(_, r)| r.slip.kind != Some(SlipKind::Translation));
+    // A slip of unknown kind is none that pivots: it has no direction either, and no task allows it.
+    let pivots = slipping.clone().any(|(_, r)| matches!(r.slip.kind, Some(SlipKind::Rotation | SlipKind::Both)));
     let unit = |angle_rad: f64| Vec2::new(libm::cos(angle_rad), libm::sin(angle_rad));
     let ways = slipping.filter_map(|(f, r)| Some(Some((f.mounting, unit(r.slip.direction_rad?)))));
     let sees_on = |side| ways.clone().flatten().any(|(mounting, _)| mounting.side == side);
@@ -427,7 +428,7 @@ impl Allowed {
             across: part(d.across, self.across),
             around: part(d.around, self.around),
         };
-        // It slides, but the fingers do not agree which way: that is none of what is allowed unless all of it is.
+        // It slides, but which way is not known, or the fingers do not agree: that is none of what is allowed unless all of it is.
         let is_unknown = d.length() == 0.0 && !slip.pivots && !(self.along && self.across && self.around);
         let slides = d.length() > 0.0 && outside.length() > STRAY_SIN;
         let pivots = slip.pivots && !self.pivot;

@@ -221,26 +221,30 @@ impl SlipMonitor {
         self.slides = self.settings.evidence.used
             && self.gross.see(&self.estimator.estimates, self.estimator.knows_grip(), &seen);
         self.estimator.slides(self.slides);
-        let settings = &self.settings.slip;
-        if settings.rule == SlipRule::Markers {
-            return;
+        if self.settings.slip.rule == SlipRule::Margin {
+            if self.estimator.has_reference() && !had_reference && !by_displacement {
+                // The slip field counts from the squeezed finger, too.
+                self.rebase_from = Some(frame.seq);
+            }
+            self.watch_margin();
         }
-        if self.estimator.has_reference() && !had_reference && !by_displacement {
-            // The slip field counts from the squeezed finger, too.
-            self.rebase_from = Some(frame.seq);
+        // Deviation: D16 alarm from the estimated margin
+        if self.alarmed || (self.slides && self.slip.summary.kind.is_none()) {
+            let (pull, turn) = self.estimator.pull_and_turn_px3();
+            self.slip.say_load(pull, turn);
         }
+    }
+
+    /// The rule `margin`. A margin that is not known ends no alarm.
+    fn watch_margin(&mut self) {
         let Some(margin) = self.estimator.estimates.margin else { return };
+        let settings = &self.settings.slip;
         let small =
             margin.value <= if self.alarmed { settings.clear_margin_fraction } else { settings.alarm_margin_fraction };
         self.small_margin_frames_count = if small { self.small_margin_frames_count + 1 } else { 0 };
         // The picture alone is a weaker witness: two frames must agree.
         let needed = if self.estimator.knows_grip() { 1 } else { 2 };
         self.alarmed = small && (self.alarmed || self.small_margin_frames_count >= needed);
-        // Deviation: D16 alarm from the estimated margin
-        if self.alarmed {
-            let (pull, turn) = self.estimator.pull_and_turn_px3();
-            self.slip.say_load(pull, turn);
-        }
     }
 
     /// Makes the last frame the new reference, as after a slip or a grip step. `seq`: the number of that frame.

@@ -78,6 +78,34 @@ fn a_blind_hand_keeps_its_force_and_the_arm_waits_after_three_frames() {
 }
 
 #[test]
+fn a_force_raised_while_blind_comes_down_slowly_and_only_while_nothing_slips() {
+    let limits = GripLimits::default().with_blind_force_n(Some(30.0));
+    let states = |seen: &[(SlipState, usize)]| -> Vec<HandReport> {
+        seen.iter().flat_map(|&(state, count)| std::iter::repeat_n(hand(state), count)).collect()
+    };
+    let forces = |law: Law, after: &[(SlipState, usize)]| -> Vec<f64> {
+        let hands = states(&[&[(SlipState::Stick, 3), (SlipState::Unjudged, 6)], after].concat());
+        commands(law, limits, &hands)[8..].iter().map(|told| told.force_n).collect()
+    };
+    let cycle_s = 1.0 / 30.0;
+    for law in [Law::Constant, Law::OnSlip(OnSlipSettings::default())] {
+        // 5 N/s: 20 N in four seconds.
+        let told = forces(law, &[(SlipState::Stick, 150)]);
+        assert_eq!(told[0], 30.0, "{law:?}");
+        for pair in told.windows(2) {
+            assert!(pair[0] - pair[1] <= 5.0 * cycle_s + 1e-3, "{law:?}: from {} to {} N", pair[0], pair[1]);
+        }
+        assert!((told[60] - 20.0).abs() < 0.2 && told[149] == 10.0, "{law:?}: {} {}", told[60], told[149]);
+        for state in [SlipState::Unsure, SlipState::NoContact, SlipState::Unjudged] {
+            assert!(forces(law, &[(state, 60)]).iter().all(|n| *n == 30.0), "{law:?} {state:?}");
+        }
+    }
+    let steps = forces(Law::OnSlip(OnSlipSettings::default()), &[(SlipState::Stick, 30), (SlipState::Gross, 1)]);
+    let (stood, stepped) = (steps[30], steps[31]);
+    assert!((stood - 25.0).abs() < 0.2 && (stepped - stood - 10.0).abs() < 0.2, "{stood} {stepped}: a step from there");
+}
+
+#[test]
 fn a_gripper_that_lost_the_part_or_stopped_is_told_to_keep_its_force() {
     for jaws in [Jaws::Lost, Jaws::Nothing, Jaws::Stopped] {
         let mut controller = Law::OnSlip(OnSlipSettings::default()).controller(&GripLimits::default()).expect("valid");

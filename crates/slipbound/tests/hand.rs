@@ -238,6 +238,13 @@ fn slip_along_the_thread_is_let_pass_and_around_it_is_not() {
     let report = fused(&pivoting, &pivoting);
     assert_eq!(thread.filter(&report).state, SlipState::Incipient);
     assert_eq!(Allowed { pivot: true, ..thread }.filter(&report).state, SlipState::Stick);
+
+    // Nobody knows how it slips: no task allows that, and it is no sign of a touch.
+    let mut unknown = pivoting;
+    (unknown.state, unknown.slip.kind) = (SlipState::Gross, None);
+    let report = fused(&unknown, &unknown);
+    assert!(report.slip.is_some_and(|slip| !slip.pivots), "{report:?}");
+    assert_eq!(Allowed { pivot: true, ..thread }.filter(&report).state, SlipState::Gross);
 }
 
 #[test]

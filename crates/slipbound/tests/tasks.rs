@@ -3,7 +3,7 @@
 mod made_up;
 
 use made_up::{FRAME_NS, gripper, hand};
-use slipbound::hand::{HandReport, HandSlip, HandVector};
+use slipbound::hand::{HandReport, HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
 use slipbound::task::{Ending, Missing, Observation, Phase, Task, TaskKind, TaskSettings};
@@ -302,6 +302,65 @@ fn frames_without_shear_do_not_kick_the_grip_while_it_is_laid_down() {
         }
     }
     assert!(loose_n.iter().all(|n| *n == 5.0), "{loose_n:?}");
+}
+
+/// While a tool hangs, and while it is laid down, a finger drops out for some frames and comes back; what the two feel differs. Then the ground
+/// turns the tool, and carries it.
+#[test]
+fn a_finger_that_is_lost_for_some_frames_is_no_ground() {
+    // Shear along, mm, and pivot, rad, of the left finger and of the right; which see; whether the phase may be what it is then.
+    let felt = |left: (f64, f64), right: (f64, f64), sees: (bool, bool)| {
+        let mean = |a: f64, b: f64| match sees {
+            (true, true) => (a + b) / 2.0,
+            (true, false) => a,
+            _ => b,
+        };
+        let mut report = hand(SlipState::Stick);
+        report.shear_mm = Some(HandVector { along: mean(left.0, right.0), ..HandVector::default() });
+        report.pivot_rad = Some(mean(left.1, right.1));
+        for (health, sees) in report.health.iter_mut().zip([sees.0, sees.1]) {
+            *health = if sees { Health::Live } else { Health::Blind };
+        }
+        (report.separated, report.live_count) = (sees.0 && sees.1, u32::from(sees.0) + u32::from(sees.1));
+        report
+    };
+    let mut task = TaskSettings::default().task(TaskKind::Place, None).expect("valid");
+    let (mut force_n, mut cycle) = (10.0, 0u64);
+    let mut step = |report: &HandReport| {
+        cycle += 1;
+        let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+        let now_ns = cycle * FRAME_NS;
+        let step = task.step(&Observation { now_ns, hand: report, gripper: &gripper(force_n), wrist: &wrist });
+        if let GripCommand::Hold { force_n: asked_n } = step.grip {
+            force_n = asked_n;
+        }
+        (step.phase, force_n)
+    };
+    let both = (true, true);
+    // One finger is sheared by 0.5 mm more and turned by 6 deg more than the other.
+    let (left, right) = ((0.6, 0.1), (0.1, 0.0));
+    for (count, sees) in [(30, both), (1, (true, false)), (5, both), (20, (false, true)), (30, both)] {
+        for _ in 0..count {
+            let (phase, force_n) = step(&felt(left, right, sees));
+            assert_eq!(force_n, 10.0, "it hangs in the air: {phase:?}");
+        }
+    }
+    // The ground turns it by 2 deg.
+    let turned = |(mm, rad): (f64, f64)| (mm, rad + 2f64.to_radians());
+    let (left, right) = (turned(left), turned(right));
+    let loosened: Vec<f64> = (0..4).map(|_| step(&felt(left, right, both)).1).collect();
+    assert_eq!(loosened, [10.0, 10.0, 5.0, 5.0], "felt for three cycles");
+    for (count, sees) in
+        [(60, both), (1, (false, true)), (5, both), (20, (false, true)), (1, (true, false)), (30, both)]
+    {
+        for _ in 0..count {
+            let (phase, _) = step(&felt(left, right, sees));
+            assert!(matches!(phase, Phase::Working | Phase::Waiting), "nothing carries it: {phase:?}");
+        }
+    }
+    let carried = |(mm, rad): (f64, f64)| (mm - 0.15, rad);
+    let phases: Vec<Phase> = (0..4).map(|_| step(&felt(carried(left), carried(right), both)).0).collect();
+    assert_eq!(phases[1..], [Phase::Working, Phase::Releasing, Phase::Releasing], "{phases:?}");
 }
 
 /// The loop's rate and the wrist's speed do not decide how a task ends.

@@ -11,12 +11,22 @@ use slipbound::sensor::Skin;
 const SIZE: SizePx = SizePx::new(320, 240);
 
 fn finger(skin: Skin) -> (Painter, SlipMonitor) {
-    let painter = Painter::new(SIZE, 20.0, 7.0, skin, 0.0, 3);
+    finger_from(skin, None)
+}
+
+/// A finger whose rest frame shows it untouched, or touched already.
+fn finger_from(skin: Skin, touched: Option<&Touch>) -> (Painter, SlipMonitor) {
+    let mut painter = Painter::new(SIZE, 20.0, 7.0, skin, 0.0, 3);
+    if touched.is_some() {
+        // What is seen at rest is not hidden then: dots must make no edges.
+        painter.contrast_levels = 22.0;
+    }
     let mut builder = RestBuilder::new(&painter.sensor, &Settings::default(), SIZE).expect("valid");
     for i in 0..4 {
-        builder.add(&frame(&painter.paint(&painter.rest, None, 900 + i), SIZE, i)).expect("bright");
+        builder.add(&frame(&painter.paint(&painter.rest, touched, 900 + i), SIZE, i)).expect("bright");
     }
-    let rest = builder.build(RestKind::Unloaded).expect("markers");
+    let kind = if touched.is_some() { RestKind::InContact } else { RestKind::Unloaded };
+    let rest = builder.build(kind).expect("markers");
     let monitor = SlipMonitor::new(&painter.sensor, &Settings::default(), rest).expect("valid");
     (painter, monitor)
 }
@@ -51,6 +61,28 @@ fn a_contact_begins_with_the_fourth_frame_of_much_and_lasts_while_a_little_is_le
         let row = ".OOO.OOOOOooooo..OOOoooo";
         assert_eq!(contact_in(row, skin), "........#######.........", "{row} {skin:?}");
     }
+}
+
+/// A recording that starts in contact, lets go and grips again: what the first contact showed says nothing of the second.
+#[test]
+fn the_evidence_of_a_recording_that_starts_in_contact_ends_with_that_contact() {
+    let (painter, mut monitor) = finger_from(Skin::Fabric, Some(&touch(70.0)));
+    let mut seq = 0;
+    let mut show = |shift_px: f64, touched: bool| {
+        let moved = |&p: &Vec2| if touch(70.0).depth(p) < 1.0 { p + Vec2::new(shift_px, 0.0) } else { p };
+        let places: Vec<Vec2> = painter.rest.iter().map(moved).collect();
+        seq += 1;
+        let rgb = painter.paint(&places, touched.then_some(&touch(70.0)), seq);
+        monitor.step(&frame(&rgb, SIZE, seq), None)
+    };
+    let first = (0..10).map(|i| show(f64::from(i), true)).last().expect("frames");
+    assert_eq!(first.evidence.expect("from the first frame on").reference_seq, 1);
+    let between: Vec<_> = (0..6).map(|_| show(0.0, false)).collect();
+    assert!(between[2..].iter().all(|r| r.state == SlipState::NoContact && r.evidence.is_none()), "{between:?}");
+    let second = (0..12).map(|_| show(0.0, true)).last().expect("frames");
+    let evidence = second.evidence.expect("in contact");
+    assert!(evidence.reference_seq > 16, "counts from frame {}", evidence.reference_seq);
+    assert!(evidence.relaxation < 0.05 && evidence.slide_score < 0.5, "nothing has moved: {evidence:?}");
 }
 
 /// Markers that the border cut when the reference was taken have no displacement since: they say nothing until it is taken anew.

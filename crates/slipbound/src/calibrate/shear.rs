@@ -61,8 +61,9 @@ pub fn shear_stiffness(
     for f in held.iter().chain(hanging) {
         match f.state {
             SlipState::NoContact => return Err(ShearError::NoContact),
-            SlipState::Incipient => return Err(ShearError::Slips { seq: f.seq }),
-            _ => {}
+            SlipState::Incipient | SlipState::Gross => return Err(ShearError::Slips { seq: f.seq }),
+            // Of a frame that was not judged every marker counts as lost.
+            SlipState::Stick | SlipState::Unsure | SlipState::Unjudged => {}
         }
         if f64::from(f.lost_count) > MOST_LOST * f.markers_count as f64 {
             let (lost_count, markers_count) = (f.lost_count, f.markers_count);
@@ -181,6 +182,8 @@ mod tests {
         let mut hanging = frames(20, 9, |_| 40.0);
         hanging[4].state = SlipState::Incipient;
         assert_eq!(of(&hanging), ShearError::Slips { seq: 24 });
+        hanging[4].state = SlipState::Gross;
+        assert_eq!(of(&hanging), ShearError::Slips { seq: 24 }, "the whole mass slides");
         hanging[4].state = SlipState::NoContact;
         assert_eq!(of(&hanging), ShearError::NoContact);
         hanging[4] = HangingFrame { lost_count: 20, state: SlipState::Stick, ..hanging[4] };

@@ -6,13 +6,19 @@ use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::{GripperState, Jaws};
 
+/// Rate at which the force comes down again that was raised while the hand was blind, N/s, while it sees that nothing slips.
+const RETURN_N_PER_S: f64 = 5.0;
+
 /// A controller, guarded.
 pub struct Guard {
     inner: Box<dyn GripController + Send>,
     limits: GripLimits,
     force_n: f64,
     seen_ns: Option<u64>,
+    last_ns: Option<u64>,
     blind: bool,
+    /// What the controller wanted last, N, while the force is above that since the hand was blind.
+    raised_from_n: Option<f64>,
 }
 
 impl std::fmt::Debug for Guard {
@@ -25,7 +31,15 @@ impl std::fmt::Debug for Guard {
 impl Guard {
     /// Guards a controller with limits that were checked.
     pub fn new(inner: Box<dyn GripController + Send>, limits: GripLimits) -> Self {
-        Guard { inner, limits, force_n: limits.start_n, seen_ns: None, blind: false }
+        Guard {
+            inner,
+            limits,
+            force_n: limits.start_n,
+            seen_ns: None,
+            last_ns: None,
+            blind: false,
+            raised_from_n: None,
+        }
     }
 
     /// Whether no finger has been live for longer than [`GripLimits::blind_after_ns`](crate::grip::GripLimits).
@@ -36,8 +50,12 @@ impl Guard {
     /// Holds with a force set by the task instead of the controller. The same limits apply, and without a live finger,
     /// or after the object was lost, the force does not fall.
     pub fn hold(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState, force_n: f64) -> GripDecision {
-        let wanted = GripDecision { force_n, arm: ArmMotion::Go };
-        self.kept(now_ns, hand, gripper).unwrap_or_else(|| self.limited(wanted))
+        self.last_ns = Some(now_ns);
+        if let Some(kept) = self.kept(now_ns, hand, gripper) {
+            return kept;
+        }
+        self.raised_from_n = None;
+        self.limited(GripDecision { force_n, arm: ArmMotion::Go })
     }
 
     /// The force it decided on last, N per finger.
@@ -59,10 +77,26 @@ impl Guard {
         }
         // The force stays, or rises if that is set and something may be held; the arm waits once it is more than a frame.
         if self.blind && !matches!(gripper.jaws, Jaws::Open | Jaws::Closing) {
-            self.force_n = self.force_n.max(self.limits.blind_force_n.unwrap_or(0.0));
+            let raised_n = self.force_n.max(self.limits.blind_force_n.unwrap_or(0.0));
+            if raised_n > self.force_n {
+                self.raised_from_n.get_or_insert(self.force_n);
+            }
+            self.force_n = raised_n;
         }
         let arm = if self.blind || jaws_gone { ArmMotion::Pause } else { ArmMotion::Go };
         Some(GripDecision { force_n: self.force_n, arm })
+    }
+
+    /// The controller knows nothing of a force that was raised while the hand was blind: what it adds is added to that, and it comes down
+    /// slowly, and only while nothing slips.
+    fn from_raised(&mut self, wanted: GripDecision, seconds: f64, hand: &HandReport) -> GripDecision {
+        let Some(before_n) = self.raised_from_n.filter(|_| wanted.force_n.is_finite()) else { return wanted };
+        let wanted_n = wanted.force_n.clamp(self.limits.least_n, self.limits.most_n);
+        let added_n = (wanted_n - before_n).max(0.0);
+        let released_n = if hand.state == SlipState::Stick { RETURN_N_PER_S * seconds } else { 0.0 };
+        let force_n = wanted_n.max(self.force_n + added_n - released_n);
+        self.raised_from_n = (wanted_n < force_n).then_some(wanted_n);
+        GripDecision { force_n, ..wanted }
     }
 
     fn limited(&mut self, wanted: GripDecision) -> GripDecision {
@@ -80,10 +114,12 @@ impl Guard {
 
 impl GripController for Guard {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
+        let last_ns = self.last_ns.replace(now_ns).unwrap_or(now_ns);
         if let Some(kept) = self.kept(now_ns, hand, gripper) {
             return kept;
         }
         let wanted = self.inner.decide(now_ns, hand, gripper);
+        let wanted = self.from_raised(wanted, now_ns.saturating_sub(last_ns) as f64 * 1e-9, hand);
         self.limited(wanted)
     }
 

@@ -166,8 +166,10 @@ pub(super) struct Evidence {
     reference_pattern: Planes,
     /// Whether something touches and the reference is known.
     begun: bool,
-    /// Whether the reference is the rest frame itself, which comes first.
+    /// Whether the reference is the rest frame itself, in which something touches: until the contact that it shows has been seen and lost.
     starts_in_contact: bool,
+    /// Whether a contact has been seen.
+    has_touched: bool,
     area_px2: f64,
     settled_frames_count: u32,
     greatest: Greatest,
@@ -201,6 +203,7 @@ impl Evidence {
             reference_px: rest_px,
             begun: false,
             starts_in_contact: rest.kind == RestKind::InContact,
+            has_touched: false,
             area_px2: 0.0,
             settled_frames_count: 0,
             greatest: Greatest::default(),
@@ -212,6 +215,8 @@ impl Evidence {
 
     /// Takes a frame whose markers are known. `area_px2`: that of the contact, zero without. `due`: whether the evidence is taken anew.
     pub(super) fn take(&mut self, frame: &Frame<'_>, imprint: &Imprint, area_px2: f64, markers: &[Marker], due: bool) {
+        self.has_touched |= area_px2 > 0.0;
+        self.starts_in_contact &= area_px2 > 0.0 || !self.has_touched;
         let touched = area_px2 > 0.0 || self.starts_in_contact;
         if touched && !due && self.report.is_some() {
             self.go_on(markers);

@@ -241,10 +241,10 @@ pub struct SlipSummary {
     pub max_pitch: f64,
     /// The same on the gel; None where the pitch in mm is unknown.
     pub max_mm: Option<f64>,
-    /// Kind of slip; None while nothing slips.
+    /// Kind of slip; None while nothing slips, and where the load that makes it slip is not known.
     pub kind: Option<SlipKind>,
     /// Direction in which the OBJECT slides over the gel (against the slip field), radians, 0 along x, positive from x
-    /// to y; None while nothing slips or when the object only rotates.
+    /// to y; None without a kind, and when the object only rotates.
     pub direction_rad: Option<f64>,
 }
 

@@ -157,9 +157,12 @@ impl Slip {
 }
 
 impl Slip {
-    /// Says what slips by the rule `margin`: the object goes where the load pulls it, translation and rotation as pull
-    /// and turn move the gel, both in px3: displacement of the gel times its area.
+    /// Says what slips where the slip field does not: the object goes where the load pulls it, translation and rotation as pull
+    /// and turn move the gel, both in px3: displacement of the gel times its area. Without any load it is not known.
     pub(super) fn say_load(&mut self, pull_px3: Vec2, turn_px3: f64) {
+        if pull_px3 == Vec2::ZERO && turn_px3 == 0.0 {
+            return;
+        }
         let kind = kind(turn_px3.abs(), pull_px3.length());
         self.summary.kind = Some(kind);
         self.summary.direction_rad = (kind != SlipKind::Rotation).then(|| pull_px3.direction_rad());

@@ -11,7 +11,7 @@
 use super::grasp::{Grasp, Grasped};
 use super::step::{Ending, Missing, Observation, PAUSE, Phase, Task, TaskStep, lower};
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
-use crate::hand::{Allowed, HandReport};
+use crate::hand::{Allowed, FINGERS_MOST, HandReport, Health};
 use crate::port::{GripCommand, Jaws};
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
@@ -27,7 +27,7 @@ pub struct PlaceSettings {
     pub laying_mm_per_s: f64,
     /// Furthest lowering, mm.
     pub most_mm: f64,
-    /// Rotation of the object in the fingers that means it touches the ground, rad; any slip means that, too.
+    /// Rotation of the object in the fingers that means it touches the ground, rad; a slip in which it pivots means that, too.
     pub touch_rad: f64,
     /// Increase of the force of the ground on the fingers within about a second that means that the ground carries the object,
     /// N per finger. Slower it grows while the object turns on its edge. Needs the stiffness of the gels.
@@ -79,11 +79,22 @@ const LATE_NS: u64 = 3_000_000_000;
 /// and the creep of the gel push slowly.
 const CREEP_S: f64 = 1.0;
 
+/// What the fingers feel of the ground must last for so many cycles to be believed: it opens the hand.
+const SURE_CYCLES_COUNT: u32 = 3;
+
 /// What is known when the way down begins.
 #[derive(Debug, Clone, Copy)]
 struct Hanging {
     lowered_mm: f64,
     pivot_rad: f64,
+}
+
+/// Means over the fingers that feel the object, and which fingers those are.
+#[derive(Debug, Clone, Copy)]
+struct Felt {
+    fingers: ([Health; FINGERS_MOST], bool),
+    pivot_rad: f64,
+    along_mm: f64,
 }
 
 /// Laying down.
@@ -98,6 +109,11 @@ pub struct Place {
     touched_ns: Option<u64>,
     /// Shear along since the looser grip stands: the mean over [`CREEP_S`], mm, and when it was last seen, ns.
     laying: Option<(f64, u64)>,
+    /// Of the last cycle in which both were known.
+    felt: Option<Felt>,
+    /// For how many cycles it has turned in the fingers, and the ground has carried it.
+    turned_cycles_count: u32,
+    carried_cycles_count: u32,
     last: GripDecision,
 }
 
@@ -116,6 +132,9 @@ impl Place {
             stiffness_mpa_per_mm,
             touched_ns: None,
             laying: None,
+            felt: None,
+            turned_cycles_count: 0,
+            carried_cycles_count: 0,
             last,
         })
     }
@@ -137,8 +156,11 @@ impl Place {
             }
             return;
         };
+        self.go_on_with(Felt { fingers: (hand.health, hand.separated), pivot_rad, along_mm: shear.along });
         let hanging = *self.hanging.get_or_insert(Hanging { lowered_mm: observation.wrist.lowered_mm, pivot_rad });
-        let pivots = (pivot_rad - hanging.pivot_rad).abs() >= self.settings.touch_rad;
+        let turned = (pivot_rad - hanging.pivot_rad).abs() >= self.settings.touch_rad;
+        self.turned_cycles_count = if turned { self.turned_cycles_count + 1 } else { 0 };
+        let pivots = self.turned_cycles_count >= SURE_CYCLES_COUNT;
         if self.touched_ns.is_none() && (pivots || hand.slip.is_some_and(|slip| slip.pivots)) {
             self.touched_ns = Some(observation.now_ns);
             self.last = self.loosen(observation);
@@ -164,8 +186,20 @@ impl Place {
         }
         self.phase = Phase::Working;
         let push_mm = self.push_mm(shear.along, observation.now_ns);
-        if self.carried(hand, push_mm) {
+        self.carried_cycles_count = if self.carried(hand, push_mm) { self.carried_cycles_count + 1 } else { 0 };
+        if self.carried_cycles_count >= SURE_CYCLES_COUNT {
             self.phase = Phase::Releasing;
+        }
+    }
+
+    /// Where a finger is lost, or comes back, the means are of other fingers: what they jump by is no motion of the object.
+    fn go_on_with(&mut self, now: Felt) {
+        let Some(last) = self.felt.replace(now).filter(|last| last.fingers != now.fingers) else { return };
+        if let Some(hanging) = &mut self.hanging {
+            hanging.pivot_rad += now.pivot_rad - last.pivot_rad;
+        }
+        if let Some((mean_mm, _)) = &mut self.laying {
+            *mean_mm += now.along_mm - last.along_mm;
         }
     }
 
