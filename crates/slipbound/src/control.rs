@@ -224,6 +224,7 @@ impl ControlLoop {
     /// Every finger's newest frame, judged and shown to the hand. False when a source has ended.
     fn look(&mut self) -> Result<bool, ControlError> {
         // First those of all, so that they are of one time: making a monitor of a rest frame takes many frames' time.
+        self.fingers.iter_mut().for_each(FingerPipeline::await_next);
         for finger in &mut self.fingers {
             if !finger.acquire()? {
                 return Ok(false);

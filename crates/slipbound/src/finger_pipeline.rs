@@ -156,9 +156,13 @@ impl FingerPipeline {
         }
     }
 
+    /// Nothing has come yet in this cycle: where another finger's source fails, the last frame is not seen twice.
+    pub(crate) fn await_next(&mut self) {
+        (self.next, self.report) = (Next::Silent, None);
+    }
+
     /// Takes the next frame from the source. False when the source has ended.
     pub(crate) fn acquire(&mut self) -> Result<bool, ControlError> {
-        self.report = None;
         self.next = match self.source.next(&mut self.frame) {
             Ok(next) => next,
             Err(source) => {

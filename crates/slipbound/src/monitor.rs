@@ -95,8 +95,8 @@ impl SlipMonitor {
     /// A monitor for a finger whose rest frame is known. Fails when a setting or a fact of the sensor is invalid, and when the rest
     /// frame is not this finger's.
     pub fn new(sensor: &Sensor, settings: &Settings, rest: Rest) -> Result<Self, SettingError> {
-        settings.check_for(sensor)?;
         let sensor = sensor.at_size(rest.size)?;
+        settings.check_for(&sensor)?;
         sensor.check()?;
         let extra = imprint::Extra { flat: settings.markers.finder_needs_flat(), cells: false };
         let imprint = imprint::Imprint::new(&sensor, &settings.imprint, extra);

@@ -17,6 +17,7 @@ pub mod contrast;
 pub mod disc;
 pub mod dots;
 mod element;
+pub(crate) use element::MAX_ELEMENT_PX;
 pub mod flatten;
 pub mod gaussian;
 pub mod grey;

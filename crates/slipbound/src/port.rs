@@ -7,7 +7,10 @@ mod wrist;
 
 pub use gripper::{DriverEvent, GripCommand, GripSample, Gripper, GripperError, GripperErrorKind, GripperState, Jaws};
 pub use source_error::{SourceError, SourceErrorKind};
-pub use wrist::{LONGEST_TIME_TO_LIVE_NS, Wrist, WristCommand, WristError, WristErrorKind, WristMotion, WristState};
+pub use wrist::{
+    FASTEST_TURN_RAD_PER_S, LONGEST_TIME_TO_LIVE_NS, Wrist, WristCommand, WristError, WristErrorKind, WristMotion,
+    WristState,
+};
 
 use crate::image::{Frame, Gray, ImageError, Pixels, Rgb, SizePx};
 use serde::{Deserialize, Serialize};

@@ -40,6 +40,29 @@ fn the_papers_law_pauses_adds_ten_newtons_and_goes_on_up_to_sixty() {
     assert!(told[50..].iter().all(|c| c.arm == ArmMotion::Go), "at the largest force there is nothing to wait for");
 }
 
+/// Slow jaws are at 52 of the 60 N that were commanded when it slips again: 60 N may hold yet.
+#[test]
+fn slip_before_the_largest_force_has_arrived_asks_for_no_more() {
+    let margin = Law::Margin(MarginSettings::default().with_stiffness_mpa_per_mm(0.05));
+    for law in [Law::OnSlip(OnSlipSettings::default()), margin] {
+        let limits = GripLimits::default().with_forces_n(10.0, 5.0, 60.0);
+        let mut controller = law.controller(&limits).expect("valid");
+        let slides = HandReport { margin: Some(0.0), ..hand(SlipState::Gross) };
+        let mut now_ns = 0;
+        let mut step = |pressed_n: f64| {
+            now_ns += 400_000_000;
+            let told = controller.decide(now_ns, &slides, &gripper(pressed_n));
+            (told.force_n, controller.wants_more())
+        };
+        for _ in 0..40 {
+            assert!(!step(52.0).1, "{law:?}");
+        }
+        assert_eq!(step(52.0), (60.0, false), "{law:?}");
+        step(60.0);
+        assert_eq!(step(60.0), (60.0, true), "{law:?}: it slips at the largest force");
+    }
+}
+
 #[test]
 fn one_slip_seen_in_several_frames_is_one_alarm() {
     let slip = hand(SlipState::Incipient);

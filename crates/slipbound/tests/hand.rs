@@ -247,6 +247,18 @@ fn slip_along_the_thread_is_let_pass_and_around_it_is_not() {
     assert_eq!(Allowed { pivot: true, ..thread }.filter(&report).state, SlipState::Gross);
 }
 
+/// Clocks of cameras count from anywhere, and may be set.
+#[test]
+fn a_clock_at_either_end_of_its_range_is_a_new_clock() {
+    let mut hand = two();
+    for (cycle, time_ns) in [0, u64::MAX, 1, u64::MAX, u64::MAX / 2].into_iter().enumerate() {
+        for finger in 0..2 {
+            hand.see(finger, &SlipReport { time_ns: Some(time_ns), ..feels(cycle as u64, Vec2::new(0.1, 0.0), 0.0) });
+        }
+        assert_eq!(hand.report(33 * MS * (cycle as u64 + 1)).live_count, 2, "{time_ns}");
+    }
+}
+
 #[test]
 fn a_hand_has_one_to_four_fingers() {
     assert!(Hand::new(&[]).is_err());

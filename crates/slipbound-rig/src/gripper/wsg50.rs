@@ -92,6 +92,13 @@ impl Wsg50 {
         self.send_motion(driver, Command::Grasp, width_mm);
     }
 
+    /// A grasp that was not accepted is given again with the next command to hold, where nothing is held.
+    fn forget_grasp(&mut self, command: Command) {
+        if command == Command::Grasp && !self.telemetry.is_holding() {
+            self.phase = Phase::Idle;
+        }
+    }
+
     fn open(&mut self, driver: &mut DriverState) {
         match self.phase {
             Phase::Opening { .. } | Phase::Opened => {}
@@ -169,6 +176,7 @@ impl Wsg50 {
             (Command::Disconnect, _) => {}
             (command, code) => {
                 self.goal = Goal::Keep;
+                self.forget_grasp(command);
                 driver.raise_refused(command.name(), status::in_words(code));
             }
         }
@@ -211,6 +219,7 @@ impl Wsg50 {
                 }
                 command => {
                     self.goal = Goal::Keep;
+                    self.forget_grasp(command);
                     self.telemetry.limit_own_n = None; // it may have come through after all: ask
                     driver.raise_unanswered(command.name());
                 }

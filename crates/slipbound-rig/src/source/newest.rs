@@ -6,7 +6,7 @@
 //!   loop:   next (never blocks)      <--------- Frame, Torn, Silent, End
 //! ```
 
-use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, Thread};
@@ -123,8 +123,23 @@ impl Newest {
     }
 }
 
+/// A source that breaks down has failed: whoever waits for its frames is told, and why no more come.
+struct Unwinding<'a>(&'a Shared);
+
+impl Drop for Unwinding<'_> {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            let text = "the thread that reads its frames has broken down";
+            let mut slot = self.0.lock();
+            slot.end = Some(Err(SourceError::new(SourceErrorKind::Other, text)));
+            slot.wake();
+        }
+    }
+}
+
 /// Reads until the source ends, fails, or nobody wants its frames any more.
 fn read(mut source: Box<dyn FrameSource + Send>, shared: &Shared, room_count: Option<usize>) {
+    let _told = Unwinding(shared);
     let mut frame = FrameBuffer::default();
     loop {
         let next = source.next(&mut frame);
@@ -199,7 +214,6 @@ impl Drop for Newest {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slipbound::port::SourceErrorKind;
     use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
     use std::time::Instant;
 
@@ -224,6 +238,22 @@ mod tests {
         while !what() {
             assert!(from.elapsed() < Duration::from_secs(20), "it never came");
             thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    #[test]
+    fn a_source_that_breaks_down_has_failed() {
+        struct Broken;
+        impl FrameSource for Broken {
+            fn next(&mut self, _: &mut FrameBuffer) -> Result<Next, SourceError> {
+                panic!("a decoder that breaks down, as this test wants");
+            }
+        }
+        let mut frame = FrameBuffer::default();
+        for mut newest in [Newest::new(Box::new(Broken)), Newest::every_frame(Box::new(Broken), 2)] {
+            until(|| newest.arrivals().is_waiting());
+            let error = newest.next(&mut frame).expect_err("failed").to_string();
+            assert_eq!(error, "the thread that reads its frames has broken down");
         }
     }
 

@@ -61,7 +61,7 @@ impl ReadAhead {
     pub fn rate_hz(&self) -> Option<u32> {
         let (first, last) = (&self.ahead.front()?.buffer, &self.ahead.back()?.buffer);
         let passed_ns = last.time_ns?.checked_sub(first.time_ns?)?;
-        let rate_hz = (last.seq - first.seq) as f64 * 1e9 / passed_ns as f64;
+        let rate_hz = last.seq.checked_sub(first.seq)? as f64 * 1e9 / passed_ns as f64;
         (rate_hz >= 1.0 && rate_hz.is_finite()).then(|| rate_hz.round() as u32)
     }
 }

@@ -318,6 +318,45 @@ fn an_unanswered_limit_is_sent_three_times_and_then_told() {
     assert_eq!(driver.state(2000 * MS).expect("there").target_n, Some(20.0));
 }
 
+/// A grasp that is refused, or that nobody answers, is not given again by itself, but with the same command once more.
+#[test]
+fn a_grasp_that_was_not_accepted_is_given_again_when_it_is_asked_for_again() {
+    for answer in [Some(14u16), Some(16), None] {
+        let mut driver = Driver::new("wsg50://hand", config("wsg50"), Wsg50::default());
+        let tell = |driver: &mut Driver<Wsg50>, ms: u64, id, rest: &[u8]| {
+            let mut bytes = Vec::new();
+            frame::write(&mut bytes, id, rest);
+            driver.receive(ms * MS, &bytes);
+        };
+        let mut grasps_count = 0;
+        let mut sent = |driver: &mut Driver<Wsg50>| {
+            let bytes = std::mem::take(driver.outgoing());
+            Parser::default().feed(&bytes, |frame| grasps_count += usize::from(frame.id == 0x25));
+            grasps_count
+        };
+        driver.linked(0);
+        tell(&mut driver, 1, 0x40, &[0, 0, 1, 0, 0, 0]);
+        tell(&mut driver, 1, 0x41, &[0, 0, 0]);
+        tell(&mut driver, 1, 0x33, &[&[0, 0], &20f32.to_le_bytes()[..]].concat());
+        let command = Request::Grip(GripCommand::Hold { force_n: 20.0 });
+        driver.request(2 * MS, command).expect("taken over");
+        assert_eq!(sent(&mut driver), 1);
+        if let Some(status) = answer {
+            tell(&mut driver, 3, 0x25, &status.to_le_bytes());
+        }
+        let mut errors = Vec::new();
+        for ms in 4..1500 {
+            tell(&mut driver, ms, 0x45, &[&[0, 0], &0f32.to_le_bytes()[..]].concat());
+            driver.tick(ms * MS);
+            errors.extend(driver.state(ms * MS).err().map(|error| error.to_string()));
+            assert_eq!(sent(&mut driver), 1, "{answer:?}: given again by itself after {ms} ms");
+        }
+        assert!(errors.iter().any(|error| error.contains("grasp")), "{answer:?}: {errors:?}");
+        driver.request(1500 * MS, command).expect("taken over");
+        assert_eq!(sent(&mut driver), 2, "{answer:?}");
+    }
+}
+
 /// The end of the grasp is lost on the way, but the states that come say that it holds, and the force follows.
 #[test]
 fn where_the_end_of_a_grasp_is_lost_the_states_show_that_it_has_ended() {

@@ -97,6 +97,50 @@ fn who_leaves_pauses_the_wrist_first_and_only_ever_presses_harder() {
     }
 }
 
+/// The first camera fails: what the second showed in the cycle before is not shown as new.
+#[test]
+fn a_camera_that_fails_makes_nothing_come_twice() {
+    struct Black(u64);
+    impl FrameSource for Black {
+        fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+            self.0 += 1;
+            (into.seq, into.size) = (self.0, crate::image::SizePx::new(640, 480));
+            into.pixels = vec![0; 3 * into.size.area()];
+            Ok(Next::Frame)
+        }
+    }
+    struct Fails(u64);
+    impl FrameSource for Fails {
+        fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+            if self.0 == 2 {
+                return Err(SourceError::new(crate::port::SourceErrorKind::Disconnected, "unplugged"));
+            }
+            self.0 += 1;
+            Black(self.0).next(into)
+        }
+    }
+    #[derive(Default)]
+    struct Came(Vec<Vec<bool>>);
+    impl CycleObserver for Came {
+        fn after_cycle(&mut self, view: &CycleView<'_>) {
+            self.0.push(view.fingers.iter().map(|finger| *finger.next == Next::Frame).collect());
+        }
+    }
+    let task = TaskSettings::default().task(TaskKind::Lift, None).expect("valid");
+    let finger = |name: &str, side, source: Box<dyn FrameSource + Send>| {
+        FingerPipeline::new(name, Mounting::on(side), crate::sensor::tests::smooth(), Settings::default(), source)
+    };
+    let fingers =
+        vec![finger("left", Side::Left, Box::new(Fails(0))), finger("right", Side::Right, Box::new(Black(0)))];
+    let mut control = ControlLoop::new(fingers, task).expect("valid");
+    let (mut scribe, mut came) = (Scribe::default(), Came::default());
+    for cycle in 1..=3u64 {
+        let outcome = control.cycle(cycle * S / 30, &mut scribe.clone(), &mut scribe, &mut came);
+        assert_eq!(outcome.is_err(), cycle == 3);
+    }
+    assert_eq!(came.0, [vec![true, true], vec![true, true], vec![false, false]]);
+}
+
 #[test]
 fn a_lost_gripper_is_waited_for_with_the_wrist_paused_for_ten_seconds() {
     let (scribe, mut control) = (Scribe::default(), control(None));

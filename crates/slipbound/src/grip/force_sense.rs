@@ -46,6 +46,9 @@ const ERROR_FRACTION: f64 = 0.2;
 const EXACT_N: f64 = 0.5;
 const EXACT_FRACTION: f64 = 0.05;
 
+/// The least share of the commanded force that a reading may be to be the same force, told too low.
+const LEAST_FRACTION: f64 = 0.5;
+
 /// Most idle readings that are averaged; from there on the oldest are forgotten.
 const IDLE_COUNT: u32 = 30;
 
@@ -212,7 +215,8 @@ impl ForceSense {
             (average_n, self.average_n, self.still) = (untared_n, Some(untared_n), None);
             self.set_idle(0.0);
         }
-        let is_near = is_as_commanded(average_n);
+        // A reading near zero tells no gain: the next force would be told many times too high.
+        let is_near = is_as_commanded(average_n) && average_n >= LEAST_FRACTION * target_n;
         let is_exact = (average_n * self.gain - target_n).abs() <= exact_n;
         if has_followed && is_near && !is_exact {
             self.gain = target_n / average_n;
@@ -323,6 +327,13 @@ mod tests {
         for cycle in 0..120u64 {
             let state = state(cycle, 4.0, 20.0, Jaws::Holding);
             assert_eq!(sense.see(cycle * CYCLE_NS, &state, true).force_n, Some(4.0));
+        }
+        // A reading that is next to nothing, within what a reading of a light grip may be off: the grip that follows is not a hundred times as firm.
+        let mut sense = ForceSense::default();
+        for cycle in 0..120u64 {
+            let (force_n, target_n) = if cycle < 60 { (0.02, 2.0) } else { (10.0, 10.0) };
+            let told = sense.see(cycle * CYCLE_NS, &state(cycle, force_n, target_n, Jaws::Holding), true).force_n;
+            assert!(told.is_some_and(|told_n| told_n <= force_n + 0.1), "cycle {cycle}: {told:?}");
         }
         // And one that has settled is seen to go.
         let mut sense = ForceSense::default();

@@ -24,7 +24,7 @@
 //! stiffness of the gel (see [`Shear`](crate::sensor::Shear)) and the grip force; without the first the controller is
 //! refused, without the second the grip stays constant.
 
-use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
+use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::GripperState;
@@ -236,12 +236,12 @@ impl Margin {
         GripDecision { force_n: self.force_n, arm: ArmMotion::Go }
     }
 
-    fn count_alarm(&mut self, hand: &HandReport) {
+    fn count_alarm(&mut self, hand: &HandReport, gripper: &GripperState) {
         let slips = matches!(hand.state, SlipState::Incipient | SlipState::Gross);
         if slips && !self.slipping {
             self.alarms_count += 1;
         }
-        self.wants_more |= slips && self.force_n >= self.limits.most_n;
+        self.wants_more |= slips && self.force_n >= self.limits.most_n && arrived(self.force_n, gripper);
         self.slipping = slips;
     }
 }
@@ -250,7 +250,7 @@ impl GripController for Margin {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
         let seconds = now_ns.saturating_sub(self.last_ns.unwrap_or(now_ns)) as f64 * 1e-9;
         self.last_ns = Some(now_ns);
-        self.count_alarm(hand);
+        self.count_alarm(hand, gripper);
         let pressed_n = gripper.pressed_n().filter(|n| *n > 0.0);
         let gross = hand.state == SlipState::Gross;
         // An object that slides uses all there is, whatever the load says.

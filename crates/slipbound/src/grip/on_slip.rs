@@ -95,12 +95,13 @@ impl OnSlip {
         })
     }
 
-    fn alarm(&mut self, now_ns: u64) {
+    fn alarm(&mut self, now_ns: u64, gripper: &GripperState) {
         self.alarms_count += 1;
         self.last_alarm_ns = Some(now_ns);
         let force_n = (self.force_n + self.settings.step_n).clamp(self.limits.least_n, self.limits.most_n);
         if force_n == self.force_n {
-            self.wants_more = self.settings.step_n > 0.0;
+            // Slip while the gripper is still on its way to that force proves nothing.
+            self.wants_more |= self.settings.step_n > 0.0 && arrived(self.force_n, gripper);
             return;
         }
         self.force_n = force_n;
@@ -112,7 +113,7 @@ impl GripController for OnSlip {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
         let held_off = self.last_alarm_ns.is_some_and(|last| now_ns.saturating_sub(last) < self.settings.hold_off_ns);
         if matches!(hand.state, SlipState::Incipient | SlipState::Gross) && !held_off {
-            self.alarm(now_ns);
+            self.alarm(now_ns, gripper);
         }
         if let Phase::Stepping { since_ns, arrived_ns } = self.phase {
             let arrived_ns = arrived(self.force_n, gripper).then(|| arrived_ns.unwrap_or(now_ns));

@@ -12,7 +12,7 @@ const STALE_NS: u64 = 100_000_000;
 const CLOCK_DRIFT_FRACTION: f64 = 1e-3;
 
 /// Jump of a camera's clock against the loop's that is a new clock, ns: a camera that was plugged in again.
-const NEW_CLOCK_NS: i64 = 1_000_000_000;
+const NEW_CLOCK_NS: i128 = 1_000_000_000;
 
 /// The first frames, the middle difference of which is that of the clocks: half a second at 30 Hz. One in the middle of which
 /// the computer had something else to do would be believed for minutes.
@@ -81,8 +81,10 @@ impl Freshness {
     fn advance_to(&mut self, now_ns: u64) {
         (self.has_new, self.is_new_clock) = (self.new.is_some(), false);
         if let Some(time_ns) = self.new.take() {
-            let passed_ns = self.seen_ns.map_or(0, |seen_ns| now_ns.saturating_sub(seen_ns) as i64);
-            let jump_ns = self.time_ns.zip(time_ns).map(|(from, to)| to as i64 - from as i64 - passed_ns);
+            let passed_ns = self.seen_ns.map_or(0, |seen_ns| now_ns.saturating_sub(seen_ns));
+            // Clocks may be anywhere: the difference of any two fits.
+            let jump_ns = |(from, to): (u64, u64)| i128::from(to) - i128::from(from) - i128::from(passed_ns);
+            let jump_ns = self.time_ns.zip(time_ns).map(jump_ns);
             self.is_new_clock = jump_ns.is_some_and(|ns| ns.abs() > NEW_CLOCK_NS);
             (self.seen_ns, self.time_ns) = (Some(now_ns), time_ns);
         }

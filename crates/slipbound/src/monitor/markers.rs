@@ -20,6 +20,7 @@ mod threshold;
 
 pub(super) use detect::{Detector, RestMarker};
 pub use settings::{Finder, MarkerSettings};
+pub(super) use threshold::THRESHOLD_REACH_PITCH;
 
 use crate::image::SizePx;
 use crate::monitor::imprint::Imprint;

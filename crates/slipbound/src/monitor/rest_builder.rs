@@ -43,9 +43,9 @@ pub struct RestBuilder {
 impl RestBuilder {
     /// A builder for frames of `camera_px`. Fails when a setting or a fact of the sensor is invalid.
     pub fn new(sensor: &Sensor, settings: &Settings, camera_px: SizePx) -> Result<Self, SettingError> {
-        settings.check_for(sensor)?;
         sensor.check()?;
         let sensor = sensor.at_size(camera_px)?;
+        settings.check_for(&sensor)?;
         sensor.check()?;
         let extra = Extra { flat: settings.markers.finder_needs_flat(), cells: true };
         let imprint = Imprint::new(&sensor, &settings.imprint, extra);

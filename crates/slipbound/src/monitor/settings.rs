@@ -3,11 +3,12 @@
 use crate::monitor::contact::ContactSettings;
 use crate::monitor::evidence::EvidenceSettings;
 use crate::monitor::imprint::{Illumination, ImprintSettings};
-use crate::monitor::markers::{Finder, MarkerSettings};
+use crate::monitor::markers::{Finder, MarkerSettings, THRESHOLD_REACH_PITCH};
 use crate::monitor::motion::{Fit, MotionSettings};
 use crate::monitor::rest::RestSettings;
 use crate::monitor::slip::{RigidField, SlipRule, SlipSettings};
-use crate::sensor::{Polarity, Sensor};
+use crate::pixels::MAX_ELEMENT_PX;
+use crate::sensor::{Polarity, Sensor, Skin};
 use crate::setting::SettingError;
 use serde::{Deserialize, Serialize};
 
@@ -74,14 +75,43 @@ impl Settings {
     }
 
     /// Checks every setting, and that the finger can be watched with them.
+    /// Checks every setting, for a finger at the size of its frames.
     pub(crate) fn check_for(&self, sensor: &Sensor) -> Result<(), SettingError> {
         self.check()?;
+        self.check_elements(sensor)?;
         if self.markers.finder == Finder::Threshold && sensor.polarity == Polarity::Bright {
             return Err(SettingError {
                 key: "markers.finder".into(),
                 got: "threshold, on a finger with bright markers".into(),
                 expected: "edges: the paper's threshold finds dark markers only".into(),
             });
+        }
+        Ok(())
+    }
+
+    /// Structuring elements are given in pitches, and have a largest size in px.
+    fn check_elements(&self, sensor: &Sensor) -> Result<(), SettingError> {
+        let ContactSettings { close_pitch, erode_pitch, dilate_pitch, .. } = self.contact;
+        let of_texture = [
+            ("contact.close_pitch", close_pitch),
+            ("contact.erode_pitch", erode_pitch),
+            ("contact.dilate_pitch", dilate_pitch),
+        ];
+        let of_motion = self.motion.erode_pitch.map(|pitch| ("motion.erode_pitch", pitch));
+        let of_finder = [("markers.finder", THRESHOLD_REACH_PITCH)];
+        let used = (of_texture.iter().filter(|_| sensor.skin == Skin::Fabric))
+            .chain(&of_motion)
+            .chain(of_finder.iter().filter(|_| self.markers.finder == Finder::Threshold));
+        for &(key, pitch) in used {
+            let side_px = (pitch * sensor.pitch_px).round();
+            if side_px > MAX_ELEMENT_PX as f64 {
+                let pitch_px = sensor.pitch_px;
+                return Err(SettingError {
+                    key: key.into(),
+                    got: format!("{pitch:.2} pitches of {pitch_px:.0} px: {side_px:.0} px"),
+                    expected: format!("at most {MAX_ELEMENT_PX} px, {:.2} pitches", MAX_ELEMENT_PX as f64 / pitch_px),
+                });
+            }
         }
         Ok(())
     }
@@ -95,5 +125,29 @@ impl Settings {
         self.motion.check()?;
         self.slip.check()?;
         self.evidence.check()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::tests::smooth;
+
+    /// A step so large that no structuring element of the kernels holds it is refused by its key, not met with a panic.
+    #[test]
+    fn elements_larger_than_the_kernels_take_are_refused() {
+        let finger = |pitch_px: f64, skin| Sensor { pitch_px, skin, ..smooth() };
+        let key = |settings: &Settings, sensor: &Sensor| settings.check_for(sensor).err().map(|error| error.key);
+        let wide = Settings::default().with(|s| s.motion.erode_pitch[0] = 10.0);
+        assert_eq!(key(&wide, &finger(102.3, Skin::Smooth)), None, "1023 px");
+        assert_eq!(key(&wide, &finger(102.4, Skin::Smooth)).as_deref(), Some("motion.erode_pitch"));
+        let wide = Settings::default().with(|s| s.contact.dilate_pitch = 9.0);
+        assert_eq!(key(&wide, &finger(120.0, Skin::Smooth)), None, "of fabric skins alone");
+        assert_eq!(key(&wide, &finger(120.0, Skin::Fabric)).as_deref(), Some("contact.dilate_pitch"));
+        let error = Settings::paper().check_for(&finger(350.0, Skin::Smooth)).expect_err("45 px at 15.2").to_string();
+        assert!(
+            error.starts_with("markers.finder: expected at most 1023 px, 2.92 pitches, got 2.96 pitches of 350 px"),
+            "{error}"
+        );
     }
 }

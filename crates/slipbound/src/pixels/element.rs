@@ -3,7 +3,8 @@
 use crate::image::{Mask, SizePx};
 
 /// The largest element, in px: it must not reach further than the padding.
-const MAX_ELEMENT_PX: usize = 1023;
+pub const MAX_ELEMENT_PX: usize = 1023;
+
 /// A structuring element, ready to be laid onto rows of bits.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Element {

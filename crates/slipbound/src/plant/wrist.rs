@@ -1,9 +1,6 @@
 //! A wrist as its port requires: no motion goes further or longer than its command allows.
 
-use crate::port::{LONGEST_TIME_TO_LIVE_NS, WristCommand, WristMotion, WristState};
-
-/// Fastest turn a command may ask for, rad/s; twice the 20 deg/s at which a robot arm's last joint screws a cap.
-const FASTEST_RAD_PER_S: f64 = 0.7;
+use crate::port::{FASTEST_TURN_RAD_PER_S, LONGEST_TIME_TO_LIVE_NS, WristCommand, WristMotion, WristState};
 
 /// Fastest lowering or lifting a command may ask for, mm/s.
 const FASTEST_MM_PER_S: f64 = 100.0;
@@ -43,7 +40,7 @@ impl WristDrive {
     pub fn command(&mut self, command: WristCommand) -> bool {
         self.running = None;
         let (turns, rate_per_s, left, fastest) = match command.motion {
-            WristMotion::Turn { rate_rad_per_s, most_rad } => (true, rate_rad_per_s, most_rad, FASTEST_RAD_PER_S),
+            WristMotion::Turn { rate_rad_per_s, most_rad } => (true, rate_rad_per_s, most_rad, FASTEST_TURN_RAD_PER_S),
             WristMotion::Lower { rate_mm_per_s, most_mm } => (false, rate_mm_per_s, most_mm, FASTEST_MM_PER_S),
             WristMotion::Pause => return true,
         };
@@ -111,7 +108,10 @@ mod tests {
         wrist.command(turn(0.5, 0.02));
         wrist.advance_to(199 * MS);
         assert!((wrist.state().angle_rad - 0.02).abs() < 1e-12);
-        for (rate, most) in [(f64::NAN, 1.0), (0.1, f64::INFINITY), (50.0, 1.0), (0.1, -1.0)] {
+        // What a task may ask for, a wrist can do.
+        assert!(wrist.command(turn(-FASTEST_TURN_RAD_PER_S, 0.0)));
+        let too_fast = 1.01 * FASTEST_TURN_RAD_PER_S;
+        for (rate, most) in [(f64::NAN, 1.0), (0.1, f64::INFINITY), (too_fast, 1.0), (0.1, -1.0)] {
             assert!(!wrist.command(turn(rate, most)), "{rate} {most}");
         }
         wrist.advance_to(400 * MS);

@@ -8,9 +8,10 @@
 //! the wrist turns on until the shear of the gels stays flat while it turns ([`ScrewEnd::Evidence`]).
 
 use super::step::{Ending, Missing, Observation, Task, TaskStep};
-use super::turning::{FASTEST_RAD_PER_S, SlideSettings, Turning};
+use super::turning::{SlideSettings, Turning};
 use crate::grip::Guard;
 use crate::hand::Allowed;
+use crate::port::FASTEST_TURN_RAD_PER_S;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
@@ -62,7 +63,7 @@ impl Default for ScrewSettings {
 impl ScrewSettings {
     /// Checks every setting; the error names the first invalid one.
     pub fn check(&self) -> Result<(), SettingError> {
-        within("screw.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, FASTEST_RAD_PER_S)?;
+        within("screw.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, FASTEST_TURN_RAD_PER_S)?;
         within("screw.most_rad", self.most_rad, 0.01, 100.0)?;
         within("screw.flat_window_rad", self.flat_window_rad, 0.01, self.most_rad.min(1.0))?;
         within("screw.flat_fraction", self.flat_fraction, 0.0, 0.5)?;

@@ -11,9 +11,6 @@ use crate::port::Jaws;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// Fastest turn, rad/s: a little over 60 deg/s.
-pub(super) const FASTEST_RAD_PER_S: f64 = 1.1;
-
 /// When turning fingers are considered to slide around a cap although no onset of slip was seen: steady sliding moves
 /// no marker. Then the shear stays flat while they turn, under a load that friction could just carry.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -6,9 +6,10 @@
 //! ```
 
 use super::step::{Ending, Missing, Observation, Task, TaskStep};
-use super::turning::{FASTEST_RAD_PER_S, SlideSettings, Turning};
+use super::turning::{SlideSettings, Turning};
 use crate::grip::Guard;
 use crate::hand::Allowed;
+use crate::port::FASTEST_TURN_RAD_PER_S;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
@@ -53,7 +54,7 @@ impl Default for UnscrewSettings {
 impl UnscrewSettings {
     /// Checks every setting; the error names the first invalid one.
     pub fn check(&self) -> Result<(), SettingError> {
-        within("unscrew.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, FASTEST_RAD_PER_S)?;
+        within("unscrew.rate_rad_per_s", self.rate_rad_per_s.abs(), 1e-3, FASTEST_TURN_RAD_PER_S)?;
         within("unscrew.most_rad", self.most_rad, 0.01, 100.0)?;
         within("unscrew.open_rad", self.open_rad, 0.01, self.most_rad.min(10.0))?;
         within("unscrew.least_peak_mm", self.least_peak_mm, 0.0, 10.0)?;

@@ -26,10 +26,16 @@ pub(super) struct ThresholdFinder {
     spots: Vec<Spot>,
 }
 
+/// Pitch of the finger of the released code, px, and the side of its largest element, px.
+const PAPER_PITCH_PX: f64 = 15.2;
+const AROUND_PX: f64 = 45.0;
+/// That side in pitches.
+pub(in crate::monitor) const THRESHOLD_REACH_PITCH: f64 = AROUND_PX / PAPER_PITCH_PX;
+
 impl ThresholdFinder {
     pub(super) fn new(size: SizePx, pitch_px: f64) -> Self {
-        // Sides in px of the released code, at its pitch of 15.2 px.
-        let side = |px: f64| (px / 15.2 * pitch_px).round().max(1.0) as usize;
+        // Sides in px of the released code.
+        let side = |px: f64| (px / PAPER_PITCH_PX * pitch_px).round().max(1.0) as usize;
         ThresholdFinder {
             levels: vec![LEVEL; size.area()],
             morphology: Morphology::new(size),
@@ -38,8 +44,8 @@ impl ThresholdFinder {
             work: Mask::new(size),
             join: Element::rect(side(2.0), side(2.0)),
             grow: Element::rect(side(5.0), side(5.0)),
-            around: Element::ellipse(side(45.0), side(45.0)),
-            least_area_px2: (9.0 * (pitch_px / 15.2) * (pitch_px / 15.2)).round() as usize,
+            around: Element::ellipse(side(AROUND_PX), side(AROUND_PX)),
+            least_area_px2: (9.0 * (pitch_px / PAPER_PITCH_PX) * (pitch_px / PAPER_PITCH_PX)).round() as usize,
             spots: Vec::with_capacity(size.area() / 4 + size.width + size.height),
         }
     }
