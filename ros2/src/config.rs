@@ -1,6 +1,7 @@
 //! The parameters of the node: a TOML file. `example.toml` is one with every key.
 
 use crate::error::Error;
+use crate::ros::ServiceMapping;
 use serde::Deserialize;
 use slipbound::monitor::Settings;
 use slipbound::setting::SettingError;
@@ -20,6 +21,8 @@ pub struct Config {
     pub namespace: String,
     /// Its domain.
     pub domain_id: u16,
+    /// How its services are laid out on DDS.
+    pub service_mapping: ServiceMapping,
     /// Name of the hand's frame of reference.
     pub hand_frame: String,
     /// Settings of the method.
@@ -30,7 +33,7 @@ pub struct Config {
     pub gripper_state_topic: Option<String>,
     /// Whether pictures of what was found are published.
     pub overlay: bool,
-    /// Whether the node configures and activates itself as soon as the rest frames are known.
+    /// Whether the node configures and activates itself: when every rest frame is known, or 4 s after the first is.
     pub autostart: bool,
     /// The fingers with their topics, in the order of the hand file.
     pub fingers: Vec<Finger>,
@@ -45,6 +48,8 @@ pub struct Finger {
     pub image_topic: String,
     /// Their type.
     pub image_type: ImageType,
+    /// `frame_id` of its wrenches: the frame whose axes are those of the rectified image.
+    pub wrench_frame: String,
 }
 
 /// How pictures are asked for.
@@ -76,6 +81,8 @@ struct ConfigFile {
     namespace: String,
     domain_id: Option<u16>,
     hand: PathBuf,
+    #[serde(default)]
+    service_mapping: ServiceMapping,
     #[serde(default = "hand_frame")]
     hand_frame: String,
     settings: Option<String>,
@@ -96,6 +103,7 @@ struct FingerFile {
     image_topic: String,
     #[serde(default = "compressed")]
     image_type: ImageType,
+    wrench_frame: Option<String>,
 }
 
 fn node_name() -> String {
@@ -158,19 +166,26 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
         if !is_known || file.fingers[..i].iter().any(|other| other.name == finger.name) {
             return Err(refuse(format!("fingers[{i}].name"), hand_fingers, format!("`{}`", finger.name)));
         }
+        // tf2 takes no name that is empty or begins with a slash.
+        if let Some(frame) = finger.wrench_frame.as_ref().filter(|frame| frame.is_empty() || frame.starts_with('/')) {
+            let expected = "the name of a frame, without a slash at its beginning".into();
+            return Err(refuse(format!("fingers[{i}].wrench_frame"), expected, format!("`{frame}`")));
+        }
     }
     if file.fingers.len() < known.len() {
         return Err(refuse("fingers".into(), hand_fingers, format!("{} fingers", file.fingers.len())));
     }
     let fingers = known.into_iter().filter_map(|finger| {
         let topic = file.fingers.iter().find(|other| other.name == finger.name)?;
-        Some(Finger { finger, image_topic: topic.image_topic.clone(), image_type: topic.image_type })
+        let wrench_frame = topic.wrench_frame.clone().unwrap_or_else(|| format!("{}_gel", finger.name));
+        Some(Finger { finger, image_topic: topic.image_topic.clone(), image_type: topic.image_type, wrench_frame })
     });
     Ok(Config {
         fingers: fingers.collect(),
         node: file.node,
         namespace: file.namespace,
         domain_id: domain,
+        service_mapping: file.service_mapping,
         hand_frame: file.hand_frame,
         settings,
         image_qos: file.image_qos,
@@ -211,12 +226,36 @@ mod tests {
     }
 
     #[test]
+    fn services_and_wrench_frames_have_defaults_and_can_be_set() {
+        let config = read(NODE, None).expect("valid");
+        assert_eq!(config.service_mapping, ServiceMapping::Enhanced);
+        assert_eq!(config.fingers.iter().map(|f| &*f.wrench_frame).collect::<Vec<_>>(), ["left_gel", "right_gel"]);
+        let text = NODE
+            .replace("domain_id = 7\n", "service_mapping = \"cyclone\"\n")
+            .replace("image_type = \"raw\"\n", "wrench_frame = \"finger_2_pad\"\n");
+        let config = read(&text, None).expect("valid");
+        assert_eq!(config.service_mapping, ServiceMapping::Cyclone);
+        assert_eq!(config.fingers.iter().map(|f| &*f.wrench_frame).collect::<Vec<_>>(), ["left_gel", "finger_2_pad"]);
+    }
+
+    #[test]
     fn mistakes_name_file_key_expected_and_got() {
         for (from, to, parts) in [
             ("hand = ", "hnad = ", ["node.toml", "`hnad`", "did you mean `hand`?"]),
             ("domain_id = 7", "domain_id = 240", ["node.toml: domain_id", "at most 232", "240"]),
             ("domain_id = 7", "overlay = \"yes\"", ["node.toml: overlay", "yes", "expected a boolean"]),
             ("\"raw\"", "\"png\"", ["node.toml: fingers[0].image_type", "png", "`compressed`"]),
+            ("domain_id = 7", "service_mapping = \"basic\"", ["service_mapping", "basic", "`cyclone`"]),
+            (
+                "image_type = \"raw\"",
+                "wrench_frame = \"\"",
+                ["node.toml: fingers[0].wrench_frame", "name of a frame", "``"],
+            ),
+            (
+                "image_type = \"raw\"",
+                "wrench_frame = \"/gel\"",
+                ["fingers[0].wrench_frame", "without a slash", "`/gel`"],
+            ),
             ("name = \"left\"", "name = \"middle\"", ["fingers[1].name", "`left`, `right`", "`middle`"]),
             ("name = \"left\"", "name = \"right\"", ["fingers[1].name", "once", "`right`"]),
             ("\"hand.toml\"", "\"none.toml\"", ["none.toml", "cannot read", ""]),

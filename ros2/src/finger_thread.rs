@@ -124,6 +124,7 @@ impl Kept {
 pub struct FingerThread {
     place: usize,
     name: String,
+    wrench_frame: String,
     finger: Finger,
     pictures: Pictures,
     waiting: VecDeque<(Picture, u64)>,
@@ -156,7 +157,7 @@ impl FingerThread {
     /// Makes the topics of finger number `place`.
     pub fn new(ros: &mut Ros, place: usize, config: &Config, kept: Kept, joints: Joints) -> Result<Self, Error> {
         let finger = &config.fingers[place];
-        let name = finger.finger.name.clone();
+        let (name, wrench_frame) = (finger.finger.name.clone(), finger.wrench_frame.clone());
         let (qos, waiting_most_count) = match config.image_qos {
             ImageQos::SensorData => (SENSOR_DATA, WAITING_COUNT),
             ImageQos::Reliable => (RELIABLE, WAITING_RELIABLE_COUNT),
@@ -188,6 +189,7 @@ impl FingerThread {
             asked,
             hand,
             name,
+            wrench_frame,
         })
     }
 
@@ -304,7 +306,7 @@ impl FingerThread {
             }
         }
         self.tell(FingerEvent::Report(Box::new(*report)));
-        if let Some(wrench) = wrench(&header, report) {
+        if let Some(wrench) = wrench(header.stamp, &self.wrench_frame, report) {
             let _ = self.wrenches.publish(wrench); // best effort: the report has the same numbers
         }
         if let (Some(overlay), Some(monitor)) = (&mut self.overlay, self.finger.monitor()) {

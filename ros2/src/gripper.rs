@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   control loop --command--> BASE/command  slipbound_msgs/GripCommand   reliable, the last one
-//!                <--poll----- BASE/state    slipbound_msgs/GripperState  at least every 0.3 s
+//!                <--poll----- BASE/state    slipbound_msgs/GripperState  10 Hz or more; 0.3 s of silence is a fault
 //! ```
 //!
 //! A state that stays away is a lost link: the loop pauses the wrist and commands nothing, so the gripper keeps its force.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   control loop --command--> goal { position, max_effort: N per finger }   when the force or the direction changes
-//!                <--poll----- /joint_states: position, effort               at least every 0.3 s
+//!                <--poll----- /joint_states: position, effort               10 Hz or more; 0.3 s of silence is a fault
 //! ```
 //!
 //! The server says nothing between two goals, so the joint's state is the sign of life. A server that takes no goal within
@@ -15,7 +15,7 @@ use crate::msg::{GripperCommandGoal, GripperCommandResult, JointState};
 use crate::ros::{Inbox, RELIABLE, Ros, SENSOR_DATA};
 use ros2_client::action::{ActionClient, ActionClientQosPolicies};
 use ros2_client::service::RmwRequestId;
-use ros2_client::{ActionTypeName, Name, ServiceMapping};
+use ros2_client::{ActionTypeName, Name};
 use serde::Deserialize;
 use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperError, GripperErrorKind, GripperState, Jaws};
 use slipbound_rig::link::now_ns;
@@ -91,7 +91,7 @@ pub struct ActionGripper {
 }
 
 impl ActionGripper {
-    /// Joins the action. Waits for nothing.
+    /// Joins the action, in the mapping that the node's services have ([`Ros::with_services`]). Waits for nothing.
     pub fn new(ros: &mut Ros, config: ActionGripperConfig) -> Result<Self, Error> {
         let name = Name::parse(&config.action).map_err(|e| Error::Name {
             key: "action".into(),
@@ -106,9 +106,10 @@ impl ActionGripper {
             status_subscription: RELIABLE,
         };
         let kind = ActionTypeName::new("control_msgs", "GripperCommand");
+        let services = ros.services();
         let client = ros
             .node()
-            .create_action_client(ServiceMapping::Enhanced, &name, &kind, qos)
+            .create_action_client(services, &name, &kind, qos)
             .map_err(|e| Error::middleware(format!("action {}", config.action), e))?;
         Ok(ActionGripper {
             client,

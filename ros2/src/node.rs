@@ -51,7 +51,8 @@ struct Joined {
 
 impl Joined {
     fn new(config: &Config) -> Result<Self, Error> {
-        let mut ros = Ros::new(&config.namespace, &config.node, config.domain_id)?;
+        let ros = Ros::new(&config.namespace, &config.node, config.domain_id)?;
+        let mut ros = ros.with_services(config.service_mapping);
         Ok(Joined {
             returns: Returns::new(&ros),
             hand_reports: ros.publisher("hand/report", &RELIABLE)?,
@@ -82,6 +83,8 @@ pub struct SlipNode {
     lifecycle: Lifecycle,
     /// Whether it is to configure and activate itself: until it has, or until somebody asks for a transition.
     starts_itself: bool,
+    /// When the first rest frame was found, ns.
+    rest_since_ns: Option<u64>,
     /// Who asked for the transition under way, and when, ns.
     asked: Option<(RmwRequestId, u64)>,
     /// How often the fingers were asked to forget their rest frames.
@@ -120,6 +123,7 @@ impl SlipNode {
             gripped_ns: 0,
             lifecycle: Lifecycle::default(),
             starts_itself: config.autostart,
+            rest_since_ns: None,
             asked: None,
             forgotten_count: 0,
             hand,
@@ -219,6 +223,7 @@ impl SlipNode {
             FingerEvent::AtRest(forgotten_count) => {
                 // A rest frame found before it heard that it should forget it does not count.
                 self.fingers[finger].has_rest |= forgotten_count == self.forgotten_count;
+                self.rest_since_ns.get_or_insert_with(now_ns);
                 self.settle();
             }
             FingerEvent::Tared(ended) => {

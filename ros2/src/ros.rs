@@ -5,9 +5,10 @@ use crate::msg::{Time, TopicType};
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{
     Context, ContextOptions, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
-    Server, ServiceMapping, ServiceTypeName, Subscription,
+    Server, ServiceTypeName, Subscription,
 };
 use rustdds::mio1::{Events, Interest, Poll, Token};
+use serde::Deserialize;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// As sensors send: best effort, the last five.
@@ -28,6 +29,28 @@ pub const LATCHED: QosProfile = QosProfile::publisher_default()
     .durability(Durability::TransientLocal)
     .history(History::KeepLast { depth: 1 });
 
+/// How a service's requests and answers are laid out on DDS topics. Both ends must use the same layout, and which one a ROS 2
+/// node uses depends on its middleware.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum ServiceMapping {
+    /// The request's identity travels in the inline QoS, as DDS-RPC calls it: `rmw_fastrtps_cpp`, and `rmw_connextdds` where it
+    /// is set to `extended`.
+    #[default]
+    Enhanced,
+    /// The request's identity travels in 16 bytes before the payload: `rmw_cyclonedds_cpp`.
+    Cyclone,
+}
+
+impl From<ServiceMapping> for ros2_client::ServiceMapping {
+    fn from(mapping: ServiceMapping) -> Self {
+        match mapping {
+            ServiceMapping::Enhanced => ros2_client::ServiceMapping::Enhanced,
+            ServiceMapping::Cyclone => ros2_client::ServiceMapping::Cyclone,
+        }
+    }
+}
+
 /// Now, ns since 1970: the clock of header stamps.
 pub fn unix_ns() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -44,10 +67,11 @@ pub struct Ros {
     context: Context,
     node: Node,
     namespace: String,
+    services: ServiceMapping,
 }
 
 impl Ros {
-    /// A node of this name in this domain.
+    /// A node of this name in this domain, its services in the default mapping.
     pub fn new(namespace: &str, name: &str, domain_id: u16) -> Result<Self, Error> {
         let node_name = NodeName::new(namespace, name).map_err(|e| Error::Name {
             key: "node".into(),
@@ -61,7 +85,20 @@ impl Ros {
         let node = context
             .new_node(node_name.clone(), options)
             .map_err(|e| Error::middleware(format!("node `{name}`"), format!("{e:?}")))?;
-        Ok(Ros { context, node, namespace: node_name.fully_qualified_name() })
+        let namespace = node_name.fully_qualified_name();
+        Ok(Ros { context, node, namespace, services: ServiceMapping::default() })
+    }
+
+    /// The same node; services and actions that it offers or calls from now on use this mapping.
+    #[must_use]
+    pub fn with_services(mut self, services: ServiceMapping) -> Self {
+        self.services = services;
+        self
+    }
+
+    /// The mapping of its services and actions.
+    pub fn services(&self) -> ros2_client::ServiceMapping {
+        self.services.into()
     }
 
     /// The node's full name: what its own topics begin with.
@@ -110,7 +147,7 @@ impl Ros {
         let name = self.name(service)?;
         let kind = ServiceTypeName::new(package, kind);
         self.node
-            .create_server(ServiceMapping::Enhanced, &name, &kind, RELIABLE, RELIABLE)
+            .create_server(self.services.into(), &name, &kind, RELIABLE, RELIABLE)
             .map_err(|e| Error::middleware(format!("service {service}"), e))
     }
 

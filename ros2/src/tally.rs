@@ -93,7 +93,7 @@ impl Tally {
         self.latencies_ns.clear();
         let (level, message) = match () {
             _ if !self.has_rest && self.received_count == 0 => (3, "no picture yet".to_owned()),
-            _ if !self.has_rest => (1, "unconfigured: the rest frame is not known yet".to_owned()),
+            _ if !self.has_rest => (1, "the rest frame is not known yet".to_owned()),
             _ if received_count == 0 || (lifecycle == State::Active && reports_count == 0) => {
                 (3, "no pictures".to_owned())
             }

@@ -1,13 +1,16 @@
 //! The load on a finger as a wrench.
 
-use crate::msg::{Header, Vector3, Wrench, WrenchStamped};
+use crate::msg::{Header, Time, Vector3, Wrench, WrenchStamped};
 use slipbound::monitor::SlipReport;
 
-/// The load on the finger's surface in the frame of its picture (x along the finger, y across it, z into the gel): its size
-/// is the report's `shear_n`, its direction that in which the gel is sheared; the torque is about z, positive from x to y.
-/// z is the grip force, NaN where nobody tells it. None where shear force or torque are not known, so that nothing stands
-/// where a zero could be taken for a measured one.
-pub fn wrench(header: &Header, report: &SlipReport) -> Option<WrenchStamped> {
+/// The force of the object on the gel, in `frame`: x along the finger, y across it, z into the gel, as in the rectified image
+/// and right-handed.
+///
+/// Its size in the plane is the report's `shear_n`, its direction that in which the gel is dragged. z is the grip force, NaN
+/// where it is not known. The torque is about z through the middle of the contact, not through the origin of `frame`,
+/// positive from x to y; about x and y none is measured, and 0 stands there. None where shear force or torque are not known,
+/// so that nothing stands where a zero could be taken for a measured one.
+pub fn wrench(stamp: Time, frame: &str, report: &SlipReport) -> Option<WrenchStamped> {
     let (shear, torque) = (report.estimates.shear_n?, report.estimates.torque_nmm?);
     let dragged = report.shear?.translation_px;
     let length_px = dragged.length();
@@ -18,5 +21,6 @@ pub fn wrench(header: &Header, report: &SlipReport) -> Option<WrenchStamped> {
     };
     let force = Vector3 { x, y, z: report.grip_n.unwrap_or(f64::NAN) };
     let torque = Vector3 { z: torque.value * 1e-3, ..Vector3::default() };
-    Some(WrenchStamped { header: header.clone(), wrench: Wrench { force, torque } })
+    let header = Header { stamp, frame_id: frame.to_owned() };
+    Some(WrenchStamped { header, wrench: Wrench { force, torque } })
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   control loop --command--> BASE/command  slipbound_msgs/WristCommand   reliable, the last one
-//!                <--poll----- BASE/state    slipbound_msgs/WristState     at least every 0.3 s
+//!                <--poll----- BASE/state    slipbound_msgs/WristState     10 Hz or more; 0.3 s of silence is a fault
 //! ```
 //!
 //! A motion lives `time_to_live_ns`, 200 ms at most: the node at the other end must pause by itself when no command has come

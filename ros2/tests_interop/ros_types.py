@@ -16,6 +16,7 @@ PRIMITIVES = {
 OTHERS = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "lifecycle_msgs/State": "uint8 id\nstring label",
     "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data",
 }
 

@@ -1,6 +1,7 @@
 """CycloneDDS both ways, and FastDDS as a reader: pictures are published, the node judges them, and every field of every
 report is what the library says."""
 
+import dataclasses
 import json
 import math
 import os
@@ -8,12 +9,15 @@ import pathlib
 import shutil
 import subprocess
 import time
+import types
 
 import pytest
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.types import int64, uint8, uint64
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
@@ -31,6 +35,13 @@ REST_COUNT = 20
 RELIABLE = Qos(
     Policy.Reliability.Reliable(duration(seconds=1)),
     Policy.History.KeepLast(10),
+    Policy.DataRepresentation(use_cdrv0_representation=True),
+)
+
+LATCHED = Qos(
+    Policy.Reliability.Reliable(duration(seconds=1)),
+    Policy.Durability.TransientLocal,
+    Policy.History.KeepLast(1),
     Policy.DataRepresentation(use_cdrv0_representation=True),
 )
 
@@ -53,10 +64,10 @@ def frames(tmp_path_factory):
 
 
 @pytest.fixture
-def node(tmp_path, frames):
+def node(tmp_path, frames, request):
     shutil.copy(frames[2], tmp_path)
     (tmp_path / "hand.toml").write_text(HAND)
-    (tmp_path / "node.toml").write_text(NODE)
+    (tmp_path / "node.toml").write_text(getattr(request, "param", "") + NODE)
     process = subprocess.Popen([BINARY, "node", tmp_path / "node.toml"], stdout=subprocess.DEVNULL)
     yield process
     process.kill()
@@ -96,6 +107,14 @@ class Cameras:
         self.types = types
         topic = Topic(participant, "rt/left/image/compressed", types("sensor_msgs/CompressedImage"), qos=RELIABLE)
         self.writer = DataWriter(participant, topic, qos=RELIABLE)
+        states = Topic(participant, "rt/slipbound/state", types("lifecycle_msgs/State"), qos=LATCHED)
+        self.states = DataReader(participant, states, qos=LATCHED)
+
+    def await_active(self):
+        """Nothing is published before."""
+        until = time.monotonic() + LONGEST_WAIT_S
+        while (state := take(self.states, LONGEST_WAIT_S)) is None or state.label != "active":
+            assert time.monotonic() < until, "the node is not active"
 
     def show(self, frames, after_each=lambda i: None):
         jpegs, reports, _ = frames
@@ -105,6 +124,8 @@ class Cameras:
             self.types, ["sensor_msgs/CompressedImage", "std_msgs/Header", "builtin_interfaces/Time"]
         )
         for i, jpeg in enumerate(jpegs):
+            if i == REST_COUNT:
+                self.await_active()
             ns = reports[i - REST_COUNT]["time_ns"] if i >= REST_COUNT else first - (REST_COUNT - i) * step_ns
             stamp = Time(sec=ns // 10**9, nanosec=ns % 10**9)
             self.writer.write(Image(header=Header(stamp=stamp, frame_id="left_gel"), format="jpeg", data=list(jpeg)))
@@ -148,6 +169,49 @@ def test_every_field_of_every_report_is_what_the_library_says(frames, node):
     hands = [take(hand, LONGEST_WAIT_S)] + hand.take(100)
     assert hands[0].health == ["live", "absent", "absent", "absent"] and hands[0].header.frame_id == "hand"
     assert "incipient" in {report.state for report in hands}
+
+
+def service_type(name, fields):
+    """A request or an answer as rmw_cyclonedds_cpp puts it on the wire: 16 bytes say whose it is and which, then the payload."""
+    fields = [("guid", uint64), ("seq", int64), *fields]
+    body = lambda namespace: namespace.update(__annotations__=dict(fields), __module__=__name__)
+    return dataclasses.dataclass(types.new_class(name.split("::")[-1], (IdlStruct,), {"typename": name}, body))
+
+
+class Service:
+    """A client that is a pair of CycloneDDS endpoints."""
+
+    def __init__(self, participant, service, kind, answer):
+        package, name = kind.split("/")
+        self.request = service_type(f"{package}::srv::dds_::{name}_Request_", [("structure_needs_at_least_one_member", uint8)])
+        response = service_type(f"{package}::srv::dds_::{name}_Response_", answer)
+        requests = Topic(participant, f"rq/slipbound/{service}Request", self.request, qos=RELIABLE)
+        answers = Topic(participant, f"rr/slipbound/{service}Reply", response, qos=RELIABLE)
+        self.writer = DataWriter(participant, requests, qos=RELIABLE)
+        self.reader = DataReader(participant, answers, qos=RELIABLE)
+
+    def is_matched(self):
+        return self.writer.get_matched_subscriptions() and self.reader.get_matched_publications()
+
+    def ask(self, guid, seq):
+        self.writer.write(self.request(guid=guid, seq=seq, structure_needs_at_least_one_member=0))
+        answer = take(self.reader, LONGEST_WAIT_S)
+        assert answer is not None, "no answer"
+        assert (answer.guid, answer.seq) == (guid, seq), "an answer to somebody else"
+        return answer
+
+
+@pytest.mark.parametrize("node", ['service_mapping = "cyclone"\n'], indirect=True)
+def test_services_answer_cyclonedds_in_its_mapping(node):
+    participant = DomainParticipant(DOMAIN_ID)
+    state = Service(participant, "get_state", "lifecycle_msgs/GetState", [("id", uint8), ("label", str)])
+    tare = Service(participant, "tare", "std_srvs/Trigger", [("success", bool), ("message", str)])
+    await_match(lambda: state.is_matched() and tare.is_matched())
+    for seq in (1, 2, 1 << 40):
+        answer = state.ask(0x0123456789ABCDEF, seq)
+        assert (answer.id, answer.label) == (1, "unconfigured")
+    answer = tare.ask(0xFEDCBA9876543210, 3)
+    assert not answer.success and "left" in answer.message
 
 
 def test_a_difference_is_found():

@@ -2,7 +2,7 @@
 
 use super::{Done, domain_id};
 use ros2_client::action::{ActionServer, ActionServerQosPolicies, SendGoalResponse};
-use ros2_client::{ActionTypeName, Name, Publisher, ServiceMapping};
+use ros2_client::{ActionTypeName, Name, Publisher};
 use slipbound::plant::{JawCommand, JawDrive, JawSettings, WristDrive};
 use slipbound::port::{WristCommand, WristMotion};
 use slipbound_rig::link::now_ns;
@@ -10,7 +10,7 @@ use slipbound_ros2::msg::{
     GripCommand, GripperCommandGoal, GripperCommandResult, GripperState, Header, JointState, WristCommand as WristSaid,
     WristState,
 };
-use slipbound_ros2::ros::{Inbox, LAST_RELIABLE, LATCHED, RELIABLE, Ros, SENSOR_DATA, stamp};
+use slipbound_ros2::ros::{Inbox, LAST_RELIABLE, LATCHED, RELIABLE, Ros, SENSOR_DATA, ServiceMapping, stamp};
 use std::fs::File;
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -39,6 +39,9 @@ pub struct Emulate {
     /// Also an action server of this name, with the joint `finger_joint` in /joint_states
     #[arg(long, value_name = "NAME")]
     action: Option<String>,
+    /// How the action's services are laid out on DDS: that of the client's middleware
+    #[arg(long, value_name = "MAPPING", default_value = "enhanced")]
+    service_mapping: ServiceMapping,
     /// A line for every state: force_n target_n angle_rad lowered_mm moving
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -61,7 +64,8 @@ impl Action {
         };
         let kind = ActionTypeName::new("control_msgs", "GripperCommand");
         let name = Name::parse(name).map_err(|e| format!("--action: {e:?}"))?;
-        let server = ros.node().create_action_server(ServiceMapping::Enhanced, &name, &kind, qos)?;
+        let services = ros.services();
+        let server = ros.node().create_action_server(services, &name, &kind, qos)?;
         Ok(Action { server, joints: ros.publisher("/joint_states", &SENSOR_DATA)? })
     }
 
@@ -99,7 +103,7 @@ struct EmulatedHand {
 impl Emulate {
     /// Runs until it is stopped.
     pub fn run(&self, stop: &AtomicBool) -> Done {
-        let mut ros = Ros::new("/", "slipbound_emulate", domain_id()?)?;
+        let mut ros = Ros::new("/", "slipbound_emulate", domain_id()?)?.with_services(self.service_mapping);
         let base = &self.base;
         let mut hand = EmulatedHand {
             jaws: JawDrive::new(JawSettings::default()).map_err(slipbound_ros2::error::Error::from)?,

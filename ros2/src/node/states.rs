@@ -28,9 +28,9 @@ impl SlipNode {
         self.settle();
     }
 
-    /// Whether reports are published. A node that starts itself does not keep a finger waiting for the others.
+    /// Whether reports are published.
     pub(super) fn publishes(&self) -> bool {
-        self.starts_itself || self.lifecycle.state() == State::Active
+        self.lifecycle.state() == State::Active
     }
 
     pub(super) fn say_state(&self) {
@@ -41,8 +41,10 @@ impl SlipNode {
     pub(super) fn settle(&mut self) {
         let has_rest = self.fingers.iter().all(|finger| finger.has_rest);
         let is_late = self.asked.is_some_and(|(_, since_ns)| now_ns().saturating_sub(since_ns) >= LONGEST_NS);
+        // A node that starts itself goes on without a camera that does not come: the hand is blind for that finger.
+        let waited = self.rest_since_ns.is_some_and(|since_ns| now_ns().saturating_sub(since_ns) >= LONGEST_NS);
         match self.lifecycle.state() {
-            State::Unconfigured if self.starts_itself && has_rest => {
+            State::Unconfigured if self.starts_itself && (has_rest || waited) => {
                 for label in ["configure", "activate"] {
                     if let Some(begun) = self.lifecycle.request(0, label) {
                         self.joined.managed.tell(begun);

@@ -90,6 +90,11 @@ pub struct Bench {
 
 impl Bench {
     pub fn new(test: u16, more: &str) -> Self {
+        Bench::with(test, more, "")
+    }
+
+    /// With more parameters of the node and of its finger.
+    pub fn with(test: u16, more: &str, of_finger: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let hand =
             "name = \"one\"\n[[fingers]]\nname = \"left\"\nserial = \"A\"\nside = \"left\"\nsensor = \"left.toml\"\n";
@@ -99,7 +104,7 @@ impl Bench {
         // Reliable, so that every picture is judged and the comparison has no gaps.
         let node = format!(
             "hand = \"hand.toml\"\nimage_qos = \"reliable\"\n{more}\n\
-             [[fingers]]\nname = \"left\"\nimage_topic = \"/left/image/compressed\"\n"
+             [[fingers]]\nname = \"left\"\nimage_topic = \"/left/image/compressed\"\n{of_finger}\n"
         );
         let config = folder.path().join("node.toml");
         std::fs::write(&config, node).expect("writes");
@@ -108,6 +113,17 @@ impl Bench {
         let images = ros.publisher("/left/image/compressed", &RELIABLE).expect("a publisher");
         let reports = ros.inbox("/slipbound/left/report", &RELIABLE).expect("an inbox");
         Bench { ros, images, reports, folder, config, domain_id }
+    }
+
+    /// Adds a finger to hand and node, whose camera nobody is yet.
+    fn add_finger(&self) {
+        let add = |path: &std::path::Path, text: &str| {
+            let before = std::fs::read_to_string(path).expect("readable");
+            std::fs::write(path, before + text).expect("writes");
+        };
+        let finger = "[[fingers]]\nname = \"right\"\nserial = \"B\"\nside = \"right\"\nsensor = \"left.toml\"\n";
+        add(&self.folder.path().join("hand.toml"), finger);
+        add(&self.config, "[[fingers]]\nname = \"right\"\nimage_topic = \"/right/image/compressed\"\n");
     }
 
     pub fn node(&self) -> Process {
@@ -146,7 +162,7 @@ fn same(a: &SlipReport, b: &SlipReport) -> bool {
 
 #[test]
 fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
-    let mut bench = Bench::new(0, "overlay = true");
+    let mut bench = Bench::with(0, "overlay = true", "wrench_frame = \"left_pad\"");
     let mut hands: Inbox<HandReport> = bench.ros.inbox("/slipbound/hand/report", &RELIABLE).expect("an inbox");
     let mut wrenches: Inbox<WrenchStamped> = bench.ros.inbox("/slipbound/left/wrench", &SENSOR_DATA).expect("an inbox");
     let mut overlays: Inbox<CompressedImage> =
@@ -159,8 +175,13 @@ fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
     assert_eq!(next(&mut states, LONGEST_WAIT).map(|state| state.label).as_deref(), Some("unconfigured"));
 
     let (_, shots) = simulated();
-    let (mut got, mut hand_states, mut wrenches_count) = (Vec::new(), Vec::new(), 0);
+    let (mut got, mut hand_states, mut wrench_frames) = (Vec::new(), Vec::new(), Vec::new());
     for (i, shot) in shots.iter().enumerate() {
+        if i == REST_COUNT {
+            // Nothing is published before.
+            let state = next(&mut states, LONGEST_WAIT).map(|state| (state.id, state.label));
+            assert_eq!(state, Some((3, "active".into())));
+        }
         bench.send(shot);
         // The next is sent when this one was judged: nothing is passed over, however busy the computer is.
         match i < REST_COUNT {
@@ -168,7 +189,8 @@ fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
             false => got.extend(next(&mut bench.reports, LONGEST_WAIT)),
         }
         hand_states.extend(std::iter::from_fn(|| hands.take().expect("readable")).map(|r| r.message.state));
-        wrenches_count += std::iter::from_fn(|| wrenches.take().expect("readable")).count();
+        let wrenches = std::iter::from_fn(|| wrenches.take().expect("readable"));
+        wrench_frames.extend(wrenches.map(|received| received.message.header.frame_id));
     }
     let first_seq = got.first().expect("reports").seq - REST_COUNT as u64;
     let numbered: Vec<(u64, &Shot)> = (first_seq..).zip(shots).collect();
@@ -182,11 +204,11 @@ fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
     let states_seen: std::collections::BTreeSet<&str> = got.iter().map(|report| report.state.as_str()).collect();
     assert!(states_seen.contains("no_contact") && states_seen.contains("incipient"), "{states_seen:?}");
     assert!(hand_states.iter().any(|state| state == "incipient"), "the hand says what its finger says");
+    assert!(wrench_frames.iter().all(|frame| frame == "left_pad"), "{wrench_frames:?}");
     let known_count = got.iter().filter(|r| r.shear_n.value.is_finite() && r.shear.rotation_rad.is_finite()).count();
-    assert!(wrenches_count <= known_count, "a wrench only where the shear force is known");
+    assert!(!wrench_frames.is_empty() && wrench_frames.len() <= known_count, "only where the shear force is known");
     let overlay = next(&mut overlays, LONGEST_WAIT).expect("an overlay");
     assert!(overlay.data.len() <= MOST_BYTES && overlay.data.starts_with(&[0xFF, 0xD8]), "{}", overlay.data.len());
-    assert_eq!(next(&mut states, LONGEST_WAIT).map(|state| (state.id, state.label)), Some((3, "active".into())));
     let events = std::iter::from_fn(|| next(&mut events, Duration::ZERO)).map(|event| event.transition.id);
     assert_eq!(events.collect::<Vec<_>>(), [1, 10, 3, 30], "it has configured and activated itself");
 }
@@ -202,13 +224,22 @@ pub fn show(bench: &Bench, shot: &Shot) {
 
 #[test]
 fn a_tare_is_taken_untouched_and_refused_in_contact() {
-    let mut bench = Bench::new(1, "");
+    tare_through(1, "enhanced", ServiceMapping::Enhanced);
+}
+
+#[test]
+fn services_answer_in_the_mapping_of_cyclone_too() {
+    tare_through(9, "cyclone", ServiceMapping::Cyclone);
+}
+
+fn tare_through(test: u16, key: &str, mapping: ServiceMapping) {
+    let mut bench = Bench::new(test, &format!("service_mapping = \"{key}\""));
     let service = |name: &str| ros2_client::Name::new("/slipbound", name).expect("a name");
     let tare = bench
         .ros
         .node()
         .create_client::<Empty, TriggerResponse>(
-            ServiceMapping::Enhanced,
+            mapping,
             &service("tare"),
             &ServiceTypeName::new("std_srvs", "Trigger"),
             RELIABLE,
@@ -219,7 +250,7 @@ fn a_tare_is_taken_untouched_and_refused_in_contact() {
         .ros
         .node()
         .create_client::<Empty, GetStateResponse>(
-            ServiceMapping::Enhanced,
+            mapping,
             &service("get_state"),
             &ServiceTypeName::new("lifecycle_msgs", "GetState"),
             RELIABLE,
@@ -303,4 +334,47 @@ fn a_node_that_was_killed_is_found_again_and_a_camera_too() {
     let after = report_of(&mut bench);
     assert!(after.seq > before.seq && after.frame > before.frame, "{} {}", before.seq, after.seq);
     assert_eq!(after.state, serde_json::to_value(SlipState::NoContact).expect("JSON"));
+}
+
+#[test]
+fn reports_begin_when_the_node_is_active_and_a_camera_that_never_comes_does_not_silence_the_others() {
+    let mut bench = Bench::new(10, "");
+    bench.add_finger();
+    let mut states: Inbox<LifecycleState> = bench.ros.inbox("/slipbound/state", &LATCHED).expect("an inbox");
+    let mut hands: Inbox<HandReport> = bench.ros.inbox("/slipbound/hand/report", &RELIABLE).expect("an inbox");
+    let _node = bench.node();
+    bench.await_node();
+    assert_eq!(next(&mut states, LONGEST_WAIT).map(|state| state.label).as_deref(), Some("unconfigured"));
+    let mut at_rest = simulated().1.iter().take(REST_COUNT).cycle();
+    let (began, mut early_count) = (Instant::now(), 0);
+    // The rest frame of the left finger is known after REST_COUNT pictures; the right one has no camera.
+    let active = loop {
+        early_count += std::iter::from_fn(|| bench.reports.take().expect("readable")).count();
+        if let Some(state) = next(&mut states, Duration::ZERO) {
+            break state;
+        }
+        assert!(began.elapsed() < LONGEST_WAIT, "it is not active");
+        show(&bench, at_rest.next().expect("a cycle"));
+    };
+    assert_eq!((active.id, active.label.as_str()), (3, "active"));
+    assert!(began.elapsed() >= Duration::from_secs(4), "it waits for the right finger: {:?}", began.elapsed());
+    // A report may overtake the state by a picture or two.
+    assert!(early_count <= 2, "{early_count} reports of a node that was unconfigured");
+    let mut left = None;
+    let until = Instant::now() + LONGEST_WAIT;
+    while left.is_none() && Instant::now() < until {
+        show(&bench, at_rest.next().expect("a cycle"));
+        left = next(&mut bench.reports, Duration::ZERO);
+    }
+    assert!(left.is_some(), "the left finger reports");
+    let hand = next(&mut hands, LONGEST_WAIT).expect("a report of the hand");
+    assert_eq!(hand.health[1], "blind", "{:?}", hand.health);
+    // The camera comes after all.
+    let mut reports: Inbox<SlipReport> = bench.ros.inbox("/slipbound/right/report", &RELIABLE).expect("an inbox");
+    bench.images = bench.ros.publisher("/right/image/compressed", &RELIABLE).expect("a publisher");
+    let until = Instant::now() + LONGEST_WAIT;
+    while next(&mut reports, Duration::ZERO).is_none() {
+        assert!(Instant::now() < until, "the right finger does not report");
+        show(&bench, at_rest.next().expect("a cycle"));
+    }
 }
