@@ -353,6 +353,9 @@ fn a_grasp_that_was_not_accepted_is_given_again_when_it_is_asked_for_again() {
         }
         assert!(errors.iter().any(|error| error.contains("grasp")), "{answer:?}: {errors:?}");
         driver.request(1500 * MS, command).expect("taken over");
+        // Where nobody answered, the limit is not known any more, and is set first.
+        tell(&mut driver, 1501, 0x32, &[0, 0]);
+        driver.tick(1502 * MS);
         assert_eq!(sent(&mut driver), 2, "{answer:?}");
     }
 }
