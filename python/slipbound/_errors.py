@@ -8,7 +8,16 @@ class Error(Exception):
 
 
 class SettingError(Error, ValueError):
-    """A setting, a sensor file or an argument that cannot be: the text names the key, what was expected and what was got."""
+    """A setting, a sensor file or an argument that cannot be: the text names the key, what was expected and what was got.
+
+    Attributes
+    ----------
+    errno, filename : int or None, str or None
+        Of a file that cannot be read: as an :class:`OSError` has them; else None.
+    """
+
+    errno: int | None = None
+    filename: str | None = None
 
 
 class FrameError(Error, ValueError):
@@ -30,9 +39,15 @@ class SourceError(Error, OSError):
     ----------
     kind : str
         What a caller can act on: ``settings``, ``unreadable``, ``format``, ``disconnected``, ``unsupported``, ``other``.
+    errno, filename : int or None, str or None
+        Where a file is behind it; ``errno`` is None when its content is what failed.
     """
 
     kind: str = "other"
+
+    def __str__(self) -> str:
+        # OSError would put number and file before a text that has them already.
+        return str(self.args[0]) if self.args else ""
 
 
 class ClosedError(Error, ValueError):

@@ -1,6 +1,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
-from typing import Any, Literal, final
+from typing import Any, ClassVar, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -221,6 +221,7 @@ class Monitor:
         settings: Settings | _Path | None = None,
         *,
         order: _Order = "BGR",
+        finger: str = "finger",
     ) -> None: ...
     def step(
         self,
@@ -234,6 +235,8 @@ class Monitor:
     def is_ready(self) -> bool: ...
     @property
     def refusal(self) -> str | None: ...
+    @property
+    def finger(self) -> str: ...
     @property
     def sensor(self) -> Sensor: ...
     @property
@@ -306,6 +309,21 @@ class Simulation:
     @property
     def gross(self) -> dict[str, Any] | None: ...
     def complete(self, truths: Sequence[Truth]) -> list[Truth]: ...
+
+@final
+class TaskSettings:
+    def __init__(self, file: _Path | None = None) -> None: ...
+    @staticmethod
+    def from_toml(text: str) -> TaskSettings: ...
+    def to_dict(self) -> dict[str, Any]: ...
+    def __eq__(self, other: object) -> bool: ...
+
+@final
+class NoFrame:
+    SILENT: ClassVar[NoFrame]
+    TORN: ClassVar[NoFrame]
+    def __eq__(self, other: object) -> bool: ...
+    def __hash__(self) -> int: ...
 
 @final
 class GripperState:
@@ -387,7 +405,12 @@ _Observer = Callable[[Cycle], object]
 @final
 class Loop:
     def __init__(
-        self, fingers: list[tuple[Any, ...]], task: str, controller: object, settings: str, order: _Order
+        self,
+        fingers: list[dict[str, Any]],
+        task: str,
+        controller: object,
+        settings: TaskSettings | _Path | None,
+        order: _Order,
     ) -> None: ...
     def cycle(self, now_ns: int, gripper: object, wrist: object, observer: _Observer | None = None) -> Cycle: ...
     def leave(self, gripper: object, wrist: object) -> None: ...
@@ -399,7 +422,7 @@ class HandRun:
         scene: str,
         parameters: list[tuple[str, str]],
         controller: object,
-        settings: str,
+        settings: TaskSettings | _Path | None,
         monitor: Settings | _Path | None,
     ) -> None: ...
     def cycle(self, observer: _Observer | None = None) -> Cycle: ...

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _slipbound as _native
-from ._slipbound import Cycle, GripperState, Sensor, Settings, WristCommand, WristState
+from ._slipbound import Cycle, GripperState, NoFrame, Sensor, Settings, TaskSettings, WristCommand, WristState
 
 __all__ = [
     "ControlLoop",
@@ -31,11 +31,20 @@ __all__ = [
     "FrameSource",
     "Gripper",
     "GripperState",
+    "NoFrame",
     "Observer",
+    "SILENT",
+    "TORN",
+    "TaskSettings",
     "Wrist",
     "WristCommand",
     "WristState",
 ]
+
+#: What :meth:`FrameSource.next` returns when no frame came in time; more may come.
+SILENT = NoFrame.SILENT
+#: What it returns when a frame came that cannot be decoded completely.
+TORN = NoFrame.TORN
 
 #: Whoever looks on: called after every cycle.
 Observer = Callable[[Cycle], object]
@@ -46,8 +55,12 @@ class FrameSource(ABC):
     """Where the frames of a finger come from."""
 
     @abstractmethod
-    def next(self) -> NDArray[np.uint8] | tuple[NDArray[np.uint8], int] | None:
-        """Return the next frame, with its time of exposure in ns where that is known; None when there is no more."""
+    def next(self) -> NDArray[np.uint8] | tuple[NDArray[np.uint8], int] | NoFrame | None:
+        """Return the next frame, with its time of exposure in ns where that is known.
+
+        :data:`SILENT` when none came in time and :data:`TORN` when it cannot be decoded: the loop goes on, blind for this
+        finger in this cycle. None when there is no more: the loop ends with ``source_ended``.
+        """
 
 
 class Gripper(ABC):
@@ -103,26 +116,38 @@ class Controller(ABC):
         """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Finger:
     """A finger of the hand.
 
     Attributes
     ----------
     source : FrameSource
-        Where its frames come from; its first frames must show it untouched.
+        Where its frames come from; without ``rest`` its first frames must show it untouched.
     sensor : Sensor, str or path
         Its facts.
     side : {"left", "right"}
         On which side of the object it is.
     settings : Settings, str, path or None
         Settings of its monitor.
+    name : str or None
+        What it is called in reports and messages; None is ``finger0``, ``finger1``, ... in their order.
+    rest : "auto", array, sequence of arrays, path or bytes
+        The finger at rest, as :class:`slipbound.Monitor` takes it. ``"auto"`` finds it among the first frames.
+    turn_rad : float
+        Angle by which its image is rotated against the finger frame, from x to y.
+    refuses_touch : bool
+        Whether the loop is left when something touches the finger in the rest frame that ``"auto"`` has found.
     """
 
     source: FrameSource
     sensor: Sensor | str | PathLike[str]
     side: Literal["left", "right"] = "left"
     settings: Settings | str | PathLike[str] | None = None
+    name: str | None = None
+    rest: Literal["auto"] | NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | str | PathLike[str] | bytes = "auto"
+    turn_rad: float = 0.0
+    refuses_touch: bool = False
 
 
 class ControlLoop:
@@ -140,8 +165,8 @@ class ControlLoop:
         What is to be done.
     controller : {"on_slip", "margin", "paper", "constant"} or Controller
         What decides how hard to hold.
-    settings : str
-        Text of a task settings file; its keys replace the defaults.
+    settings : TaskSettings, str, path or None
+        Settings of the task: an object, the text of a file, or its path. A ``str`` with a ``=`` or a line break is text.
     observer : callable or None
         Called with every :class:`Cycle`.
     order : {"BGR", "RGB"}
@@ -156,11 +181,11 @@ class ControlLoop:
         *,
         task: Task = "lift",
         controller: str | Controller = "on_slip",
-        settings: str = "",
+        settings: TaskSettings | str | PathLike[str] | None = None,
         observer: Observer | None = None,
         order: Literal["BGR", "RGB"] = "BGR",
     ) -> None:
-        rows = [(f"finger{i}", f.side, f.sensor, f.source, f.settings) for i, f in enumerate(fingers)]
+        rows = [{**vars(f), "name": f"finger{i}" if f.name is None else f.name} for i, f in enumerate(fingers)]
         self._loop = _native.Loop(rows, task, controller, settings, order)
         self._gripper = gripper
         self._wrist = wrist
@@ -176,6 +201,8 @@ class ControlLoop:
 
         Raises
         ------
+        slipbound.SettingError
+            When the time goes back: the wrist was paused and the gripper keeps its force.
         slipbound.ControlError
             When the loop was left: the wrist was paused and the gripper keeps its force.
         """

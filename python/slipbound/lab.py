@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from . import _slipbound as _native
 from ._slipbound import HandRun as _HandRun
-from ._slipbound import Report, Sensor, Settings, SimulatedFrame, Simulation, Truth
+from ._slipbound import Report, Sensor, Settings, SimulatedFrame, Simulation, TaskSettings, Truth
 
 if TYPE_CHECKING:
     from .control import Controller, Cycle, Observer
@@ -68,8 +68,8 @@ class Hand:
         ``lift``, ``screw``, ``unscrew`` or ``place``, or ``TASK?key=value&key=value``.
     controller : {"on_slip", "margin", "paper", "constant"} or slipbound.control.Controller
         What decides how hard to hold.
-    settings : str
-        Text of a task settings file; its keys replace the defaults.
+    settings : TaskSettings, str, path or None
+        Settings of the task, as :class:`slipbound.control.ControlLoop` takes them.
     monitor : Settings, str, path or None
         Settings of the fingers' monitors.
     **parameters
@@ -88,7 +88,7 @@ class Hand:
         scene: str,
         *,
         controller: str | Controller = "on_slip",
-        settings: str = "",
+        settings: TaskSettings | str | PathLike[str] | None = None,
         monitor: Settings | str | PathLike[str] | None = None,
         **parameters: Parameter,
     ) -> None:

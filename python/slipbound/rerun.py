@@ -17,8 +17,8 @@ from ._slipbound import Report
 
 __all__ = ["blueprint", "log"]
 
-#: The verdict that was logged last, by the name of the finger.
-_last_state: dict[str, str] = {}
+#: The verdict that was logged last, by the recording and the name of the finger.
+_last_state: dict[tuple[str | None, str], str] = {}
 _LEVELS = {"incipient": rr.TextLogLevel.WARN, "gross": rr.TextLogLevel.ERROR, "unjudged": rr.TextLogLevel.WARN}
 
 
@@ -66,8 +66,9 @@ def log(
     for key, value in numbers.items():
         if value is not None:
             rr.log(f"{name}/{key}", rr.Scalars(value), recording=recording)
-    if _last_state.get(name) != report.state:
-        _last_state[name] = report.state
+    key_of_state = (rr.get_recording_id(recording), name)
+    if _last_state.get(key_of_state) != report.state:
+        _last_state[key_of_state] = report.state
         text = report.state if report.reason is None else f"{report.state}: {report.reason}"
         level = _LEVELS.get(report.state, rr.TextLogLevel.INFO)
         rr.log(f"{name}/state", rr.TextLog(text, level=level), recording=recording)

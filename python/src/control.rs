@@ -2,6 +2,7 @@
 
 use crate::cycle::Cycle;
 use crate::errors::{config as config_error, data, exclusive, guarded, setting};
+use crate::monitor::rest_given;
 use crate::picture::byte_order;
 use crate::ports::{PythonController, PythonGripper, PythonObserver, PythonSource, PythonWrist, Raised};
 use crate::sensor::{Sensor, sensor_of, settings_of};
@@ -16,6 +17,7 @@ use slipbound::task::{ControllerKind, Task, TaskKind, TaskSettings};
 use slipbound_lab::hand::{HandScene, SimHand};
 use slipbound_lab::lockstep::{LockStep, LockStepError};
 use slipbound_rig::config;
+use std::path::PathBuf;
 use std::sync::Mutex;
 
 pyo3::import_exception!(slipbound._errors, ControlError);
@@ -40,8 +42,52 @@ fn task_of(
     task.map_err(setting)
 }
 
-fn task_settings(text: &str) -> PyResult<TaskSettings> {
-    config::parse_task_settings(text, "settings").map_err(config_error)
+/// The settings of a task: forces, controllers, timing. Read-only; other settings are made from TOML whose keys replace the
+/// defaults.
+#[pyclass(frozen, eq, module = "slipbound.control", name = "TaskSettings")]
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PyTaskSettings(TaskSettings);
+
+#[pymethods]
+impl PyTaskSettings {
+    /// The defaults, or those of a `FILE.toml`.
+    #[new]
+    #[pyo3(signature = (file = None))]
+    fn new(file: Option<PathBuf>) -> PyResult<Self> {
+        guarded(|| config::load_task_settings(file.as_deref()).map(PyTaskSettings).map_err(config_error))
+    }
+
+    /// Settings from the text of a task settings file; its keys replace the defaults.
+    #[staticmethod]
+    fn from_toml(text: &str) -> PyResult<Self> {
+        guarded(|| config::parse_task_settings(text, "settings").map(PyTaskSettings).map_err(config_error))
+    }
+
+    /// All settings by the names of the file.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        data(py, &self.0)
+    }
+
+    fn __repr__(&self) -> &'static str {
+        if self.0 == TaskSettings::default() {
+            "<slipbound.control.TaskSettings default>"
+        } else {
+            "<slipbound.control.TaskSettings>"
+        }
+    }
+}
+
+/// What stands for task settings in an argument: None, settings, the text of a file, or the file. Text has a `=` or more than
+/// a line; a path that has, too, is given as `pathlib.Path`.
+fn task_settings(argument: Option<&Bound<'_, PyAny>>) -> PyResult<TaskSettings> {
+    let Some(argument) = argument else { return Ok(TaskSettings::default()) };
+    if let Ok(settings) = argument.cast::<PyTaskSettings>() {
+        return Ok(settings.get().0.clone());
+    }
+    match argument.extract::<&str>() {
+        Ok(text) if text.trim().is_empty() || text.contains(['=', '\n']) => Ok(PyTaskSettings::from_toml(text)?.0),
+        _ => Ok(PyTaskSettings::new(Some(argument.extract()?))?.0),
+    }
 }
 
 /// A cycle that has been made, or why the loop was left.
@@ -61,32 +107,62 @@ fn finished<E: std::fmt::Display>(
 #[pyclass(frozen, module = "slipbound.control")]
 pub struct Loop {
     raised: Raised,
-    control: Mutex<CoreLoop>,
+    control: Mutex<Running>,
+}
+
+/// The loop, and the time of its last cycle.
+struct Running {
+    control: CoreLoop,
+    last_ns: u64,
+}
+
+/// A finger as `slipbound.control.ControlLoop` passes it on.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct FingerRow<'py> {
+    name: String,
+    side: String,
+    turn_rad: f64,
+    sensor: Bound<'py, PyAny>,
+    source: Py<PyAny>,
+    settings: Option<Bound<'py, PyAny>>,
+    rest: Bound<'py, PyAny>,
+    refuses_touch: bool,
 }
 
 #[pymethods]
 impl Loop {
-    /// `fingers`: name, side, sensor, source and settings of each.
     #[new]
     #[pyo3(signature = (fingers, task, controller, settings, order))]
-    #[allow(clippy::type_complexity)] // the tuple of a finger
     fn new(
-        fingers: Vec<(String, String, Bound<'_, PyAny>, Py<PyAny>, Option<Bound<'_, PyAny>>)>,
+        py: Python<'_>,
+        fingers: Vec<FingerRow<'_>>,
         task: &str,
         controller: &Bound<'_, PyAny>,
-        settings: &str,
+        settings: Option<&Bound<'_, PyAny>>,
         order: &str,
     ) -> PyResult<Self> {
         let raised = Raised::default();
         let order = byte_order(order)?;
-        let mut pipelines = Vec::new();
-        for (name, side, sensor, object, monitor) in fingers {
-            let side: Side = side.parse().map_err(setting)?;
-            let sensor = sensor_of(&sensor)?;
-            let monitor = settings_of(monitor.as_ref())?;
+        let mut pipelines: Vec<FingerPipeline> = Vec::new();
+        for finger in fingers {
+            let FingerRow { name, turn_rad, source: object, rest, refuses_touch, .. } = finger;
+            if name.is_empty() || pipelines.iter().any(|other| other.name() == name) {
+                let (key, expected) = ("name".into(), "a name for each finger, no two alike".into());
+                return Err(setting(BadSetting { key, expected, got: format!("`{name}`") }));
+            }
+            let side: Side = finger.side.parse().map_err(setting)?;
+            let sensor = sensor_of(&finger.sensor)?;
+            let monitor = settings_of(finger.settings.as_ref())?;
+            let rest = rest_given(py, &rest, order, &sensor, &monitor)?;
             let source = Box::new(PythonSource { object, order, raised: raised.clone(), frames_count: 0 });
             let (sensor, monitor) = ((*sensor).clone(), (*monitor).clone());
-            pipelines.push(FingerPipeline::new(&name, Mounting::on(side), sensor, monitor, source));
+            let finger = FingerPipeline::new(&name, Mounting { side, turn_rad }, sensor, monitor, source);
+            let finger = if refuses_touch { finger.refusing_touch() } else { finger };
+            pipelines.push(match rest {
+                Some(rest) => finger.with_rest(rest),
+                None => finger,
+            });
         }
         let Some(first) = pipelines.first() else {
             return Err(setting(BadSetting {
@@ -98,7 +174,7 @@ impl Loop {
         let task =
             task_of(task.parse().map_err(setting)?, controller, task_settings(settings)?, first.sensor(), &raised)?;
         let control = CoreLoop::new(pipelines, task).map_err(setting)?;
-        Ok(Loop { raised, control: Mutex::new(control) })
+        Ok(Loop { raised, control: Mutex::new(Running { control, last_ns: 0 }) })
     }
 
     /// One cycle.
@@ -112,13 +188,20 @@ impl Loop {
         observer: Option<Py<PyAny>>,
     ) -> PyResult<Cycle> {
         py.check_signals()?;
-        let mut control = exclusive(&self.control, "control loop")?;
-        let control = &mut *control;
+        let mut running = exclusive(&self.control, "control loop")?;
+        let Running { control, last_ns } = &mut *running;
         let raised = &self.raised;
         let mut gripper = PythonGripper { object: gripper, raised: raised.clone() };
         let mut wrist = PythonWrist { object: wrist, raised: raised.clone() };
         py.detach(|| {
             guarded(|| {
+                if now_ns < *last_ns {
+                    control.leave(&mut gripper, &mut wrist);
+                    let (expected, got) =
+                        (format!("at least {last_ns}, the time of the last cycle"), now_ns.to_string());
+                    return Err(setting(BadSetting { key: "now_ns".into(), expected, got }));
+                }
+                *last_ns = now_ns;
                 let mut observer = PythonObserver { call: observer.as_ref(), raised, newest: None };
                 let outcome = control.cycle(now_ns, &mut gripper, &mut wrist, &mut observer);
                 let newest = observer.newest.take();
@@ -132,8 +215,8 @@ impl Loop {
 
     /// Leaves the hand as it is: the wrist pauses, the force stays.
     fn leave(&self, py: Python<'_>, gripper: Py<PyAny>, wrist: Py<PyAny>) -> PyResult<()> {
-        let mut control = exclusive(&self.control, "control loop")?;
-        let control = &mut *control;
+        let mut running = exclusive(&self.control, "control loop")?;
+        let control = &mut running.control;
         let raised = Raised::default();
         let mut gripper = PythonGripper { object: gripper, raised: raised.clone() };
         let mut wrist = PythonWrist { object: wrist, raised: raised.clone() };
@@ -165,7 +248,7 @@ impl HandRun {
         scene: &str,
         parameters: Vec<(String, String)>,
         controller: &Bound<'_, PyAny>,
-        settings: &str,
+        settings: Option<&Bound<'_, PyAny>>,
         monitor: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let joined: Vec<String> = parameters.iter().map(|(key, value)| format!("{key}={value}")).collect();

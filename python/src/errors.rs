@@ -7,6 +7,7 @@ use slipbound::port::SourceError as SourceFailure;
 use slipbound::setting::SettingError as BadSetting;
 use slipbound_rig::config;
 use std::any::Any;
+use std::error::Error;
 use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, TryLockError};
@@ -52,8 +53,19 @@ pub fn setting(error: BadSetting) -> PyErr {
     SettingError::new_err(error.to_string())
 }
 
+/// Of a file that cannot be read, with `errno` and `filename` as an `OSError` has them.
 pub fn config(error: config::Error) -> PyErr {
-    SettingError::new_err(error.to_string())
+    let exception = SettingError::new_err(error.to_string());
+    if let config::Error::Read { path, source } = &error {
+        Python::attach(|py| of_file(py, &exception, source.raw_os_error(), &path.display().to_string()));
+    }
+    exception
+}
+
+/// Sets `errno` and `filename`. An exception that takes no attribute says what went wrong all the same.
+fn of_file(py: Python<'_>, exception: &PyErr, errno: Option<i32>, file: &str) {
+    let _ = exception.value(py).setattr("errno", errno);
+    let _ = exception.value(py).setattr("filename", file);
 }
 
 pub fn rest(error: NoRest) -> PyErr {
@@ -64,12 +76,29 @@ pub fn calibration(error: CannotCalibrate) -> PyErr {
     CalibrationError::new_err(error.to_string())
 }
 
-/// With its kind as an attribute.
+/// The number of the operating system's failure behind an error.
+fn errno_of(error: &(dyn Error + 'static)) -> Option<i32> {
+    let mut cause = Some(error);
+    while let Some(error) = cause {
+        if let Some(io) = error.downcast_ref::<std::io::Error>() {
+            return io.raw_os_error();
+        }
+        cause = error.source();
+    }
+    None
+}
+
+/// With its kind as an attribute, and `errno` and `filename` where it is a file's.
 pub fn source(py: Python<'_>, error: SourceFailure) -> PyErr {
     let exception = SourceError::new_err(error.to_string());
     if let Ok(kind) = word(&error.kind) {
         // An exception that takes no attribute says what went wrong all the same.
         let _ = exception.value(py).setattr("kind", kind);
+    }
+    if let Some(file) = &error.file {
+        // What is looked for before it is opened has no failure of the operating system behind it.
+        let missing = || std::fs::metadata(file).err().and_then(|e| e.raw_os_error());
+        of_file(py, &exception, errno_of(&error).or_else(missing), file);
     }
     exception
 }

@@ -44,6 +44,8 @@ fn _slipbound(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<control::Loop>()?;
     m.add_class::<control::HandRun>()?;
     m.add_class::<cycle::Cycle>()?;
+    m.add_class::<control::PyTaskSettings>()?;
+    m.add_class::<ports::NoFrame>()?;
     m.add_class::<ports::GripperState>()?;
     m.add_class::<ports::WristState>()?;
     m.add_class::<ports::WristCommand>()?;

@@ -74,35 +74,40 @@ struct State {
 ///     The settings; ``"paper"`` is the paper as written.
 /// order : {"BGR", "RGB"}
 ///     The order of the channels of colour pictures; OpenCV gives BGR.
+/// finger : str
+///     What the finger is called in the reports.
 #[pyclass(frozen, module = "slipbound")]
 pub struct Monitor {
     sensor: Arc<CoreSensor>,
     settings: Arc<CoreSettings>,
     order: ByteOrder,
+    finger: String,
     state: Mutex<State>,
 }
 
 #[pymethods]
 impl Monitor {
     #[new]
-    #[pyo3(signature = (sensor, rest = None, settings = None, *, order = "BGR"))]
+    #[pyo3(signature = (sensor, rest = None, settings = None, *, order = "BGR", finger = "finger"))]
     fn new(
         py: Python<'_>,
         sensor: &Bound<'_, PyAny>,
         rest: Option<&Bound<'_, PyAny>>,
         settings: Option<&Bound<'_, PyAny>>,
         order: &str,
+        finger: &str,
     ) -> PyResult<Self> {
         let (sensor, settings, order) = (sensor_of(sensor)?, settings_of(settings)?, byte_order(order)?);
-        let phase = match rest.filter(|rest| !is_auto(rest)) {
+        let rest = rest.map(|rest| rest_given(py, rest, order, &sensor, &settings)).transpose()?.flatten();
+        let phase = match rest {
             None => {
                 settings.check().map_err(setting)?;
                 Phase::Looking(None)
             }
-            Some(rest) => given(py, rest, order, &sensor, &settings)?,
+            Some(rest) => py.detach(|| guarded(|| judging(&sensor, &settings, rest)))?,
         };
         let state = Mutex::new(State { phase, frames_count: 0, scratch: Vec::new() });
-        Ok(Monitor { sensor, settings, order, state })
+        Ok(Monitor { sensor, settings, order, finger: finger.to_owned(), state })
     }
 
     /// Judges the next frame.
@@ -143,7 +148,7 @@ impl Monitor {
         state.scratch = scratch;
         let (report, kept, waiting) = done?;
         state.frames_count += 1;
-        Ok(Report { report, kept: Arc::new(kept), finger: "finger".into(), frame: seq, waiting })
+        Ok(Report { report, kept: Arc::new(kept), finger: self.finger.clone(), frame: seq, waiting })
     }
 
     /// Judges one frame `count` times in Rust alone and answers the ns of each step: what `bench/python.md` compares with.
@@ -193,6 +198,12 @@ impl Monitor {
             Phase::Judging(monitor, _) => monitor.refusal().map(|reason| reason.to_string()),
             Phase::Looking(_) => None,
         })
+    }
+
+    /// What the finger is called in the reports.
+    #[getter]
+    fn finger(&self) -> &str {
+        &self.finger
     }
 
     /// The facts of the finger, as they were given.
@@ -275,18 +286,21 @@ fn judging(sensor: &CoreSensor, settings: &CoreSettings, rest: Rest) -> PyResult
     Ok(Phase::Judging(Box::new(monitor), sensor))
 }
 
-/// The rest frame from what the caller says is the finger at rest.
-fn given(
+/// The rest frame from what the caller says is the finger at rest; None for `auto`.
+pub fn rest_given(
     py: Python<'_>,
     rest: &Bound<'_, PyAny>,
     order: ByteOrder,
     sensor: &CoreSensor,
     settings: &CoreSettings,
-) -> PyResult<Phase> {
+) -> PyResult<Option<Rest>> {
+    if rest.is_none() || is_auto(rest) {
+        return Ok(None);
+    }
     if let Some(saved) = saved(rest)? {
         let saved = saved.map_err(refused)?;
         saved.check(sensor, settings, "rest").map_err(refused)?;
-        return py.detach(|| guarded(|| judging(sensor, settings, saved.rest)));
+        return Ok(Some(saved.rest));
     }
     let one = rest.cast::<PyUntypedArray>().is_ok_and(|array| is_one_picture(array.shape()));
     let images: Vec<Bound<'_, PyAny>> =
@@ -298,7 +312,7 @@ fn given(
         frames.push(Frame { pixels: picture.pixels(scratch)?, seq: i as u64, time_ns: None });
     }
     let Some(size) = frames.first().map(|frame| frame.pixels.size()) else { return Err(rest_error(NoRest::Empty)) };
-    py.detach(|| guarded(|| judging(sensor, settings, rest_of(sensor, settings, size, &frames)?)))
+    py.detach(|| guarded(|| rest_of(sensor, settings, size, &frames))).map(Some)
 }
 
 /// What `slipbound tare` wrote, as bytes or as the path of its file; None for anything that is neither.

@@ -1,12 +1,14 @@
 //! The picture of what was found on a frame.
 
-use crate::errors::guarded;
+use crate::errors::{FrameError, guarded};
 use crate::picture::{Picture, array, byte_order};
 use crate::report::Report;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use slipbound::image::Frame;
+use slipbound::image::{Frame, SizePx};
+use slipbound::monitor::{Reason, SlipReport};
 use slipbound::port::PixelFormat;
+use slipbound::sensor::Sensor;
 use slipbound_rig::overlay::Overlay;
 
 /// Draws what was found on a frame, in the paper's colours: what moved on the left, what slips on the right.
@@ -24,6 +26,11 @@ use slipbound_rig::overlay::Overlay;
 /// -------
 /// numpy.ndarray
 ///     uint8, H x W x 3; its size depends on the sensor alone.
+///
+/// Raises
+/// ------
+/// FrameError
+///     When the frame has another size than the one that the report is of.
 #[pyfunction]
 #[pyo3(signature = (frame, report, *, order = "BGR"))]
 pub fn overlay<'py>(
@@ -37,6 +44,13 @@ pub fn overlay<'py>(
     let mut scratch = Vec::new();
     let Report { report, kept, .. } = report.get();
     let frame = Frame { pixels: picture.pixels(&mut scratch)?, seq: report.seq, time_ns: report.time_ns };
+    let got = frame.pixels.size();
+    if !is_of(got, report, &kept.sensor, kept.markers.is_empty()) {
+        let expected = kept.sensor.image_px;
+        return Err(FrameError::new_err(format!(
+            "expected the frame that the report is of, {expected} px, got {got} px"
+        )));
+    }
     let (pixels, size) = py.detach(|| {
         guarded(|| {
             let mut overlay = Overlay::new(&kept.sensor);
@@ -45,4 +59,14 @@ pub fn overlay<'py>(
         })
     })?;
     array(py, pixels, size, PixelFormat::Rgb, order)
+}
+
+/// Whether a frame of this size can be the one that the report is of.
+fn is_of(size: SizePx, report: &SlipReport, sensor: &Sensor, has_no_rest: bool) -> bool {
+    match report.reason {
+        Some(Reason::FrameSize { got, .. }) => got == size,
+        // Before the rest frame is known, the sensor is not yet at the size of the frames.
+        _ if has_no_rest => sensor.at_size(size).is_ok(),
+        _ => size == sensor.image_px,
+    }
 }

@@ -205,6 +205,18 @@ impl WristCommand {
     }
 }
 
+/// What a source returns in place of a frame when the camera is there but gave none. End of the recording is None.
+#[pyclass(eq, frozen, hash, module = "slipbound.control")]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub enum NoFrame {
+    /// No frame within the time that a frame lasts; more may come.
+    #[pyo3(name = "SILENT")]
+    Silent,
+    /// A frame came and cannot be decoded completely.
+    #[pyo3(name = "TORN")]
+    Torn,
+}
+
 /// A source whose `next` is a method of a Python object.
 pub struct PythonSource {
     pub object: Py<PyAny>,
@@ -218,6 +230,15 @@ impl PythonSource {
         let got = self.object.bind(py).call_method0("next")?;
         if got.is_none() {
             return Ok(Next::End);
+        }
+        if let Ok(kind) = got.cast::<NoFrame>() {
+            return Ok(match kind.get() {
+                NoFrame::Silent => Next::Silent,
+                NoFrame::Torn => {
+                    (into.seq, into.time_ns) = (self.frames_count, None);
+                    Next::Torn { reason: "the source said so".into() }
+                }
+            });
         }
         let (array, time_ns) = match got.cast::<PyTuple>() {
             Ok(pair) => (pair.get_item(0)?, crate::monitor::time(pair.get_item(1)?.extract()?)?),
@@ -235,7 +256,8 @@ impl PythonSource {
 impl FrameSource for PythonSource {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
         let next = Python::attach(|py| self.read(py, into));
-        self.frames_count += 1;
+        // A frame that never came has no number.
+        self.frames_count += u64::from(!matches!(next, Ok(Next::Silent)));
         next.map_err(|e| SourceError::new(SourceErrorKind::Other, self.raised.keep(e)))
     }
 }

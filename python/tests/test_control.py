@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,15 @@ import pytest
 
 import slipbound
 from slipbound.control import (
+    SILENT,
+    TORN,
     ControlLoop,
     Controller,
     Finger,
     FrameSource,
     Gripper,
     GripperState,
+    TaskSettings,
     Wrist,
     WristCommand,
     WristState,
@@ -223,3 +227,76 @@ def test_a_controller_that_fails_keeps_a_simulated_object():
     with pytest.raises(Boom):
         hand.run()
     assert hand.truth["grip_force_n"] > 20
+
+
+class Gapped(Recorded):
+    """Says at some frames that none came, or that one is torn."""
+
+    def __init__(self, frames, gaps: dict[int, object]) -> None:
+        super().__init__(frames)
+        self.calls, self.gaps = 0, gaps
+
+    def next(self):
+        self.calls += 1
+        return self.gaps[self.calls] if self.calls in self.gaps else super().next()
+
+
+@pytest.mark.parametrize(("gap", "reports"), [(SILENT, False), (TORN, True)], ids=["silent", "torn"])
+def test_a_source_that_gives_no_frame_does_not_end_the_loop(still, sensor, gap, reports):
+    control, gripper, _ = loop(still, sensor, source=Gapped(still, {32: gap, 33: gap}))
+    cycles = run(control, 36)
+    assert [cycle.outcome for cycle in cycles[30:]] == ["commanded"] * 6
+    for cycle in cycles[31:33]:
+        report = cycle.reports[0]
+        assert (report is not None) == reports
+        assert report is None or (report.state == "unjudged" and "torn" in report.reason)
+    # A silent camera sent nothing to be numbered; torn frames have numbers.
+    assert cycles[33].reports[0].seq == (33 if reports else 31)
+    assert gripper.told[-1] is not None
+
+
+def test_a_finger_has_a_name_a_rest_frame_and_a_mounting(still, sensor, tmp_path):
+    at_rest = [frame.image() for frame in still[:5]]
+
+    def made(**of_finger):
+        finger = Finger(Recorded(still[5:]), sensor, **of_finger)
+        return ControlLoop([finger], Jaws(), Arm())
+
+    cycle = made(name="thumb", rest=at_rest, turn_rad=0.1).cycle(0)
+    assert cycle.outcome == "commanded" and cycle.reports[0].finger == "thumb"
+    assert made().cycle(0).outcome == "at_rest"
+    with pytest.raises(slipbound.SettingError, match="turn_rad"):
+        made(turn_rad=50.0)
+    with pytest.raises(slipbound.SettingError, match="rest: expected"):
+        made(rest="now")
+    with pytest.raises(slipbound.SettingError, match="no two alike, got `thumb`"):
+        ControlLoop([Finger(Recorded(still), sensor, name="thumb") for _ in range(2)], Jaws(), Arm())
+    pressed = Finger(Recorded(still[-30:]), sensor, refuses_touch=True)
+    with pytest.raises(slipbound.ControlError, match="touch"):
+        run(ControlLoop([pressed], Jaws(), Arm()), 30)
+
+
+def test_settings_of_a_task_as_text_object_and_file(still, sensor, tmp_path):
+    text = "[grip]\nstart_n = 17.0\n"
+    file = tmp_path / "task.toml"
+    file.write_text(text)
+    settings = TaskSettings.from_toml(text)
+    assert settings == TaskSettings(file) != TaskSettings() and settings.to_dict()["grip"]["start_n"] == 17.0
+    for given in (text, settings, file, str(file)):
+        control, gripper, _ = loop(still, sensor, settings=given)
+        run(control, 30)
+        assert gripper.told[0] == 17.0, given
+        hand = slipbound.lab.Hand("lift", settings=given, seed=1, fingers=1, longest_s=1, grid="fast")
+        hand.run()
+        assert hand.score["most_n"] >= 17.0, given
+    with pytest.raises(slipbound.SettingError, match="nothing.toml"):
+        loop(still, sensor, settings=Path("nothing.toml"))
+
+
+def test_a_clock_that_runs_backwards_pauses_the_wrist_and_raises(still, sensor):
+    control, gripper, wrist = loop(still, sensor)
+    run(control, 30)
+    told = list(gripper.told)
+    with pytest.raises(slipbound.SettingError, match=f"now_ns: expected at least {29 * FRAME_NS}"):
+        control.cycle(28 * FRAME_NS)
+    assert wrist.told[-1] == "pause" and gripper.told == told

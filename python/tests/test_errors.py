@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import signal
@@ -114,12 +115,52 @@ def test_sources_that_cannot_be(tmp_path):
     with pytest.raises(slipbound.SourceError) as missing:
         slipbound.watch(tmp_path / "nothing.avi")
     assert missing.value.kind == "settings" and isinstance(missing.value, OSError)
+    assert missing.value.errno == errno.ENOENT and missing.value.filename == str(tmp_path / "nothing.avi")
+    assert "there is no such file" in str(missing.value)
     (tmp_path / "broken.avi").write_bytes(b"RIFF\0\0")
     with pytest.raises(slipbound.SourceError):
         slipbound.watch(tmp_path / "broken.avi")
     (tmp_path / "empty").mkdir()
     with pytest.raises(slipbound.SourceError):
         slipbound.watch(tmp_path / "empty")
+
+
+def test_files_that_cannot_be_read_have_number_and_name(tmp_path):
+    for of in (slipbound.Sensor, slipbound.Settings, slipbound.control.TaskSettings):
+        with pytest.raises(slipbound.SettingError) as missing:
+            of(tmp_path / "nothing.toml")
+        assert (missing.value.errno, missing.value.filename) == (errno.ENOENT, str(tmp_path / "nothing.toml"))
+    with pytest.raises(slipbound.SettingError) as wrong:
+        slipbound.Settings.from_toml("[rest]\nwindow_count = 0\n")
+    assert wrong.value.errno is None and wrong.value.filename is None
+
+
+def test_what_python_itself_refuses(monitor, frames):
+    """What docs/python.md calls a TypeError or an OverflowError."""
+    image = frames[0].image()
+    for wrong in ({"grip_n": "10"}, {"time_ns": 1.5}, {"order": 3}):
+        with pytest.raises(TypeError):
+            monitor.step(image, **wrong)
+    with pytest.raises(OverflowError):
+        monitor.step(image, time_ns=1 << 127)
+    with pytest.raises(OverflowError):
+        slipbound.control.GripperState(-1)
+    with pytest.raises(OverflowError):
+        slipbound.lab.simulate("ramp", seed=-1)
+
+
+def test_an_overlay_is_of_the_frame_of_its_report(monitor, frames, sensor):
+    report = monitor.step(frames[-1].image())
+    assert slipbound.overlay(frames[-1].image(), report).ndim == 3
+    small = frames[-1].image()[::2, ::2]
+    with pytest.raises(slipbound.FrameError, match="expected the frame that the report is of, 640x480 px, got 320x240 px"):
+        slipbound.overlay(small, report)
+    unjudged = monitor.step(small[:100])
+    assert unjudged.state == "unjudged" and slipbound.overlay(small[:100], unjudged).ndim == 3
+    with pytest.raises(slipbound.FrameError):
+        slipbound.overlay(frames[-1].image(), unjudged)
+    looking = slipbound.Monitor(sensor).step(small)
+    assert slipbound.overlay(small, looking).ndim == 3
 
 
 def test_a_closed_source_says_so():

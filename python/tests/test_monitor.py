@@ -153,3 +153,10 @@ def test_a_finger_is_calibrated_from_its_picture():
     assert slipbound.Monitor(mine, rest=at_rest).step(at_rest).state == "no_contact"
     with pytest.raises(slipbound.CalibrationError):
         slipbound.calibrate(np.full((240, 320, 3), 128, np.uint8))
+
+
+def test_the_name_of_the_finger_is_in_its_reports(frames, sensor):
+    named = slipbound.Monitor(sensor, rest=frames[0].image(), finger="left")
+    report = named.step(frames[0].image())
+    assert named.finger == report.finger == "left" and report.to_dict()["finger"] == "left"
+    assert slipbound.Monitor(sensor).finger == "finger"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
@@ -98,7 +99,10 @@ class SlipboundCamera(Camera):
 
     @property
     def features(self) -> dict[str, float]:
-        """Numbers of the newest frame: place of the verdict in STATES, margin (1 where unknown), shear of the gel, px and rad."""
+        """Numbers of the newest frame: place of the verdict in STATES, margin, shear of the gel in px and rad.
+
+        A margin that is not known is NaN, and ``margin_known`` is 0 with it: it must not read as a safe one.
+        """
         report = self._report
         if report is None:
             raise RuntimeError("no frame was read yet")
@@ -106,7 +110,8 @@ class SlipboundCamera(Camera):
         x_px, y_px = (0.0, 0.0) if shear is None else shear.translation_px
         return {
             "state": float(STATES.index(report.state)),
-            "margin": 1.0 if report.margin is None else report.margin.value,
+            "margin": math.nan if report.margin is None else report.margin.value,
+            "margin_known": 0.0 if report.margin is None else 1.0,
             "shear_x_px": x_px,
             "shear_y_px": y_px,
             "shear_rad": 0.0 if shear is None else shear.rotation_rad,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -38,12 +40,16 @@ def test_it_gives_pictures_and_numbers_until_it_is_disconnected():
     with pytest.raises(ConnectionError):
         camera.read()
     with camera:
-        states = set()
+        states, unknown = set(), 0
         for _ in range(45):
             image = camera.async_read()
             assert image.shape == (camera.height, camera.width, 3) and image.dtype == np.uint8
             states.add(STATES[int(camera.features["state"])])
-        assert {"no_contact", "incipient"} <= states
+            features = camera.features
+            # An unknown margin must not read as a safe one.
+            assert math.isnan(features["margin"]) == (features["margin_known"] == 0)
+            unknown += features["margin_known"] == 0
+        assert {"no_contact", "incipient"} <= states and 0 < unknown < 45
         assert camera.read_latest() is image
     assert not camera.is_connected
 
