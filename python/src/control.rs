@@ -82,7 +82,7 @@ impl PyTaskSettings {
 fn task_settings(argument: Option<&Bound<'_, PyAny>>) -> PyResult<TaskSettings> {
     let Some(argument) = argument else { return Ok(TaskSettings::default()) };
     if let Ok(settings) = argument.cast::<PyTaskSettings>() {
-        return Ok(settings.get().0.clone());
+        return Ok(settings.get().0);
     }
     match argument.extract::<&str>() {
         Ok(text) if text.trim().is_empty() || text.contains(['=', '\n']) => Ok(PyTaskSettings::from_toml(text)?.0),
