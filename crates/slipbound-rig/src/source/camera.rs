@@ -7,7 +7,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// A live source that has been opened.
 pub struct Camera {
-    /// Its frames. [`FrameSource::next`] waits for a tenth of a second at most and is silent then; it reconnects by
+    /// Its frames. [`FrameSource::next`] waits for a tenth of a second at most and is silent then, but longer while it connects anew, for up
+    /// to 5 s over a network: see [`Newest`]. It reconnects by
     /// itself after it was unplugged or cut off.
     pub source: Box<dyn FrameSource + Send>,
     /// The negotiated and locked settings, as names and values; stored in recordings.

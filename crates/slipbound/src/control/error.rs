@@ -7,7 +7,8 @@ use crate::port::SourceError;
 use crate::setting::SettingError;
 use std::fmt;
 
-/// Why the loop ended early. Whatever the reason, the wrist was paused first and the gripper keeps its force.
+/// Why the loop ended early. Whatever the reason, the wrist was paused first, and the gripper keeps its force or goes up to the blind force of
+/// [`GripLimits`](crate::grip::GripLimits), never down.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum ControlError {
