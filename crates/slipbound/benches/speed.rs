@@ -3,7 +3,8 @@
 //!
 //! ```text
 //!   speed judge   FINGER FRAMES [MARKERS]   judges so many frames; with so many markers, of 1280x960 px
-//!   speed measure FINGER FRAMES     whole step and each step, us: median of the mean of 30 frames in a row, 99.9th percentile of one
+//!   speed measure FINGER FRAMES     whole step and each step, us: median of the mean of 30 frames in a row, 99.9th percentile of one, the dearest
+//!                                   frame of a turn; and the whole step of a camera of 30 Hz, of which every frame gets everything
 //!   speed growth  FINGER            medians for 320x240 to 1920x1440 px, and for 50 to 5,000 markers
 //!   speed memory  FINGER            resident memory of a monitor, MiB
 //!   speed fingers FINGER SECONDS    1 to 16 monitors at 90 Hz on all cores: late frames, share of the cores in use
@@ -28,7 +29,11 @@ use std::time::{Duration, Instant};
 const SIZE: SizePx = SizePx::new(640, 480);
 const PITCH_PX: f64 = 26.5;
 const FRAME_NS: u64 = 1_000_000_000 / 90;
+const SLOW_FRAME_NS: u64 = 1_000_000_000 / 30;
 const WARM_UP_FRAMES: usize = 200;
+
+/// After so many frames at 90 Hz the same frames of the twelve meet the same steps again.
+const TURN_FRAMES: usize = 60;
 
 /// A finger and some frames of it, to be judged over and over.
 #[derive(Clone)]
@@ -37,6 +42,8 @@ struct Recording {
     frames: Arc<Vec<Vec<u8>>>,
     monitor: SlipMonitor,
     seq: u64,
+    time_ns: u64,
+    frame_ns: u64,
 }
 
 impl Recording {
@@ -74,15 +81,16 @@ impl Recording {
         builder.add(&picture::frame(&rest, size, 0)).expect("bright");
         let rest = builder.build(RestKind::Unloaded).expect("markers");
         let monitor = SlipMonitor::new(&painter.sensor, &settings, rest).expect("valid");
-        Recording { size, frames: Arc::new(frames), monitor, seq: 0 }
+        Recording { size, frames: Arc::new(frames), monitor, seq: 0, time_ns: 0, frame_ns: FRAME_NS }
     }
 
     fn judge(&mut self, probe: &mut dyn Probe) {
         let rgb = &self.frames[self.seq as usize % self.frames.len()];
         let pixels = Pixels::Rgb(Rgb::new(rgb, self.size).expect("a whole picture"));
-        let frame = Frame { pixels, seq: self.seq, time_ns: Some(self.seq * FRAME_NS) };
+        let frame = Frame { pixels, seq: self.seq, time_ns: Some(self.time_ns) };
         black_box(self.monitor.step_probed(&frame, Some(GripSample { force_n: 10.0 }), probe));
         self.seq += 1;
+        self.time_ns += self.frame_ns;
     }
 }
 
@@ -112,6 +120,15 @@ fn quantile_us(times: &mut [f64], share: f64) -> f64 {
 fn turn_us(times: &[f64]) -> f64 {
     let mut turns: Vec<f64> = times.as_chunks::<30>().0.iter().map(|turn| turn.iter().sum::<f64>() / 30.0).collect();
     quantile_us(&mut turns, 0.5)
+}
+
+/// The dearest place of a turn, by the median of all frames that fell on it: what the steps themselves add to the tail, without what the machine does.
+fn dearest_us(times: &[f64]) -> f64 {
+    let of_place = |place: usize| {
+        let mut same: Vec<f64> = times.iter().skip(place).step_by(TURN_FRAMES).copied().collect();
+        quantile_us(&mut same, 0.5)
+    };
+    (0..TURN_FRAMES).map(of_place).fold(0.0, f64::max)
 }
 
 fn timed_us(work: impl FnOnce()) -> f64 {
@@ -148,11 +165,16 @@ fn measure(finger: &str, frames_count: usize) -> Value {
     let mut by_step: serde_json::Map<String, Value> = (probe.times_us.iter())
         .map(|(step, times)| (format!("{step:?}").to_lowercase(), json!(turn_us(times))))
         .collect();
+    let dearest_us = dearest_us(&whole);
+    // From here on it is a camera of 30 Hz.
+    recording.frame_ns = SLOW_FRAME_NS;
+    let slow: Vec<f64> = (0..frames_count.min(900)).map(|_| timed_us(|| recording.judge(&mut ()))).collect();
     let (copy_us, median_us) = (quantile_us(&mut copies, 0.5), turn_us(&whole));
     by_step.insert("estimates".into(), json!(turn_us(&estimates)));
     json!({
         "markers_count": recording.monitor.markers().len(), "frames_count": frames_count, "memcpy_us_median": copy_us,
         "step_us_median": median_us, "step_us_p999": quantile_us(&mut whole, 0.999),
+        "step_us_dearest": dearest_us, "step_us_at_30_hz": turn_us(&slow),
         "step_us_worst": whole[whole.len() - 1], "memcpy_ratio": median_us / copy_us, "steps_us_median": by_step,
     })
 }
