@@ -21,7 +21,9 @@ fastdds="$CARGO_TARGET_DIR/ros2-fastdds"
 mkdir -p "$fastdds"
 if [ -e /usr/include/fastdds/dds/domain/DomainParticipant.hpp ] \
     || (apt-get update -qq && apt-get install -y -qq g++ libfastrtps-dev) >/dev/null 2>&1; then
-    g++ -std=c++17 -O1 -w -o "$fastdds/fastdds_reader" tests_interop/fastdds_reader.cpp -lfastrtps -lfastcdr
+    for program in fastdds_reader fastdds_client; do
+        g++ -std=c++17 -O1 -w -o "$fastdds/$program" "tests_interop/$program.cpp" -lfastrtps -lfastcdr
+    done
 else
     echo "left out: FastDDS (no libfastrtps-dev here)"
 fi

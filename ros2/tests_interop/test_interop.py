@@ -28,6 +28,7 @@ TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 BINARY = TARGET / "debug" / "slipbound-ros2"
 EXAMPLE = TARGET / "debug" / "examples" / "interop_frames"
 FASTDDS = TARGET / "ros2-fastdds" / "fastdds_reader"
+FASTDDS_CLIENT = TARGET / "ros2-fastdds" / "fastdds_client"
 DOMAIN_ID = 98
 LONGEST_WAIT_S = 40
 REST_COUNT = 20
@@ -212,6 +213,19 @@ def test_services_answer_cyclonedds_in_its_mapping(node):
         assert (answer.id, answer.label) == (1, "unconfigured")
     answer = tare.ask(0xFEDCBA9876543210, 3)
     assert not answer.success and "left" in answer.message
+
+
+@pytest.mark.skipif(not FASTDDS_CLIENT.exists(), reason="fastdds_client is not built (ros2/check.sh builds it)")
+def test_services_answer_fastdds_in_the_enhanced_mapping(node):
+    def ask(service, kind):
+        args = [FASTDDS_CLIENT, str(DOMAIN_ID), service, kind]
+        done = subprocess.run(args, capture_output=True, text=True, timeout=2 * LONGEST_WAIT_S, check=True)
+        return bytes.fromhex(done.stdout)[4:]  # behind how it is encoded
+
+    state = ask("slipbound/get_state", "lifecycle_msgs::srv::dds_::GetState")
+    assert state[0] == 1 and b"unconfigured\0" in state
+    tare = ask("slipbound/tare", "std_srvs::srv::dds_::Trigger")
+    assert tare[0] == 0 and b"left: expected a finger at rest" in tare
 
 
 def test_a_difference_is_found():
