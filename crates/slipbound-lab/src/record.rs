@@ -13,7 +13,7 @@ use crate::scenes::Trial;
 use crate::world::{FrameTruth, Gross, TRUTH_FORMAT_VERSION, TruthHeader, World, complete};
 use serde::{Deserialize, Serialize};
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
-use slipbound::setting::SettingError;
+use slipbound::setting::{SettingError, nearest};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -87,6 +87,9 @@ struct SceneFile {
     trial: Trial,
 }
 
+/// Its keys.
+const SCENE_KEYS: [&str; 4] = ["software_version", "scene", "seed", "set"];
+
 /// Longest scene file, bytes: a file that is none, or a device that never ends, is read no further.
 const MOST_BYTES: u64 = 1 << 20;
 
@@ -98,6 +101,12 @@ pub fn read_scene(path: &Path) -> Result<Trial, RecordError> {
     file.take(MOST_BYTES + 1).read_to_string(&mut text).map_err(|error| bad(error.to_string()))?;
     if text.len() as u64 > MOST_BYTES {
         return Err(bad(format!("expected at most {MOST_BYTES} bytes, got more")));
+    }
+    let table: toml::Table = toml::from_str(&text).map_err(|error| bad(error.message().to_owned()))?;
+    // The flattened trial takes every key for its own, and passes over those that are not.
+    if let Some(unknown) = table.keys().find(|key| !SCENE_KEYS.contains(&key.as_str())) {
+        let meant = nearest(unknown, &SCENE_KEYS).map_or_else(String::new, |key| format!("; did you mean `{key}`?"));
+        return Err(bad(format!("unknown key `{unknown}`{meant}")));
     }
     let file: SceneFile = toml::from_str(&text).map_err(|error| bad(error.message().to_owned()))?;
     Ok(file.trial)

@@ -134,3 +134,15 @@ fn every_protocol_judges_a_trial_with_every_detector() {
         assert_eq!(markdown(&records), markdown(&read_back), "{name}");
     }
 }
+
+#[test]
+fn a_folder_is_written_by_one_sweep_at_a_time() {
+    let root = tempfile::tempdir().expect("a folder");
+    let protocol = simulated("ramps", SEED, Some(TRIALS)).expect("there is one");
+    let open = || SweepFolder::open(root.path(), &sweep(&*protocol), &["ours"], Shard::WHOLE);
+    let first = open().expect("new");
+    let message = open().expect_err("in use").to_string();
+    assert!(message.contains("expected a folder that no other `slipbound eval` writes to"), "{message}");
+    drop(first);
+    open().expect("free again");
+}

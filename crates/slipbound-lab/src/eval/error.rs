@@ -35,6 +35,12 @@ pub enum FolderError {
         /// Why.
         source: io::Error,
     },
+    /// Another program writes to it.
+    #[error("{path}: expected a folder that no other `slipbound eval` writes to, got one that is in use", path = .path.display())]
+    Busy {
+        /// The folder.
+        path: PathBuf,
+    },
     /// Something in a file is not as it must be.
     #[error("{path}: {key}: expected {expected}, got {got}", path = .path.display())]
     Value {

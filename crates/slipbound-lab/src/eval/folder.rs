@@ -11,7 +11,7 @@ use super::record::TrialRecord;
 use super::table::Sweep;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -68,23 +68,32 @@ impl SweepFolder {
         let about = SweepFile { format: FORMAT.into(), sweep: sweep.clone(), detectors, shard };
         fs::create_dir_all(path).map_err(file(path))?;
         let about_path = path.join("sweep.json");
-        let records = match about_path.exists() {
-            true => {
-                check_same(&about_path, &about, &read_about(&about_path)?, true)?;
-                whole_trials(&path.join("trials.jsonl"), &about)?
-            }
+        let is_there = about_path.exists();
+        if is_there {
+            check_same(&about_path, &about, &read_about(&about_path)?, true)?;
+        }
+        let lines_path = path.join("trials.jsonl");
+        // Held until the folder is dropped; the lock of a program that was killed goes with it.
+        let lines = OpenOptions::new().create(true).append(true).open(&lines_path).map_err(file(&lines_path))?;
+        match lines.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(FolderError::Busy { path: path.to_owned() }),
+            // A file system without locks: two at once are then not noticed.
+            Err(TryLockError::Error(e)) if e.kind() == io::ErrorKind::Unsupported => {}
+            Err(TryLockError::Error(e)) => return Err(file(&lines_path)(e)),
+        }
+        let records = match is_there {
+            true => whole_trials(&lines_path, &about)?,
             false => {
                 write_json(&about_path, &about)?;
                 Vec::new()
             }
         };
-        let lines_path = path.join("trials.jsonl");
         let mut text = Vec::new();
         for record in &records {
             write_line(&mut text, record).map_err(file(&lines_path))?;
         }
         fs::write(&lines_path, text).map_err(file(&lines_path))?;
-        let lines = OpenOptions::new().append(true).open(&lines_path).map_err(file(&lines_path))?;
         Ok(SweepFolder { path: path.to_owned(), about, records, lines })
     }
 

@@ -121,8 +121,41 @@ pub fn roc(positives: &[f64], negatives: &[f64]) -> Vec<(f64, f64)> {
     curve
 }
 
+/// Up to this size of a sample the ranks of an interval are exact; beyond it the normal approximation serves (Conover).
+const EXACT_COUNT: usize = 20;
+
+/// The ranks, from 1 to `count`, of the order statistics between which the `at` quantile lies at 95 %, whatever the distribution; None
+/// where the sample is too small to have them: a median needs six.
+fn interval_ranks(count: usize, at: f64) -> Option<(usize, usize)> {
+    let n = count as f64;
+    let (low, high) = if count > EXACT_COUNT {
+        let half = Z * (n * at * (1.0 - at)).sqrt();
+        if half == 0.0 {
+            return None; // nothing lies beyond the ends of a distribution
+        }
+        ((n * at - half).ceil(), (n * at + half).ceil())
+    } else {
+        // The quantile has `below` of the sample under it with the chance of a binomial distribution. 2.5 % stay outside on either side.
+        let mut chance = (0..count).fold(1.0, |chance, _| chance * (1.0 - at));
+        let (mut up_to, mut low, mut high) = (0.0, 0.0, n + 1.0);
+        for below in 0..=count {
+            up_to += chance;
+            if up_to <= 0.025 {
+                low = (below + 1) as f64;
+            }
+            if up_to >= 0.975 && high > n {
+                high = (below + 1) as f64;
+            }
+            chance *= (count - below) as f64 / (below + 1) as f64 * at / (1.0 - at);
+        }
+        (low, high)
+    };
+    (low >= 1.0 && high <= n).then_some((low as usize, high as usize))
+}
+
 /// A quantile of a sample, `at` from 0 to 1, interpolated between order statistics (type 7 of Hyndman and Fan), with
-/// the order statistics between which it lies at 95 % (Conover), whatever the distribution.
+/// the order statistics between which it lies at 95 % (Conover), whatever the distribution; no interval for a sample that is too
+/// small to have them.
 pub fn quantile(sample: &[f64], at: f64) -> Estimated {
     let mut sorted: Vec<f64> = sample.iter().copied().filter(|number| !number.is_nan()).collect();
     if sorted.is_empty() {
@@ -134,10 +167,11 @@ pub fn quantile(sample: &[f64], at: f64) -> Estimated {
     let (under, part) = (place.floor() as usize, place.fract());
     let over = (under + 1).min(last);
     let value = if part == 0.0 { sorted[under] } else { sorted[under] + part * (sorted[over] - sorted[under]) };
-    let (n, half) = (sorted.len() as f64, Z * (sorted.len() as f64 * at * (1.0 - at)).sqrt());
-    let rank = |place: f64| sorted[(place.ceil().max(1.0) as usize - 1).min(last)];
-    let (low, high) = (rank(n * at - half), rank(n * at + half));
-    Estimated::of(value, low.min(value), high.max(value), sorted.len() as u64)
+    let n = sorted.len() as u64;
+    match interval_ranks(sorted.len(), at) {
+        Some((low, high)) => Estimated::of(value, sorted[low - 1].min(value), sorted[high - 1].max(value), n),
+        None => Estimated { value: Some(value), low: None, high: None, n },
+    }
 }
 
 /// The median, as [`quantile`].
@@ -249,6 +283,25 @@ mod tests {
         near(quantile(&sample, 0.95).value, 95.05, 1e-9);
         assert_eq!(quantile(&[f64::NAN], 0.5), Estimated::NONE);
         assert_eq!(quantile(&[2.0, f64::INFINITY], 1.0).value, Some(f64::INFINITY));
+    }
+
+    /// The ranks of Conover's table A3 (binomial, p = 0.5), and none where the least and the largest do not reach 95 %.
+    #[test]
+    fn a_small_sample_has_no_interval_that_it_cannot_have() {
+        let ranks = |count: usize, at: f64| {
+            let sample: Vec<f64> = (1..=count).map(|n| n as f64).collect();
+            let quantile = quantile(&sample, at);
+            assert_eq!(quantile.low.is_some(), quantile.high.is_some());
+            quantile.low.zip(quantile.high)
+        };
+        for count in 1..=5 {
+            assert_eq!(ranks(count, 0.5), None, "{count}: 1 - 2 / 2^{count} is less than 95 %");
+        }
+        assert_eq!(ranks(6, 0.5), Some((1.0, 6.0)), "1 - 2 / 64 is 97 %");
+        assert_eq!((ranks(10, 0.5), ranks(20, 0.5)), (Some((2.0, 9.0)), Some((6.0, 15.0))));
+        assert_eq!((ranks(20, 0.95), ranks(40, 0.95)), (None, None), "0.95^40 = 0.13 have all of it below");
+        assert_eq!(ranks(100, 0.95), Some((91.0, 100.0)));
+        assert_eq!((ranks(30, 1.0), ranks(9, 1.0), ranks(9, 0.0)), (None, None, None));
     }
 
     #[test]
