@@ -3,6 +3,7 @@
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use slipbound::control::{Cycle, CycleObserver, CycleView};
+use slipbound::port::Next;
 use slipbound::task::{Ending, Phase};
 use slipbound_lab::hand::HandTruth;
 use slipbound_lab::score::RunScore;
@@ -234,6 +235,8 @@ pub struct Tally {
     pub score: RunScore,
     /// What the task was doing last; None before the first command.
     pub phase: Option<Phase>,
+    /// Whole frames of every finger.
+    pub frames_counts: Vec<u64>,
     /// The first lower force that the gripper refused.
     pub refused_lowering: Option<String>,
     /// What is true now, set by the thread of the simulated world.
@@ -244,6 +247,10 @@ impl CycleObserver for Tally {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
         if self.refused_lowering.is_none() {
             self.refused_lowering = view.refused_lowering.map(str::to_owned);
+        }
+        self.frames_counts.resize(view.fingers.len(), 0);
+        for (count, finger) in self.frames_counts.iter_mut().zip(view.fingers) {
+            *count += u64::from(*finger.next == Next::Frame);
         }
         let truth = self.truth.lock().unwrap_or_else(PoisonError::into_inner);
         match (view.cycle(), truth.as_ref()) {

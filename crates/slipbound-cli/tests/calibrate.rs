@@ -52,7 +52,7 @@ fn a_calibrated_clear_gel_is_untouched_in_every_frame_at_rest() {
         for words in [
             &["simulate", &scene, "-o", &name][..],
             &["calibrate", &name, "-o", &file],
-            &["tare", &name, "--sensor", &file, "-o", &rest],
+            &["tare", &name, "--sensor", &file, "--frames", "10", "-o", &rest],
         ] {
             let done = slipbound(folder.path(), words);
             assert!(done.status.success(), "{words:?}: {}", String::from_utf8_lossy(&done.stderr));

@@ -260,3 +260,149 @@ fn work_that_never_began_and_hands_that_end_empty_are_failures() {
     let (fast_s, slow_s) = (hold("30"), hold("5"));
     assert!(slow_s > 6.5, "{fast_s} s and {slow_s} s");
 }
+
+/// A lift of four seconds, kept frame by frame: the hand is open at first, then it holds. Its folder and sensor file.
+fn seen(scratch: &Path) -> (String, String) {
+    let seen = scratch.join("seen");
+    let made = demo(&seen, &["--task", "lift", "--set", "longest_s=4", "--record"]);
+    assert!(seen.join("left").exists(), "{}", told(&made));
+    let text = |name: &str| seen.join(name).to_str().expect("UTF-8").to_owned();
+    (text("left"), text("left.sensor.toml"))
+}
+
+#[test]
+fn a_task_that_outlives_its_source_has_failed_and_a_hold_has_not() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (left, sensor) = seen(scratch.path());
+    let folder = |name: &str| scratch.path().join(name).to_str().expect("UTF-8").to_owned();
+    let common = [&left, "--sensor", &sensor, "--gripper", "dry", "--rate-hz", "30"];
+    let (lift, hold) = (folder("lift"), folder("hold"));
+    let output = slipbound(&[&["run", "lift"], &common[..], &["--wrist", "dry", "-o", &lift]].concat());
+    assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+    assert!(told(&output).contains("the source ended before the task did: lift was still "), "{}", told(&output));
+    let output = slipbound(&[&["hold"], &common[..], &["-o", &hold]].concat());
+    assert!(output.status.success(), "{}", told(&output));
+
+    // A gripper that is not there leaves nothing behind: the same command again is not refused for its folder.
+    let gone = folder("gone");
+    for _ in 0..2 {
+        let nobody = [&left, "--sensor", &sensor, "--gripper", "wsg50://127.0.0.1:1", "-o", &gone];
+        let output = slipbound(&[&["hold"], &nobody[..]].concat());
+        assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+        assert!(told(&output).contains("cannot connect"), "{}", told(&output));
+        assert!(!Path::new(&gone).exists());
+    }
+    // And a folder that is in use is told before the gripper is looked for.
+    let nobody = [&left, "--sensor", &sensor, "--gripper", "wsg50://127.0.0.1:1", "-o", &hold];
+    let output = slipbound(&[&["hold"], &nobody[..]].concat());
+    assert_eq!(output.status.code(), Some(2), "{}", told(&output));
+
+    // Too few frames for the rest frame: how many, of how many.
+    let few = scratch.path().join("few");
+    fs::create_dir(&few).expect("made");
+    for i in 0..14 {
+        let name = format!("{i:06}.jpg");
+        fs::copy(Path::new(&left).join(&name), few.join(&name)).expect("copied");
+    }
+    let few = few.to_str().expect("UTF-8");
+    let output = slipbound(&[&["hold", few], &common[1..], &["-o", &folder("none")]].concat());
+    assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+    let said = "expected 20 bright frames of the open hand to begin with, got 14 frames of ";
+    assert!(told(&output).contains(said), "{}", told(&output));
+}
+
+/// Names that lead out of the folder, or of which two make one file, are refused before anything is written.
+#[test]
+fn a_finger_is_not_named_out_of_its_folder() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let empty = scratch.path().join("empty");
+    fs::create_dir(&empty).expect("made");
+    let (empty, hand, run) =
+        (empty.to_str().expect("UTF-8"), scratch.path().join("hand.toml"), scratch.path().join("run"));
+    for name in ["../x", "a/b", "d\u{e4}umen"] {
+        let finger = format!("[[fingers]]\nname = \"{name}\"\nserial = \"A\"\nside = \"left\"\nsensor = \"gelslim\"\n");
+        fs::write(&hand, format!("name = \"one\"\n{finger}")).expect("written");
+        let (hand, run) = (hand.to_str().expect("UTF-8"), run.to_str().expect("UTF-8"));
+        let output = slipbound(&["hold", empty, "--hand", hand, "--gripper", "dry", "--record", "-o", run]);
+        assert_eq!(output.status.code(), Some(2), "{}", told(&output));
+        assert!(
+            told(&output).contains("hand.toml: fingers[0].name: expected 1 to 64 of A-Z a-z 0-9 _ -"),
+            "{}",
+            told(&output)
+        );
+    }
+    assert!(!run.exists());
+}
+
+/// A replay that has fewer lines than were recorded is not the same; and says how far it was.
+#[test]
+fn a_run_whose_lines_are_cut_is_not_called_the_same() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let run = scratch.path().join("run");
+    demo(&run, &["--task", "lift", "--set", "longest_s=2", "--record"]);
+    let read = |name: &str| fs::read_to_string(run.join(name)).expect("lines");
+    let (reports, frames) = (read("reports.jsonl"), read("frames.jsonl"));
+    let count = reports.lines().count();
+    let first = |text: &str, lines: usize| text.split_inclusive('\n').take(lines).collect::<String>();
+    let replay = |reports: &str, frames: &str| {
+        fs::write(run.join("reports.jsonl"), reports).expect("written");
+        fs::write(run.join("frames.jsonl"), frames).expect("written");
+        let output = slipbound(&["replay", run.to_str().expect("UTF-8")]);
+        (output.status.code(), told(&output))
+    };
+    let (code, said) = replay(&reports, &frames);
+    assert_eq!(code, Some(0), "{said}");
+    let less = count - 5;
+    for (reports, frames, expected) in [
+        (
+            first(&reports, less),
+            frames.clone(),
+            format!("reports.jsonl: ends after {less} cycles, which are the same; 5 more"),
+        ),
+        (
+            reports[..reports.len() - 9].to_owned(),
+            frames.clone(),
+            format!("reports.jsonl: ends after {} cycles, which are the same; 1 more", count - 1),
+        ),
+        (
+            reports.clone(),
+            first(&frames, frames.lines().count() - 5),
+            format!(
+                "frames.jsonl: ends before cycle {less} of {count} in reports.jsonl; the {less} before it are the same"
+            ),
+        ),
+    ] {
+        let (code, said) = replay(&reports, &frames);
+        assert_eq!(code, Some(1), "{said}");
+        assert!(said.contains(&expected), "no `{expected}` in {said}");
+    }
+}
+
+/// A source that gives pixels alone, as a camera without compression does: they are kept without loss.
+#[test]
+fn frames_that_come_as_pixels_are_kept_and_replay() {
+    use slipbound::port::{FrameBuffer, FrameSource as _, Next};
+    use slipbound_rig::container::{Recorder, TappedSource};
+    struct Pixels(Box<dyn slipbound::port::FrameSource + Send>);
+    impl slipbound::port::FrameSource for Pixels {
+        fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, slipbound::port::SourceError> {
+            let next = self.0.next(into)?;
+            into.encoded.clear();
+            Ok(next)
+        }
+    }
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (left, sensor) = seen(scratch.path());
+    let path = |name: &str| scratch.path().join(name).to_str().expect("UTF-8").to_owned();
+    let (raw, held) = (path("raw.mcap"), path("held"));
+    let recorder = Recorder::create(Path::new(&raw), &["left".into()], false).expect("creates");
+    let pixels = Pixels(slipbound_rig::source::open(&left).expect("opens"));
+    let mut tapped = TappedSource::new(pixels, 0, recorder.inlet(), true);
+    let mut frame = FrameBuffer::default();
+    while tapped.next(&mut frame).expect("goes on") != Next::End {}
+    assert_eq!(recorder.finish().expect("closes").lost_count, 0);
+    let more = ["--sensor", &sensor, "--gripper", "dry", "--rate-hz", "30", "--record", "-o", &held];
+    let output = slipbound(&[&["hold", &raw], &more[..]].concat());
+    assert!(output.status.success(), "{}", told(&output));
+    check_replay(Path::new(&held));
+}

@@ -184,3 +184,135 @@ fn a_picture_that_stands_upright_is_asked_about() {
         assert!(done.status.code() == Some(2) && told(&done).contains("turned by 90 degrees?"), "{}", told(&done));
     }
 }
+
+/// A finger's name is the name of files and topics: it leads nowhere else.
+#[test]
+fn names_of_fingers_that_cannot_be_names_of_files_are_refused() {
+    let folder = clip();
+    for name in ["a/b", "", "../../evil", "zwei w\u{f6}rter", "a.b"] {
+        for command in [&["record", "clip", "-o", "r.mcap"][..], &["watch", "clip", "--record", "r.mcap"]] {
+            let done = slipbound(folder.path(), &[command, &["--finger", name]].concat());
+            assert_eq!(done.status.code(), Some(2), "{command:?} `{name}`: {}", told(&done));
+            assert!(told(&done).contains("expected 1 to 64 of A-Z a-z 0-9 _ -"), "`{name}`: {}", told(&done));
+        }
+    }
+    assert!(!folder.path().join("r.mcap").exists());
+    let done = slipbound(folder.path(), &["record", "clip", "-o", "r.mcap", "--finger", "Left_1-a"]);
+    assert!(done.status.success(), "{}", told(&done));
+}
+
+#[test]
+fn a_recording_is_judged_with_the_sensor_file_that_goes_with_it() {
+    let folder = clip();
+    let sensor = ["--sensor", "clip/sensor.toml"];
+    let record = ["record", "clip", "-o", "rec.mcap", "--finger", "thumb"];
+    assert!(slipbound(folder.path(), &[&record[..], &sensor].concat()).status.success());
+    let lines = |name: &str| {
+        let text = fs::read_to_string(folder.path().join(name)).expect("a report");
+        text.split_once('\n').map(|(_, lines)| lines.to_owned()).expect("a header and lines")
+    };
+    for (more, name) in [(&[][..], "own.jsonl"), (&sensor, "given.jsonl")] {
+        let done = slipbound(folder.path(), &[&["watch", "rec.mcap", "--json", name], more].concat());
+        assert!(done.status.success(), "{}", told(&done));
+        let took = told(&done).contains("no --sensor given: took thumb.sensor.toml of rec.mcap");
+        assert_eq!(took, more.is_empty(), "{}", told(&done));
+    }
+    assert_eq!(lines("own.jsonl"), lines("given.jsonl"));
+}
+
+#[test]
+fn convert_writes_over_nothing_that_is_not_its_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let words = ["demo", "--fingers", "1", "--task", "lift", "--set", "longest_s=0.3", "--record", "-o", "run"];
+    slipbound(folder.path(), &words);
+    let mine = folder.path().join("mine.mcap");
+    fs::write(&mine, "my thesis").expect("written");
+    let convert = |to: &str| slipbound(folder.path(), &["convert", "run", "-o", to]);
+    for (to, said) in [
+        ("mine.mcap", "--output: expected a new file or a recording, got mine.mcap"),
+        ("run/all.mcap", "--output run/all.mcap: expected a place outside of run"),
+    ] {
+        let done = convert(to);
+        assert_eq!(done.status.code(), Some(2), "{to}: {}", told(&done));
+        assert!(told(&done).contains(said), "{to}: {}", told(&done));
+    }
+    assert_eq!(fs::read_to_string(&mine).expect("there"), "my thesis");
+    for _ in 0..2 {
+        let done = convert("all.mcap");
+        assert!(done.status.success(), "{}", told(&done));
+    }
+}
+
+/// What cannot be done is refused with exit code 2, before anything is written or moves.
+#[test]
+fn numbers_and_options_that_mean_nothing_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (line, said) in [
+        ("trials --seeds 0", "--seeds"),
+        ("trials --first-seed 18446744073709551615 --seeds 2", "--first-seed"),
+        ("eval ramps --trials 0 -o ev", "--trials"),
+        ("eval ramps --trials 1 --refit -o ev", "--refit: expected with `lifts` only, got ramps"),
+        ("eval slides --trials 1 --data . -o ev", "--data: expected with `lifts` and `wriggles` only, got slides"),
+        ("record sim -o r.mcap --for-s nan", "--for-s: expected seconds above 0, at most 1000000000, got NaN"),
+        ("record sim -o r.mcap --for-s 0", "--for-s: expected seconds above 0, at most 1000000000, got 0"),
+        ("emulate robotiq-rtu --port 5000", "--port: expected none for robotiq-rtu"),
+        ("gripper dry grasp 0", "expected a force from 5 N to 80 N per finger, got 0"),
+        ("gripper dry grasp -3", "expected a force from 5 N to 80 N per finger, got -3"),
+        ("gripper dry grasp nan", "expected a force from 5 N to 80 N per finger, got NaN"),
+        ("gripper wsg50://127.0.0.1:1?most_n=40 grasp 41", "expected a force from 5 N to 40 N per finger, got 41"),
+        ("gripper wsg50://127.0.0.1:1 check-hold --low 20 --high 90", "from 5 N to 80 N per finger, got 90"),
+    ] {
+        let done = slipbound(folder.path(), &line.split(' ').collect::<Vec<_>>());
+        assert_eq!(done.status.code(), Some(2), "{line}: {}", told(&done));
+        assert!(told(&done).contains(said), "{line}: {}", told(&done));
+    }
+    assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 0, "nothing was written");
+    let done = slipbound(folder.path(), &["gripper", "dry", "grasp", "20"]);
+    assert!(done.status.success(), "{}", told(&done));
+}
+
+/// The noise is that of the frames at rest; a touch that comes later is told, and where.
+#[test]
+fn a_finger_that_is_touched_later_is_not_called_untouched() {
+    let folder = clip();
+    let sensor = ["--sensor", "clip/sensor.toml"];
+    let done = slipbound(folder.path(), &[&["doctor", "clip"], &sensor[..]].concat());
+    assert_eq!(done.status.code(), Some(1), "{}", told(&done));
+    let said = told(&done);
+    assert!(said.contains("BAD   untouched: something touches the finger, from frame "), "{said}");
+    let noise_px = |said: &str| -> f64 {
+        let words = said.split("noise").nth(1).and_then(|rest| rest.trim_start_matches(':').split_whitespace().next());
+        words.and_then(|number| number.parse().ok()).unwrap_or_else(|| panic!("no noise: {said}"))
+    };
+    let tare = |frames: &str| slipbound(folder.path(), &[&["tare", "clip", "--frames", frames], &sensor[..]].concat());
+    let done = tare("12");
+    assert_eq!(done.status.code(), Some(1), "{}", told(&done));
+    assert!(told(&done).contains("expected a finger that nothing touches in its first 12 frames"), "{}", told(&done));
+    assert!(!folder.path().join("finger.rest").exists());
+    let done = tare("3");
+    assert!(done.status.success(), "{}", told(&done));
+    // The first frames of the press are not yet called a touch, but most of what they move is left out.
+    assert!(noise_px(&told(&done)) < 0.1, "{}", told(&done));
+}
+
+#[test]
+fn frames_of_two_sizes_are_no_good_camera() {
+    let folder = clip();
+    let encode = |width: u16, height: u16| {
+        let mut jpeg = Vec::new();
+        let grey = vec![128; usize::from(width) * usize::from(height)];
+        jpeg_encoder::Encoder::new(&mut jpeg, 80)
+            .encode(&grey, width, height, jpeg_encoder::ColorType::Luma)
+            .expect("encodes");
+        jpeg
+    };
+    fs::create_dir(folder.path().join("two")).expect("made");
+    for number in 0..10 {
+        let picture = if number < 6 { encode(320, 240) } else { encode(64, 48) };
+        fs::write(folder.path().join(format!("two/{number}.jpg")), picture).expect("written");
+    }
+    let done = slipbound(folder.path(), &["doctor", "two"]);
+    assert_eq!(done.status.code(), Some(1), "{}", told(&done));
+    let said = "BAD   one size: 4 of 10 frames are not of 320x240";
+    assert!(told(&done).contains(said), "{}", told(&done));
+}

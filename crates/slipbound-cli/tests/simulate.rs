@@ -140,3 +140,16 @@ fn a_long_file_of_another_kind_is_refused_without_being_read() {
         assert!(output.status.code() == Some(2) && err.contains(said), "{arguments:?}: {:?} {err}", output.status);
     }
 }
+
+#[test]
+fn a_key_that_a_scene_file_does_not_have_is_refused_by_name() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let scene = "scene = \"press\"\nseeds = 3\n\n[set]\ngrid = \"fast\"\n";
+    fs::write(dir.path().join("scene.toml"), scene).expect("writes");
+    let refused = run(dir.path(), &["simulate", "scene.toml", "-o", "run"]);
+    assert_eq!(refused.code, Some(2), "{refused:?}");
+    assert!(
+        refused.err.contains("scene.toml: expected a scene file: unknown key `seeds`; did you mean `seed`?"),
+        "{refused:?}"
+    );
+}

@@ -37,6 +37,6 @@ pub use convert::{ConvertError, Converted, to_folder, to_mcap};
 pub use db3::Db3Source;
 pub use frame_record::{Fate, FrameRecord};
 pub use observer::{McapAnnotations, McapObserver};
-pub use reader::McapSource;
+pub use reader::{McapSource, attached_sensor};
 pub use recorder::{Error, Inlet, Recorder, Written};
 pub use tap::{MarkedSource, ReportLines, TappedSource};

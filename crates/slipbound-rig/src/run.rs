@@ -36,7 +36,7 @@ mod words;
 pub use error::Error;
 pub use event::{Event, TimedEvent};
 pub(crate) use folder::prepare_folder;
-pub use folder::{RunFolder, free_folder, read};
+pub use folder::{RunFolder, free_folder, read, refuse_used_folder};
 pub use frames::{FrameRecorder, RecordedSource};
 pub use info::{FORMAT_VERSION, FingerInfo, Row, RunInfo};
 pub use notes::{CameraLimits, RunNotes};

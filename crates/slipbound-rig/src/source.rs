@@ -31,6 +31,7 @@
 mod avi;
 mod camera;
 mod chunked;
+mod encoded;
 mod error;
 mod ffmpeg;
 mod ffmpeg_live;
@@ -50,6 +51,7 @@ mod video_times;
 
 pub use avi::Avi;
 pub use camera::{Camera, CameraCounts, CameraTally};
+pub use encoded::Encoded;
 pub use error::Error;
 pub use ffmpeg::Ffmpeg;
 pub use ffmpeg_live::FfmpegLive;
@@ -184,6 +186,23 @@ fn open_video(path: &Path) -> Result<Box<dyn FrameSource + Send>, Error> {
         let survey = walk.survey().map_err(read)?;
         Ok(Box::new(Ffmpeg::open(path, Some((walk.video(), survey)))?))
     }
+}
+
+/// Of an AVI file whose header states a rate that no camera has, and which is not believed: that, in words. Its frames have no
+/// time. None for every other source.
+pub fn doubtful_rate(uri: &str) -> Option<String> {
+    let path = Path::new(uri);
+    let mut file = fs::metadata(path).ok().filter(fs::Metadata::is_file).and_then(|_| File::open(path).ok())?;
+    let start = first_bytes(&mut file).ok()?;
+    if !(start.starts_with(b"RIFF") && start.ends_with(b"AVI ")) {
+        return None;
+    }
+    let rate = riff::Walk::open(BufReader::new(file)).ok()?.video().rate;
+    rate.is_doubtful().then(|| {
+        let (least_hz, most_hz) = (riff::LEAST_RATE_HZ, riff::MOST_RATE_HZ);
+        let expected = format!("expected {least_hz} to {most_hz} frames per second in its header");
+        format!("{uri}: {expected}, got {} in {} s: its frames are given no time", rate.frames, rate.seconds)
+    })
 }
 
 /// Up to 12 bytes from the start; the file is wound back.

@@ -1,5 +1,6 @@
 //! `slipbound convert`: a run folder as an MCAP recording, and back.
 
+use super::inputs;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
@@ -24,7 +25,11 @@ impl Convert {
         let (from, to) = (&self.from, &self.output);
         let is_mcap = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "mcap");
         let converted = match (from.is_dir(), is_mcap(to)) {
-            (true, true) => container::to_mcap(from, to),
+            (true, true) => {
+                inputs::refuse_within("--output", to, from)?;
+                inputs::refuse_recording("--output", to, &[], &[])?;
+                container::to_mcap(from, to)
+            }
             (false, false) => container::to_folder(from, to),
             (true, false) => {
                 let got = to.display();

@@ -15,6 +15,7 @@ use slipbound_rig::gripper::{Device, Session, describe};
 use slipbound_rig::link::now_ns;
 use slipbound_rig::rest_file::{RestFileError, SavedRest};
 use slipbound_rig::sensors;
+use slipbound_rig::source::most_common_size;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::thread;
@@ -112,6 +113,9 @@ impl Doctor {
                 Next::End => break,
             }
         }
+        let all_count = frames.len();
+        let common = most_common_size(&frames);
+        frames.retain(|frame: &FrameBuffer| Some(frame.size) == common);
         let Some(first) = frames.first() else {
             let advice = "is the stream the right one, and the camera not in use by another program?";
             return Ok(Err(bad("camera", format!("{} gives no whole frame", self.source), advice)));
@@ -120,10 +124,14 @@ impl Doctor {
         let advice = "a shorter or shielded cable, another USB port, or fewer cameras on one hub";
         findings.push(judged(
             "whole frames",
-            format!("{torn_count} torn of {}", frames.len()),
+            format!("{torn_count} torn of {}", all_count + torn_count),
             torn_count == 0,
             advice,
         ));
+        if let other_count @ 1.. = all_count - frames.len() {
+            let is = format!("{other_count} of {all_count} frames are not of {}", first.size);
+            findings.push(bad("one size", is, "is it one camera, set to one size? the others cannot be judged"));
+        }
         if let Some(camera) = &camera {
             findings.push(rate(&camera.tally.counts(), &camera.facts));
             // A stream says nothing of the camera behind it.

@@ -21,9 +21,9 @@ pub struct Emulate {
     /// Which gripper
     #[arg(value_parser = NAMES, required = true)]
     name: Option<String>,
-    /// TCP port; 0 takes any that is free. Not for robotiq-rtu: that makes a serial device of its own
-    #[arg(long, default_value_t = 0)]
-    port: u16,
+    /// TCP port [default: any that is free]. Not for robotiq-rtu: that makes a serial device of its own
+    #[arg(long)]
+    port: Option<u16>,
     /// Address to listen at. Everyone who reaches it can command the emulator
     #[arg(long, default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     listen: IpAddr,
@@ -74,6 +74,10 @@ impl Emulate {
                 "expected --weight from 0 to 1000 N and --mu from 0.01 to 10, got {weight} and {mu}"
             )));
         }
+        if let (Some(port), "robotiq-rtu") = (self.port, name) {
+            let expected = "expected none for robotiq-rtu, which makes a serial device of its own";
+            return Err(Failure::Arguments(anyhow::anyhow!("--port: {expected}, got {port}")));
+        }
         let interrupted = interruption::listen()?;
         let emulator = by_name(name).ok_or_else(|| anyhow::anyhow!("no emulator is called {name}"))?;
         let mut emulator = emulator.with_faults(self.fail.clone());
@@ -106,9 +110,9 @@ impl Emulate {
         block: &mut LoggedBlock<File>,
         interrupted: &AtomicBool,
     ) -> Result<(), Failure> {
-        let bound = TcpListener::bind((self.listen, self.port));
-        let listener =
-            bound.map_err(|e| Failure::work(format!("cannot listen at {}:{}", self.listen, self.port), e))?;
+        let port = self.port.unwrap_or(0);
+        let bound = TcpListener::bind((self.listen, port));
+        let listener = bound.map_err(|e| Failure::work(format!("cannot listen at {}:{port}", self.listen), e))?;
         let address = listener.local_addr().map_err(|e| Failure::work("cannot listen", e))?;
         Terminal::plain().say(&format!("{name}://{address}"))?;
         serve_tcp(listener, emulator, block, || !interrupted.load(Ordering::Relaxed))

@@ -40,7 +40,7 @@ pub struct Eval {
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = DETECTORS.map(|entry| entry.name))]
     detector: Vec<String>,
     /// How many trials instead of the protocol's own number; a different number is another sweep
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     trials: Option<u64>,
     /// Only a part of the trials: the Ith of N
     #[arg(long, value_name = "I/N", value_parser = shard, default_value = "1/1")]
@@ -106,6 +106,15 @@ impl Eval {
     }
 
     fn protocol_of(&self, name: &str, seed: u64, trials: Option<u64>) -> Result<Box<dyn Protocol>, Failure> {
+        for (option, is_given, of) in
+            [("--refit", self.refit, &["lifts"][..]), ("--data", self.data.is_some(), &["lifts", "wriggles"])]
+        {
+            if is_given && !of.contains(&name) {
+                let of = of.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(" and ");
+                let text = format!("{option}: expected with {of} only, got {name}");
+                return Err(Failure::Arguments(anyhow::Error::msg(text)));
+            }
+        }
         match name {
             "lifts" => Ok(Box::new(Lifts::new(self.clips("gelsight-lift")?, finger("gelsight")?, self.refit))),
             "wriggles" => {

@@ -10,7 +10,7 @@ use slipbound_rig::sensors;
 /// Behind what is said of frames that stand upright where the finger's lie.
 pub const TURNED: &str = "; are the pictures turned by 90 degrees?";
 
-/// The finger asked for, else that of the scene, that of `sensor.toml` beside the frames, the one `saved` at rest under a name, or the only
+/// The finger asked for, else that of the scene, that of `sensor.toml` beside the frames, that which goes with an MCAP recording, the one `saved` at rest under a name, or the only
 /// built-in one whose frames have just this size; with a note where that was a choice.
 pub fn of(
     source: &str,
@@ -27,6 +27,9 @@ pub fn of(
     if let Some(file) = recording::sensor_beside(source) {
         let sensor = sensors::load(&file.to_string_lossy()).map_err(Failure::arguments)?;
         return Ok((sensor, Some(format!("no --sensor given: took {}", file.display()))));
+    }
+    if let Some((sensor, place)) = recording::sensor_within(source)? {
+        return Ok((sensor, Some(format!("no --sensor given: took {place}"))));
     }
     if let Some((sensor, file)) = saved {
         return Ok((sensor.clone(), Some(format!("no --sensor given: took {} of {file}", sensor.name))));

@@ -7,7 +7,7 @@ use anyhow::anyhow;
 use clap::Subcommand;
 use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 use slipbound_rig::gripper::check_hold::Verdict;
-use slipbound_rig::gripper::{Device, Request, Session, describe};
+use slipbound_rig::gripper::{self, Device, Request, Session, describe};
 use std::path::PathBuf;
 
 /// The arguments of `slipbound gripper`.
@@ -62,6 +62,7 @@ impl Gripper {
             let expected = "expected two forces in N per finger, the lower one above 0 and below the higher one";
             return Err(Failure::Arguments(anyhow!("--low, --high: {expected}, got {low} and {high}")));
         }
+        self.refuse_forces()?;
         let interrupted = interruption::listen()?;
         let mut device = Device::open(&self.address, self.config.as_deref())?;
         let mut terminal = Terminal::plain();
@@ -91,6 +92,26 @@ impl Gripper {
         };
         terminal.say(&describe(&state))?;
         Ok(Outcome::Done)
+    }
+}
+
+impl Gripper {
+    /// Refuses forces that the gripper does not press with, before anything moves.
+    fn refuse_forces(&self) -> Result<(), Failure> {
+        let forces_n = match self.action {
+            Action::Grasp { force_n } => vec![force_n],
+            Action::CheckHold { low, high } => vec![low, high],
+            _ => return Ok(()),
+        };
+        let driver = gripper::driver(&self.address, self.config.as_deref())?;
+        let (least_n, most_n) = (driver.config().least_n, driver.config().most_n);
+        match forces_n.iter().find(|force_n| !(**force_n > 0.0 && (least_n..=most_n).contains(*force_n))) {
+            None => Ok(()),
+            Some(got) => {
+                let expected = format!("expected a force from {least_n} N to {most_n} N per finger");
+                Err(Failure::Arguments(anyhow!("{}: {expected}, got {got}", self.address)))
+            }
+        }
     }
 }
 

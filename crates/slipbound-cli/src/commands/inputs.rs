@@ -28,6 +28,18 @@ fn is_same_node(_: &Path, _: &Path) -> bool {
     false
 }
 
+/// Refuses a file that would lie within a folder that is read.
+pub fn refuse_within(option: &str, path: &Path, folder: &Path) -> Result<(), Failure> {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match (fs::canonicalize(parent), fs::canonicalize(folder)) {
+        (Ok(parent), Ok(whole)) if parent.starts_with(&whole) => {
+            let (shown, folder) = (path.display(), folder.display());
+            Err(Failure::Arguments(anyhow!("{option} {shown}: expected a place outside of {folder}, which is read")))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Refuses a recording that would fall on a source, on one of its pictures, on another file that is read, or on a file that
 /// is no recording. `option`: what names the recording.
 pub fn refuse_recording(

@@ -8,6 +8,7 @@ use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::hand::Side;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use slipbound_rig::config::hand::finger_name;
 use slipbound_rig::container::{Recorder, TappedSource};
 use slipbound_rig::link::now_ns;
 use slipbound_rig::sensors;
@@ -17,6 +18,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
+
+/// Longest recording that can be asked for, s: 32 years, far within what fits ns.
+const MOST_S: f64 = 1e9;
 
 /// The arguments of `slipbound record`.
 #[derive(Debug, clap::Args)]
@@ -28,7 +32,7 @@ pub struct Record {
     #[arg(short, long, value_name = "FILE.mcap")]
     output: PathBuf,
     /// Name of a finger, given once for every source [default: finger, or left and right]
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = finger_name)]
     finger: Vec<String>,
     /// The sensor of every finger, to go with the recording: a built-in name or a sensor file
     #[arg(long, value_name = "NAME|FILE.toml")]
@@ -45,6 +49,11 @@ impl Record {
     /// Records until the sources end, the time is over, nothing can be written any more, or Ctrl-C.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let names = self.names()?;
+        if let Some(for_s) = self.for_s.filter(|s| !(*s > 0.0 && *s <= MOST_S)) {
+            return Err(Failure::Arguments(anyhow!(
+                "--for-s: expected seconds above 0, at most {MOST_S}, got {for_s}"
+            )));
+        }
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
         inputs::refuse_recording("--output", &self.output, &self.sources, &[self.sensor.as_deref().map(Path::new)])?;
         let recorder = Recorder::create(&self.output, &names, false).map_err(Failure::arguments)?;
@@ -55,6 +64,7 @@ impl Record {
                 .for_each(|n| recorder.attach(&format!("{n}.sensor.toml"), "text/toml", text.clone().into_bytes()));
         }
         let mut terminal = Terminal::with_status();
+        self.sources.iter().filter_map(|uri| source::doubtful_rate(uri)).for_each(|doubt| terminal.note(&doubt));
         let stop = interruption::listen()?;
         let mut running = Vec::new();
         for (number, uri) in self.sources.iter().enumerate() {
@@ -110,7 +120,7 @@ impl Record {
         running: &[(thread::JoinHandle<Counted>, Option<Arc<CameraTally>>)],
         terminal: &Terminal,
     ) {
-        let until_ns = self.for_s.map(|s| now_ns() + (s.clamp(0.0, 1e9) * 1e9) as u64);
+        let until_ns = self.for_s.map(|s| now_ns() + (s * 1e9) as u64);
         while !stop.load(Ordering::Relaxed) && running.iter().any(|(thread, _)| !thread.is_finished()) {
             // A full disk: who only records does nothing else meanwhile, so it is told at once.
             if until_ns.is_some_and(|until_ns| now_ns() >= until_ns) || recorder.has_failed() {

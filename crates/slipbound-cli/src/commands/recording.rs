@@ -6,9 +6,10 @@ use slipbound::sensor::Sensor;
 use slipbound_lab::faults::Faulty;
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
-use slipbound_rig::container::{Inlet, MarkedSource, Recorder, TappedSource};
-use slipbound_rig::source::{self, Arrivals, Awaited, Camera, CameraTally, Newest, ReadAhead};
-use std::path::PathBuf;
+use slipbound_rig::container::{Inlet, MarkedSource, Recorder, TappedSource, attached_sensor};
+use slipbound_rig::sensors;
+use slipbound_rig::source::{self, Arrivals, Awaited, Camera, CameraTally, Encoded, Newest, ReadAhead};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A camera whose frames are read on a thread of their own, the newest wins.
@@ -37,7 +38,7 @@ pub fn open(source: &str) -> Result<ReadAhead, Failure> {
 pub fn open_watched(source: &str, recorder: Option<&Recorder>) -> Result<(ReadAhead, Option<LiveCamera>), Failure> {
     let inlet = recorder.map(Recorder::inlet);
     if source::is_live(source) {
-        let (newest, live) = open_live(source, inlet.as_ref(), 0)?;
+        let (newest, live) = open_live(source, inlet.as_ref(), 0, false)?;
         return Ok((ReadAhead::new(Box::new(Awaited(newest))), Some(live)));
     }
     let recording = match scene(source) {
@@ -67,13 +68,22 @@ pub fn marked(
     }
 }
 
-/// A camera on a thread of its own; every frame that arrives goes to the recorder too, if there is one.
-pub fn open_live(uri: &str, inlet: Option<&Inlet>, finger: usize) -> Result<(Newest, LiveCamera), Failure> {
-    let Camera { source, facts, tally } = source::open_camera(uri).map_err(refused)?;
-    let newest = Newest::new(match inlet {
-        Some(inlet) => Box::new(TappedSource::new(source, finger, inlet.clone(), false)),
-        None => source,
-    });
+/// A camera on a thread of its own; every frame that arrives goes to the recorder too, if there is one. `encoded`: frames that
+/// come as pixels alone are encoded, there.
+pub fn open_live(
+    uri: &str,
+    inlet: Option<&Inlet>,
+    finger: usize,
+    encoded: bool,
+) -> Result<(Newest, LiveCamera), Failure> {
+    let Camera { mut source, facts, tally } = source::open_camera(uri).map_err(refused)?;
+    if let Some(inlet) = inlet {
+        source = Box::new(TappedSource::new(source, finger, inlet.clone(), false));
+    }
+    if encoded {
+        source = Box::new(Encoded(source));
+    }
+    let newest = Newest::new(source);
     let live = LiveCamera { facts, tally, arrivals: newest.arrivals() };
     Ok((newest, live))
 }
@@ -101,6 +111,17 @@ pub fn simulated_sensor(source: &str) -> Result<Option<Sensor>, Failure> {
 pub fn sensor_beside(source: &str) -> Option<PathBuf> {
     let first = source::image_files(source).into_iter().next()?;
     Some(first.with_file_name("sensor.toml")).filter(|file| file.is_file())
+}
+
+/// The sensor that goes with an MCAP recording of ours, and where it stands.
+pub fn sensor_within(source: &str) -> Result<Option<(Sensor, String)>, Failure> {
+    let Some((file, topic)) = source::mcap_file(source).filter(|(file, _)| file.ends_with(".mcap")) else {
+        return Ok(None);
+    };
+    let Some((name, text)) = attached_sensor(Path::new(file), topic).map_err(refused)? else { return Ok(None) };
+    let place = format!("{name} of {file}");
+    let sensor = sensors::parse(&text, &place).map_err(Failure::arguments)?;
+    Ok(Some((sensor, place)))
 }
 
 fn scene(source: &str) -> Option<&str> {

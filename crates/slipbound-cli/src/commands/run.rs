@@ -6,6 +6,7 @@ use super::recording::{LiveCamera, marked, open_live};
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::run_output::{RunOutput, Tally};
+use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::control::ControlLoop;
 use slipbound::finger_pipeline::FingerPipeline;
@@ -18,7 +19,7 @@ use slipbound_rig::gripper::clamp_to_gripper;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::realtime::{self, FramesDue, MonitorWorkers};
 use slipbound_rig::run::{self, CameraLimits, FingerInfo, Row, RunInfo, ending_name};
-use slipbound_rig::source::Newest;
+use slipbound_rig::source::{Encoded, Newest};
 use slipbound_rig::{config, gripper, sensors, source, wrist};
 use std::path::{Path, PathBuf};
 
@@ -39,6 +40,16 @@ pub(super) fn never_began(missing: Option<Missing>, refused_lowering: Option<&st
         Some(refused) => anyhow!("the work never began: {why}; {refused}"),
         None => anyhow!("the work never began: {why}"),
     }
+}
+
+/// What was so when the loop had ended.
+struct Ended {
+    /// The force, N per finger.
+    held_n: Option<f64>,
+    /// What the task waited for.
+    missing: Option<Missing>,
+    /// How many frames the rest frame is looked for in.
+    window_count: u32,
 }
 
 /// The arguments of `slipbound run`.
@@ -150,6 +161,10 @@ impl Hardware {
             return Err(Failure::Arguments(anyhow!("--rate-hz: expected 0.1 to 1000 Hz, got {}", self.rate_hz)));
         }
         let ms = |ms: u64| ms.saturating_mul(1_000_000);
+        self.sources
+            .iter()
+            .filter_map(|uri| source::doubtful_rate(uri))
+            .for_each(|doubt| Terminal::plain().note(&doubt));
         let limits = CameraLimits { max_silence_ns: ms(self.max_silence_ms), max_skew_ns: ms(self.max_skew_ms) };
         let mut monitor = Settings::default();
         if let [HandRest::Live(count)] = self.rest[..] {
@@ -172,22 +187,24 @@ impl Hardware {
             notes: self.notes(&cameras),
             fingers,
         };
-        let keeps_frames = self.record == Some(None);
         if let Some(recorder) = &recorder {
             describe(recorder, &info)?;
         }
-        let mut output = RunOutput::create(&folder, &info, keeps_frames)?
-            .recording(inlet.map(|inlet| McapObserver::new(inlet, info.clone(), self.sources.clone())))
-            .limited(limits);
-        if let Some(clamped) = clamped {
-            output.note(now_ns(), &clamped);
-        }
+        // Before the gripper is looked for, and nothing is made before it is found.
+        run::refuse_used_folder(&folder).map_err(Failure::arguments)?;
         let stop = interruption::listen()?;
         let mut gripper = gripper::Device::open(&self.gripper, self.gripper_config.as_deref())?;
         let mut wrist = wrist::open(wrist).map_err(|error| match error {
             wrist::Error::Address { .. } => Failure::arguments(error),
             other => Failure::Work(other.into()),
         })?;
+        let keeps_frames = self.keeps_frames();
+        let mut output = RunOutput::create(&folder, &info, keeps_frames)?
+            .recording(inlet.map(|inlet| McapObserver::new(inlet, info.clone(), self.sources.clone())))
+            .limited(limits);
+        if let Some(clamped) = clamped {
+            output.note(now_ns(), &clamped);
+        }
         let period_ns = (1e9 / self.rate_hz) as u64;
         // What is played slowly is silent between two frames as it should be.
         let longest_cycle_ns = LONGEST_CYCLE_NS.max(period_ns + period_ns / 2);
@@ -224,24 +241,30 @@ impl Hardware {
         for (name, live) in &cameras {
             output.note(now_ns(), &format!("{name}: camera: {}", live.line()));
         }
-        self.end(name == "hold", ran.map_err(Into::into), held_n, missing, output, tally)
+        let ended = Ended { held_n, missing, window_count: monitor.rest.window_count };
+        self.end(name, ran.map_err(Into::into), &ended, output, tally)
+    }
+
+    /// Whether every frame is kept in the folder of the run.
+    fn keeps_frames(&self) -> bool {
+        self.record == Some(None)
     }
 
     /// Says how it went.
     fn end(
         &self,
-        is_hold: bool,
+        name: &str,
         ran: anyhow::Result<()>,
-        held_n: Option<f64>,
-        missing: Option<Missing>,
+        ended: &Ended,
         mut output: RunOutput,
         tally: Tally,
     ) -> Result<Outcome, Failure> {
         if let Err(e) = &ran {
             output.note(now_ns(), &format!("{e:#}"));
         }
-        let Tally { mut score, phase, refused_lowering, .. } = tally;
-        if ran.is_ok() && is_hold && matches!(phase, Some(Phase::Working | Phase::Waiting)) {
+        let Tally { mut score, phase, refused_lowering, frames_counts, .. } = tally;
+        let &Ended { held_n, missing, window_count } = ended;
+        if ran.is_ok() && name == "hold" && matches!(phase, Some(Phase::Working | Phase::Waiting)) {
             score.ending = Some(Ending::Held); // to the end of the source
         }
         let ending = score.ending;
@@ -256,12 +279,21 @@ impl Hardware {
         ran?;
         match ending {
             None if phase.is_none() => {
-                let expected = "expected bright frames of the open hand to begin with, got too few in";
-                Err(anyhow!("{expected} {}", self.sources.join(" and ")).into())
+                let got = |(number, source): (usize, &String)| {
+                    format!("{} frames of {source}", frames_counts.get(number).copied().unwrap_or(0))
+                };
+                let got: Vec<String> = self.sources.iter().enumerate().map(got).collect();
+                let expected = format!("expected {window_count} bright frames of the open hand to begin with");
+                Err(anyhow!("{expected}, got {}", got.join(" and ")).into())
             }
             None if phase == Some(Phase::Grasping) => Err(never_began(missing, refused_lowering.as_deref()).into()),
+            None => {
+                let was = if phase == Some(Phase::Waiting) { "waiting" } else { "working" };
+                Err(anyhow!("the source ended before the task did: {name} was still {was}, its end was not seen")
+                    .into())
+            }
             Some(ending) if !ending.is_success() => Err(anyhow!("{}", ending.evidence()).into()),
-            _ => Ok(outcome),
+            Some(_) => Ok(outcome),
         }
     }
 
@@ -315,7 +347,7 @@ impl Hardware {
             let FingerInfo { name, mounting, sensor, rest } = finger;
             let source = match source::is_live(uri) {
                 true => {
-                    let (newest, live) = open_live(uri, inlet, number)?;
+                    let (newest, live) = open_live(uri, inlet, number, self.keeps_frames())?;
                     cameras.push((name.clone(), live));
                     newest
                 }
@@ -323,6 +355,9 @@ impl Hardware {
                     let mut source = source::open(uri).map_err(Failure::arguments)?;
                     if let Some(inlet) = inlet {
                         source = Box::new(TappedSource::new(source, number, inlet.clone(), true));
+                    }
+                    if self.keeps_frames() {
+                        source = Box::new(Encoded(source));
                     }
                     Newest::every_frame(source, READ_AHEAD_COUNT)
                 }

@@ -4,28 +4,45 @@ use slipbound::monitor::{SlipMonitor, SlipState};
 use slipbound::plane::Vec2;
 use slipbound::port::FrameBuffer;
 
-/// A finger seen over some frames in which nothing touches it.
+/// A finger seen over some frames in which nothing should touch it.
 pub struct Standing {
-    /// Root mean square distance of every marker from its mean place, px, the least first; without those seen fewer than three times.
+    /// Root mean square distance of every marker from its mean place over the untouched frames, px, the least first; without those
+    /// seen there fewer than three times.
     pub noise_px: Vec<f64>,
     /// How far the mean place of the middle one of them is from where the rest frame has it, px.
     pub drift_px: Option<f64>,
+    /// How many markers were followed through three frames or more, touched or not.
+    pub followed_count: usize,
     /// The first frame that shows a contact.
     pub touched_seq: Option<u64>,
+    /// How many show one.
+    pub touched_count: usize,
 }
 
 impl Standing {
-    /// Judges the frames.
-    pub fn see(frames: &[FrameBuffer], monitor: &mut SlipMonitor) -> Self {
-        let mut scatters: Vec<Scatter> = vec![Scatter::default(); monitor.markers().len()];
-        let mut touched_seq = None;
-        for frame in frames.iter().filter_map(|frame| frame.frame().ok()) {
+    /// Judges the frames. `noisy`: of which of them the noise is wanted, by their numbers.
+    pub fn see<'a>(
+        frames: impl IntoIterator<Item = &'a FrameBuffer>,
+        monitor: &mut SlipMonitor,
+        noisy: impl Fn(u64) -> bool,
+    ) -> Self {
+        let markers_count = monitor.markers().len();
+        let (mut scatters, mut seen_counts) = (vec![Scatter::default(); markers_count], vec![0; markers_count]);
+        let (mut touched_seq, mut touched_count) = (None, 0);
+        for frame in frames.into_iter().filter_map(|frame| frame.frame().ok()) {
             let report = monitor.step(&frame, None);
-            if !matches!(report.state, SlipState::NoContact | SlipState::Unjudged) {
+            let is_touched = !matches!(report.state, SlipState::NoContact | SlipState::Unjudged);
+            if is_touched {
                 touched_seq = touched_seq.or(Some(report.seq));
+                touched_count += 1;
             }
-            for (scatter, marker) in scatters.iter_mut().zip(monitor.markers()).filter(|(_, marker)| marker.matched) {
-                scatter.see(marker.now_from_rest());
+            let is_wanted = !is_touched && noisy(report.seq);
+            let seen = scatters.iter_mut().zip(&mut seen_counts).zip(monitor.markers());
+            for ((scatter, seen_count), marker) in seen.filter(|(_, marker)| marker.matched) {
+                *seen_count += 1;
+                if is_wanted {
+                    scatter.see(marker.now_from_rest());
+                }
             }
         }
         let sorted = |of: fn(&Scatter) -> Option<f64>| {
@@ -37,7 +54,9 @@ impl Standing {
         Standing {
             noise_px: sorted(Scatter::rms_px),
             drift_px: drifts_px.get(drifts_px.len() / 2).copied(),
+            followed_count: seen_counts.iter().filter(|count| **count >= 3).count(),
             touched_seq,
+            touched_count,
         }
     }
 

@@ -1,6 +1,6 @@
 //! `slipbound tare`: the finger at rest, found once and kept in a file for every later `--rest FILE`.
 
-use super::rest_window::Window;
+use super::rest_window::{Window, advice_where_touched};
 use super::standing::Standing;
 use super::{finger, recording};
 use crate::outcome::{Failure, Outcome};
@@ -8,7 +8,8 @@ use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::finger_pipeline::FoundRest;
 use slipbound::monitor::{Settings, SlipMonitor};
-use slipbound::port::FrameBuffer;
+use slipbound::sensor::Sensor;
+use slipbound_rig::report_summary::frame_name;
 use slipbound_rig::rest_file::{MadeOf, SavedRest};
 use slipbound_rig::{config, sensors, source, written};
 use std::fs;
@@ -20,7 +21,7 @@ pub struct Tare {
     /// A camera (docs/cameras.md), a recording or a scene, of a finger that nothing touches in its first frames
     source: String,
     /// The finger: a built-in name (see `slipbound sensors`) or a sensor file [default: that of the
-    /// scene, or SOURCE/sensor.toml, else by the size of the frames]
+    /// scene, SOURCE/sensor.toml, or that in SOURCE.mcap, else by the size of the frames]
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
     /// How many of the first frames are searched for stationary ones, which are averaged [default: that of the
@@ -58,11 +59,13 @@ impl Tare {
         if let Some(reason) = monitor.refusal() {
             return Err(anyhow!("{}: no frame could be judged against it: {reason}", self.source).into());
         }
-        let frames: Vec<FrameBuffer> = window.frames.iter().map(|frame| (*frame).clone()).collect();
-        let standing = Standing::see(&frames, &mut monitor);
+        let standing = Standing::see(window.frames.iter().copied(), &mut monitor, |seq| seqs.contains(&seq));
+        if let Some(seq) = standing.touched_seq {
+            return Err(self.touched(&window, seq, &sensor).into());
+        }
         let noise = standing.noise();
 
-        let (looked_at, averaged) = (frames.len(), rest.frames_count());
+        let (looked_at, averaged) = (window.frames.len(), rest.frames_count());
         let frames = format!("frames {} to {} averaged", seqs.start, seqs.end.saturating_sub(1));
         let frames = if averaged == 1 { format!("frame {}", seqs.start) } else { frames };
         let markers_count = rest.markers_count();
@@ -85,6 +88,16 @@ impl Tare {
         terminal.say(&format!("written: {}", self.output.display()))?;
         terminal.say(&format!("next: slipbound watch {source} --rest {}", self.output.display()))?;
         Ok(if window.torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
+    }
+
+    /// Something touches the finger later in the window, from frame `seq` on.
+    fn touched(&self, window: &Window<'_>, seq: u64, sensor: &Sensor) -> anyhow::Error {
+        let count = window.frames.len();
+        let frame = window.frames.iter().find(|frame| frame.seq == seq);
+        let name = frame.map_or_else(|| format!("frame {seq}"), |frame| frame_name(frame));
+        let expected = format!("expected a finger that nothing touches in its first {count} frames");
+        let advice = advice_where_touched(sensor.skin);
+        anyhow!("tare: {}: {expected}, got a touch in {name}: {advice}, or take fewer frames: --frames N", self.source)
     }
 
     /// The file may fall neither on what is read nor on a file of somebody else.

@@ -28,7 +28,7 @@ pub struct Trials {
     #[arg(long, value_delimiter = ',', default_value = "1,2")]
     fingers: Vec<u8>,
     /// How many seeds, from --first-seed on
-    #[arg(long, default_value_t = 5)]
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     seeds: u64,
     /// The first seed
     #[arg(long, default_value_t = 1)]
@@ -48,13 +48,17 @@ impl Trials {
     /// Runs them all on all cores.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let settings = config::load_task_settings(self.settings.as_deref()).map_err(Failure::arguments)?;
+        let Some(after) = self.first_seed.checked_add(self.seeds) else {
+            let (most, got) = (u64::MAX - self.seeds, self.first_seed);
+            return Err(Failure::Arguments(anyhow::anyhow!("--first-seed: expected at most {most}, got {got}")));
+        };
         let grid = TrialGrid {
             tasks: self.task.clone(),
             objects: self.object.clone(),
             mu: self.mu.clone(),
             controllers: self.controller.clone(),
             fingers: self.fingers.clone(),
-            seeds: self.first_seed..self.first_seed + self.seeds,
+            seeds: self.first_seed..after,
             parameters: self.set.clone(),
         };
         let cells = grid.cells().map_err(Failure::arguments)?;

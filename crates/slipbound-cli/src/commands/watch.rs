@@ -23,11 +23,12 @@ use args::RestArgument;
 use outputs::Outputs;
 use silence::Silence;
 use slipbound::events::{SlipEvent, SlipEvents};
-use slipbound::monitor::{Settings, SlipMonitor};
+use slipbound::monitor::{Settings, SlipMonitor, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource, Next};
 use slipbound_rig::container::Recorder;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::report_summary::{ReportSummary, torn, when};
+use slipbound_rig::source::doubtful_rate;
 use slipbound_rig::{config, sensors};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -114,6 +115,7 @@ impl Watch {
         let recorder = recorder.transpose().map_err(Failure::arguments)?;
         let (mut recording, camera) = recording::open_watched(&self.source, recorder.as_ref())?;
         let terminal = Terminal::with_bar(recording.frames_count(), self.json_on_stdout());
+        doubtful_rate(&self.source).iter().for_each(|doubt| terminal.note(doubt));
 
         if let Some(camera) = &camera {
             let facts: Vec<String> = camera.facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
@@ -160,6 +162,11 @@ impl Watch {
         }
         let is_lossless = recorder.map_or(Ok(true), |recorder| finish(recorder, &terminal));
         ended.and(closed)?;
+        let frames_count = summary.frames_count();
+        if frames_count > 0 && summary.count(SlipState::Unjudged) == frames_count {
+            let why = summary.lines().split_off(1).join("; ");
+            return Err(anyhow!("{}: none of {frames_count} frames could be judged: {why}", self.source).into());
+        }
         // A torn frame that a newer one overtook is lost all the same.
         let torn_count = summary.torn_count() + camera.map_or(0, |camera| camera.tally.counts().torn_count);
         let outcome = if !is_lossless? || torn_count > 0 { Outcome::DataLost } else { Outcome::Done };

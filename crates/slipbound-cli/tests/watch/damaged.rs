@@ -65,10 +65,11 @@ fn markers_that_do_not_stand_a_pitch_apart_raise_a_doubt() {
     let arguments = ["watch", "run", "--sensor", "gelsight_mini_near", "--json", "report.json"];
     let ended = Ended::of(trial.command(&arguments).output().expect("runs"));
     ended.expect(
-        0,
+        1,
         &[
             "run: markers expected on a grid of 44.0 px (pitch_px of the sensor), got 30.8 px apart",
             "no frame is judged until",
+            "run: none of 3 frames could be judged: 3 frames with markers that do not stand a pitch apart",
         ],
     );
     let note = trial.report("report.json")[0]["note"].to_string();
@@ -157,4 +158,40 @@ fn hostile_names_and_headers_and_endless_settings_do_no_harm() {
         fs::copy(trial.path("run/000.jpg"), trial.path(name).join("a b\u{1b}[0m.jpg")).expect("copied");
         trial.watch(name, &[]).expect(0, &[]);
     }
+}
+
+/// A rate that no camera has says nothing of time: frames have none, and that is told once.
+#[test]
+fn a_rate_that_cannot_be_is_not_believed() {
+    let trial = Trial::new(0);
+    write_avi(&trial.path("run.avi"), 3);
+    let whole = fs::read(trial.path("run.avi")).expect("reads");
+    // Frames in so many seconds, as the stream's header has them.
+    let at = whole.windows(4).position(|bytes| bytes == b"strh").expect("a header") + 8 + 20;
+    for (frames, seconds, is_told) in [(1_000_000u32, 1u32, true), (1, 11, true), (1000, 1, false), (0, 1, false)] {
+        let mut bytes = whole.clone();
+        bytes[at..at + 4].copy_from_slice(&seconds.to_le_bytes());
+        bytes[at + 4..at + 8].copy_from_slice(&frames.to_le_bytes());
+        trial.write("run.avi", &bytes);
+        let ended = trial.watch("run.avi", &["--json", "report.json", "--rest", "0..2"]);
+        ended.expect(0, &[]);
+        let said = "run.avi: expected 0.1 to 1000 frames per second in its header";
+        assert_eq!(ended.err.matches(said).count(), usize::from(is_told), "{frames}/{seconds}: {ended:?}");
+        let (report, has_time) = (trial.report("report.json"), !is_told && frames > 0);
+        assert_eq!(report[2]["time_ns"].is_null(), !has_time, "{frames}/{seconds}");
+        assert_eq!(report[0]["clock"], if has_time { "assumed" } else { "unknown" });
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_picture_that_cannot_be_read_is_torn_and_what_is_no_picture_is_passed_over() {
+    let trial = Trial::new(4);
+    std::os::unix::fs::symlink("nowhere.jpg", trial.path("run/0015.jpg")).expect("linked");
+    trial.write("run/._001.jpg", b"\0\x05\x16\x07");
+    let made = std::process::Command::new("mkfifo").arg(trial.path("run/0025.jpg")).status().expect("runs");
+    assert!(made.success());
+    let ended = trial.watch("run", &["--json", "report.json"]);
+    ended.expect(3, &["(0015.jpg) is torn: cannot read: No such file or directory"]);
+    assert!(ended.out.contains("5 frames"), "{ended:?}");
 }

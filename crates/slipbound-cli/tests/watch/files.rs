@@ -50,14 +50,15 @@ fn outputs_never_fall_on_what_is_read_or_on_each_other() {
 
 #[test]
 #[cfg(unix)]
-fn what_was_judged_is_kept_when_a_later_file_cannot_be_read() {
+fn a_file_that_cannot_be_read_is_torn_and_the_others_are_judged() {
     let trial = Trial::new(4);
     std::os::unix::fs::symlink("nowhere", trial.path("run/002_.jpg")).expect("links");
     let ended = trial.watch("run", &["--json", "report.json", "--overlay", "drawn.avi"]);
-    ended.expect(1, &["002_.jpg: cannot read", "No such file"]);
+    ended.expect(3, &["(002_.jpg) is torn: cannot read", "No such file"]);
     assert_eq!(ended.err.matches("No such file").count(), 1, "said once: {ended:?}");
-    assert!(ended.out.contains("3 frames"), "{ended:?}");
-    assert_eq!(states(&trial.report("report.json")), ["no_contact"; 3]);
+    assert!(ended.out.contains("5 frames"), "{ended:?}");
+    let states_seen = ["no_contact", "no_contact", "no_contact", "unjudged", "no_contact"];
+    assert_eq!(states(&trial.report("report.json")), states_seen);
     let ended = trial.watch("drawn.avi", &[]);
     assert!(!ended.err.contains("torn"), "the video was closed: {ended:?}");
 }

@@ -4,7 +4,7 @@
 //! name = "wsg50 with two GelSlims"
 //!
 //! [[fingers]]
-//! name = "left"
+//! name = "left"                 # of A-Z a-z 0-9 _ -
 //! serial = "GS-007"             # that of its sensor file
 //! side = "left"                 # left or right, seen from the wrist
 //! sensor = "left.toml"          # a built-in name, or a file beside this one
@@ -29,14 +29,14 @@ use std::path::Path;
 pub struct HandConfig {
     /// Name of the hand.
     pub name: String,
-    /// One to [`FINGERS_MOST`] fingers; names and serials differ.
+    /// One to [`FINGERS_MOST`] fingers; names and serials differ, and of several some are on either side.
     pub fingers: Vec<FingerConfig>,
 }
 
 /// One finger of a hand.
 #[derive(Debug, Clone)]
 pub struct FingerConfig {
-    /// Its name in reports.
+    /// Its name in reports, see [`finger_name`].
     pub name: String,
     /// Its serial number, which must be that of its sensor file.
     pub serial: String,
@@ -103,6 +103,20 @@ impl Axes {
     }
 }
 
+/// Longest name of a finger, signs.
+const LONGEST_NAME_COUNT: usize = 64;
+
+/// A name that a finger can have: it names files, folders and topics as it is, on every system. What was expected and got
+/// otherwise.
+pub fn finger_name(name: &str) -> Result<String, SettingError> {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
+    if (1..=LONGEST_NAME_COUNT).contains(&name.len()) && name.chars().all(is_plain) {
+        return Ok(name.to_owned());
+    }
+    let expected = format!("1 to {LONGEST_NAME_COUNT} of A-Z a-z 0-9 _ -");
+    Err(SettingError { key: "name".into(), expected, got: format!("`{name}`") })
+}
+
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct HandFile {
@@ -134,7 +148,11 @@ pub fn load(path: &Path) -> Result<HandConfig, Error> {
     let mut fingers: Vec<FingerConfig> = Vec::new();
     for (i, f) in file.fingers.into_iter().enumerate() {
         let key = |name: &str| format!("fingers[{i}].{name}");
-        if f.name.trim().is_empty() || fingers.iter().any(|other| other.name == f.name) {
+        if let Err(SettingError { expected, got, .. }) = finger_name(&f.name) {
+            return refuse(key("name"), &expected, got);
+        }
+        // Some systems do not tell `Left` from `left`.
+        if fingers.iter().any(|other| other.name.eq_ignore_ascii_case(&f.name)) {
             return refuse(key("name"), "a name of its own", format!("`{}`", f.name));
         }
         if f.serial.trim().is_empty() || fingers.iter().any(|other| other.serial == f.serial) {
@@ -160,6 +178,14 @@ pub fn load(path: &Path) -> Result<HandConfig, Error> {
             _ => {}
         }
         fingers.push(FingerConfig { name: f.name, serial: f.serial, sensor, mounting });
+    }
+    // Nothing is held between fingers of one side.
+    if let [first, .., last] = &fingers[..]
+        && fingers.iter().all(|finger| finger.mounting.side == first.mounting.side)
+    {
+        let (side, count) = (last.mounting.side.name(), fingers.len());
+        let key = format!("fingers[{}].side", count - 1);
+        return refuse(key, "fingers on both sides", format!("`{side}` for all {count}"));
     }
     Ok(HandConfig { name: file.name, fingers })
 }
@@ -204,6 +230,14 @@ mod tests {
             ("y = \"-x\"", "y = \"-y\"", ["fingers[1].mounting", "different axes", "MinusY"]),
             ("y = \"-y\"", "y = \"+y\"", ["fingers[0].mounting", "not mirrored", "PlusY"]),
             ("y = \"-x\"", "y = \"up\"", ["hand.toml: fingers[1].mounting.y", "up", "`+x`"]),
+            ("name = \"right\"", "name = \"Left\"", ["fingers[1].name", "a name of its own", "`Left`"]),
+            ("name = \"left\"", "name = \"../x\"", ["fingers[0].name", "1 to 64 of A-Z a-z 0-9 _ -", "`../x`"]),
+            ("name = \"left\"", "name = \"\"", ["fingers[0].name", "1 to 64 of A-Z a-z 0-9 _ -", "``"]),
+            (
+                "side = \"right\"\nsensor = \"gelslim\"\nmounting = { x = \"+y\", y = \"-x\" }",
+                "side = \"left\"\nsensor = \"gelslim\"",
+                ["fingers[1].side", "fingers on both sides", "`left` for all 2"],
+            ),
             ("side = \"right\"", "side = \"top\"", ["fingers[1].side", "top", "`left`"]),
             ("side = \"right\"", "sides = \"right\"", ["hand.toml", "`fingers[1].sides`", "did you mean `side`?"]),
             ("\"a.toml\"", "\"b.toml\"", ["b.toml", "cannot read", ""]),

@@ -114,6 +114,27 @@ impl McapSource {
     }
 }
 
+/// How the name of a finger's sensor file ends, where it goes with a recording.
+const SENSOR: &str = ".sensor.toml";
+
+/// The sensor file that goes with a recording of ours: its name and text. `wanted`: the topic or finger, where the recording has
+/// several; None where there is none, or nothing says which.
+pub fn attached_sensor(path: &Path, wanted: Option<&str>) -> Result<Option<(String, String)>, Error> {
+    let finger = wanted.map(|topic| topic.strip_prefix('/').and_then(|t| t.strip_suffix("/camera")).unwrap_or(topic));
+    let name = finger.map(|finger| format!("{finger}{SENSOR}"));
+    let (mut records, mut found) = (Records::open(path)?, Vec::new());
+    while let Some(record) = records.next_record() {
+        let Record::Attachment { header, data, .. } = record else { continue };
+        if name.as_ref().map_or(header.name.ends_with(SENSOR), |name| *name == header.name) {
+            found.push((header.name, String::from_utf8_lossy(&data).into_owned()));
+        }
+        if name.is_some() && !found.is_empty() {
+            break;
+        }
+    }
+    Ok(found.pop().filter(|_| found.is_empty()))
+}
+
 impl FrameSource for McapSource {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
         loop {

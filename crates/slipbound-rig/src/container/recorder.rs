@@ -30,7 +30,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// It could be made, and not be written to its end; what came before is readable.
-    #[error("{}: cannot write on: {source}", path.display())]
+    #[error("{}: cannot write on: {}", path.display(), in_words(source))]
     Write {
         /// The file.
         path: PathBuf,
@@ -43,6 +43,14 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+}
+
+/// The operating system's own reason, where it is one.
+fn in_words(error: &mcap::McapError) -> String {
+    match error {
+        mcap::McapError::Io(reason) => reason.to_string(),
+        other => other.to_string(),
+    }
 }
 
 /// The result of a recording.

@@ -1,5 +1,6 @@
 //! Errors of a run folder.
 
+use slipbound::setting::SettingError;
 use std::io;
 use std::path::PathBuf;
 
@@ -29,6 +30,14 @@ pub enum Error {
         folder: PathBuf,
         /// One of the names in it.
         found: String,
+    },
+    /// A finger whose name cannot name files.
+    #[error("{}: a finger's {source}", folder.display())]
+    FingerName {
+        /// The folder.
+        folder: PathBuf,
+        /// What was expected and got.
+        source: SettingError,
     },
     /// A value that the format of the file cannot hold.
     #[error("{}: cannot encode: {why}", path.display())]

@@ -2,9 +2,10 @@
 
 use super::error::Error;
 use super::event::{Event, EventLog, TimedEvent};
-use super::info::{FORMAT_VERSION, Row, RunInfo, file_stem};
+use super::info::{FORMAT_VERSION, Row, RunInfo};
 use super::line;
 use super::page::{Page, Picture, picture};
+use crate::config::hand::finger_name;
 use crate::config::read_most;
 use crate::whole_lines::WholeLines;
 use slipbound::control::Cycle;
@@ -18,6 +19,18 @@ use std::path::{Path, PathBuf};
 pub fn free_folder(name: &str) -> PathBuf {
     let names = std::iter::once(name.to_owned()).chain((2..).map(|n| format!("{name}-{n}")));
     names.map(PathBuf::from).find(|folder| !folder.exists()).unwrap_or_else(|| name.into())
+}
+
+/// Refuses a folder in which no run can begin, because it holds something; makes none.
+pub fn refuse_used_folder(folder: &Path) -> Result<(), Error> {
+    match fs::read_dir(folder).ok().and_then(|mut entries| entries.next()) {
+        Some(Ok(entry)) => {
+            let found = entry.file_name().to_string_lossy().into_owned();
+            Err(Error::NotEmpty { folder: folder.to_owned(), found })
+        }
+        // What is wrong with it otherwise is told when it is made.
+        Some(Err(_)) | None => Ok(()),
+    }
 }
 
 /// Makes a folder that is not there; one that holds something is refused.
@@ -51,6 +64,9 @@ pub struct RunFolder {
 impl RunFolder {
     /// Starts a run in a folder that is new or empty; fails for any other. Writes `run.toml`.
     pub fn create(folder: &Path, info: &RunInfo) -> Result<Self, Error> {
+        for finger in &info.fingers {
+            finger_name(&finger.name).map_err(|e| Error::FingerName { folder: folder.to_owned(), source: e })?;
+        }
         prepare_folder(folder)?;
         write_toml(folder.join("run.toml"), info.to_toml())?;
         for finger in &info.fingers {
@@ -100,7 +116,7 @@ impl RunFolder {
     /// slip its number is 0.
     pub fn picture(&mut self, time_ns: u64, finger: &str, caption: &str, rgb: Rgb<'_>) -> Result<(), Error> {
         let slip = self.slips_count();
-        let stem = format!("slip_{slip:03}_{}", file_stem(finger));
+        let stem = format!("slip_{slip:03}_{finger}");
         let same_count = self.pictures.iter().filter(|p| p.stem == stem).count();
         let file = match same_count {
             0 => format!("{stem}.png"),

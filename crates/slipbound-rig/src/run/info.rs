@@ -36,7 +36,7 @@ pub struct RunInfo {
 /// A finger of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FingerInfo {
-    /// Its name.
+    /// Its name, see [`finger_name`](crate::config::hand::finger_name): the names of its files begin with it.
     pub name: String,
     /// Its mounting in the hand.
     pub mounting: Mounting,
@@ -55,7 +55,7 @@ impl FingerInfo {
 
     /// The name of its sensor file in the folder.
     pub fn sensor_file(&self) -> String {
-        format!("{}.sensor.toml", file_stem(&self.name))
+        format!("{}.sensor.toml", self.name)
     }
 
     /// The name of the file with it at rest, and its bytes; None where that is found among the first frames. Fails for a number that JSON
@@ -66,13 +66,8 @@ impl FingerInfo {
     }
 
     fn rest_name(&self) -> String {
-        format!("{}.rest", file_stem(&self.name))
+        format!("{}.rest", self.name)
     }
-}
-
-/// A name as part of a file's name.
-pub(super) fn file_stem(name: &str) -> String {
-    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
 impl RunInfo {

@@ -43,10 +43,25 @@ pub enum ReplayError {
     #[error(transparent)]
     Control(#[from] ControlError),
     /// There are fewer frames than cycles.
-    #[error("frames.jsonl: ends before cycle {cycle} of reports.jsonl")]
+    #[error(
+        "frames.jsonl: ends before cycle {cycle} of {cycles_count} in reports.jsonl; the {cycle} before it are the same"
+    )]
     FramesEnd {
-        /// The first cycle without frames.
+        /// The first cycle without frames, from 0: so many before it are the same.
         cycle: usize,
+        /// All that were recorded.
+        cycles_count: usize,
+    },
+    /// There are fewer cycles than frames.
+    #[error(
+        "reports.jsonl: ends after {cycles_count} cycles, which are the same; {missing_count} more {} commanded, by frames.jsonl",
+        if *missing_count == 1 { "was" } else { "were" }
+    )]
+    ReportsEnd {
+        /// Those that are there.
+        cycles_count: usize,
+        /// Those that are not.
+        missing_count: usize,
     },
     /// There is nothing to compare.
     #[error("reports.jsonl: expected cycles in which something was commanded, got none")]
@@ -170,7 +185,9 @@ impl Replay {
             let (gripper, wrist) = (&mut Past(known), &mut Past(known));
             match self.control.cycle(cycle.time_ns, gripper, wrist, observer)? {
                 CycleOutcome::AtRest | CycleOutcome::Waiting => {}
-                CycleOutcome::SourceEnded => return Err(ReplayError::FramesEnd { cycle: next }),
+                CycleOutcome::SourceEnded => {
+                    return Err(ReplayError::FramesEnd { cycle: next, cycles_count: self.cycles.len() });
+                }
                 CycleOutcome::Commanded(replayed) => {
                     if !is_same(cycle, &replayed) {
                         let difference = Box::new(Difference { recorded: *cycle, replayed });
@@ -180,7 +197,11 @@ impl Replay {
                 }
             }
         }
-        Ok(Replayed { cycles_count: next })
+        // Whatever follows the last command was waited for.
+        match self.waiting.iter().filter(|is_waiting| !**is_waiting).count() {
+            0 => Ok(Replayed { cycles_count: next }),
+            missing_count => Err(ReplayError::ReportsEnd { cycles_count: next, missing_count }),
+        }
     }
 }
 

@@ -45,7 +45,7 @@ impl Folder {
 
     fn of_images(path: &Path, all: Vec<PathBuf>) -> Result<Self, Error> {
         let (mut files, named): (Vec<PathBuf>, Vec<PathBuf>) =
-            all.into_iter().partition(|p| has_image_name(p) && !p.is_dir());
+            all.into_iter().partition(|p| has_image_name(p) && is_frame(p));
         if files.is_empty() {
             let others: Vec<&str> = named.iter().filter_map(|path| other_image(path)).collect();
             if let Some(kind) = others.first().copied() {
@@ -102,6 +102,13 @@ pub(super) fn image_files(uri: &str) -> Vec<PathBuf> {
     folder.map_or_else(|_| Vec::new(), |folder| folder.files)
 }
 
+/// Whether a file of a folder or pattern can be a frame: not `._1.jpg`, which macOS lays beside `1.jpg`, and no pipe or device, which
+/// would be waited for. One that cannot be looked at is a frame, and torn.
+fn is_frame(path: &Path) -> bool {
+    let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    !is_hidden && fs::metadata(path).map_or(true, |there| there.is_file())
+}
+
 /// Whether a file is named as an image that can be read.
 pub(super) fn has_image_name(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
@@ -119,11 +126,16 @@ impl FrameSource for Folder {
         into.label.clear();
         into.label.push_str(&path.file_name().unwrap_or_default().to_string_lossy());
         into.encoded.clear();
-        File::open(path)
-            .and_then(|mut file| file.read_to_end(&mut into.encoded))
-            .map_err(|source| Error::Read { path: path.clone(), source })?;
         self.next += 1;
-        Ok(match picture::decode(into) {
+        let read = File::open(path).and_then(|mut file| file.read_to_end(&mut into.encoded));
+        let decoded = match read {
+            Ok(_) => picture::decode(into),
+            Err(e) => {
+                into.encoded.clear();
+                Err(format!("cannot read: {e}"))
+            }
+        };
+        Ok(match decoded {
             Ok(()) => Next::Frame,
             Err(reason) => Next::Torn { reason },
         })

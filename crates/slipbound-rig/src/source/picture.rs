@@ -21,6 +21,25 @@ pub fn decode(into: &mut FrameBuffer) -> Result<(), String> {
     done
 }
 
+/// Encodes `into.pixels` as a PNG into `into.encoded`, fast rather than small; in words why that fails.
+pub(super) fn encode(into: &mut FrameBuffer) -> Result<(), String> {
+    let text = |e: png::EncodingError| format!("PNG: {e}");
+    let side = |px: usize| {
+        u32::try_from(px).map_err(|_| format!("PNG: expected a picture of fewer pixels, got {}", into.size))
+    };
+    let mut encoded = std::mem::take(&mut into.encoded);
+    let mut encoder = png::Encoder::new(&mut encoded, side(into.size.width)?, side(into.size.height)?);
+    encoder.set_color(match into.format {
+        PixelFormat::Gray => png::ColorType::Grayscale,
+        PixelFormat::Rgb => png::ColorType::Rgb,
+    });
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    encoder.write_header().and_then(|mut writer| writer.write_image_data(&into.pixels)).map_err(text)?;
+    into.encoded = encoded;
+    Ok(())
+}
+
 /// Decodes a PNG: palettes spread out, 16 bits reduced to 8, transparency dropped.
 fn decode_png(bytes: &[u8], into: &mut FrameBuffer) -> Result<(), String> {
     let text = |e: png::DecodingError| format!("PNG: {e}");

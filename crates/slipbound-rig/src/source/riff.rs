@@ -26,10 +26,22 @@ pub struct Rate {
     pub seconds: u32,
 }
 
+/// Frames per second beyond which a header is not believed: the fastest cameras of a finger give 240 to 1000, time lapses one
+/// in some seconds.
+pub(super) const LEAST_RATE_HZ: f64 = 0.1;
+pub(super) const MOST_RATE_HZ: f64 = 1000.0;
+
 impl Rate {
-    /// When frame `seq` would have been exposed, counted from frame 0; None for a rate without meaning.
+    /// Whether it states a rate, and one that no camera has.
+    pub(super) fn is_doubtful(self) -> bool {
+        let rate_hz = f64::from(self.frames) / f64::from(self.seconds);
+        self.frames > 0 && self.seconds > 0 && !(LEAST_RATE_HZ..=MOST_RATE_HZ).contains(&rate_hz)
+    }
+
+    /// When frame `seq` would have been exposed, counted from frame 0; None for a rate without meaning, and for one that no
+    /// camera has.
     pub fn time_ns(self, seq: u64) -> Option<u64> {
-        if self.frames == 0 || self.seconds == 0 {
+        if self.frames == 0 || self.seconds == 0 || self.is_doubtful() {
             return None;
         }
         u64::try_from(u128::from(seq) * u128::from(self.seconds) * 1_000_000_000 / u128::from(self.frames)).ok()

@@ -67,19 +67,21 @@ pub fn markers(frames: &[FrameBuffer], sensor: &Sensor, saved: Option<Rest>) -> 
         Err(e) => return vec![bad("markers", e.to_string(), fits)],
     };
     if let Some(reason) = monitor.refusal() {
-        return vec![untouched(kind == RestKind::Unloaded, sensor.skin), bad("markers", reason.to_string(), fits)];
+        let touched = (kind != RestKind::Unloaded).then(String::new);
+        return vec![untouched(touched, sensor.skin), bad("markers", reason.to_string(), fits)];
     }
-    let standing = Standing::see(frames, &mut monitor);
-    let is_untouched = match is_saved {
-        true => standing.touched_seq.is_none(),
-        false => kind == RestKind::Unloaded,
-    };
-    let mut findings = vec![untouched(is_untouched, sensor.skin)];
+    let standing = Standing::see(frames, &mut monitor, |_| true);
+    let in_rest = (!is_saved && kind != RestKind::Unloaded).then(String::new);
+    let seen = standing.touched_seq.map(|seq| {
+        let (count, all) = (standing.touched_count, frames.len());
+        format!(", from frame {seq} on, in {count} of {all}")
+    });
+    let mut findings = vec![untouched(in_rest.or(seen), sensor.skin)];
     if let (true, Some(drift_px)) = (is_saved, standing.drift_px) {
         let is = format!("the middle marker is {drift_px:.3} px from where it was");
         findings.push(judged("rest", is, drift_px <= MOST_NOISE_PX, anew));
     }
-    let (count, followed) = (monitor.markers().len(), standing.noise_px.len());
+    let (count, followed) = (monitor.markers().len(), standing.followed_count);
     let kept = format!("{count} found, {followed} followed through {} frames", frames.len());
     findings.push(judged("markers", kept, followed * 20 >= count * 19, fits));
     if let Some((median_px, is)) = standing.noise() {
@@ -89,10 +91,11 @@ pub fn markers(frames: &[FrameBuffer], sensor: &Sensor, saved: Option<Rest>) -> 
     findings
 }
 
-fn untouched(is_untouched: bool, skin: Skin) -> Finding {
-    match is_untouched {
-        true => good("untouched", "nothing touches the finger"),
-        false => bad("untouched", "something touches the finger", advice_where_touched(skin)),
+/// `touched`: where something touches it; None where nothing does.
+fn untouched(touched: Option<String>, skin: Skin) -> Finding {
+    match touched {
+        None => good("untouched", "nothing touches the finger"),
+        Some(place) => bad("untouched", format!("something touches the finger{place}"), advice_where_touched(skin)),
     }
 }
 

@@ -1,5 +1,6 @@
 //! The arguments of `slipbound watch`.
 
+use slipbound_rig::config::hand::finger_name;
 use std::fmt::{self, Display, Formatter};
 use std::ops::Range;
 use std::path::PathBuf;
@@ -16,7 +17,7 @@ pub struct Watch {
     #[arg(skip)]
     pub(super) source: String,
     /// The finger: a built-in name (see `slipbound sensors`) or a sensor file [default: that of the
-    /// scene, or SOURCE/sensor.toml, else by the size of the frames]
+    /// scene, SOURCE/sensor.toml, or that in SOURCE.mcap, else by the size of the frames]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(super) sensor: Option<String>,
     /// The finger at rest: an image or what `slipbound tare` wrote, frames A up to but not B of SOURCE, or its first N frames,
@@ -57,7 +58,7 @@ pub struct Watch {
     #[arg(long, value_name = "MS", default_value_t = 300)]
     pub(super) max_silence_ms: u64,
     /// Name of the finger in the report
-    #[arg(long, value_name = "NAME", default_value = "finger")]
+    #[arg(long, value_name = "NAME", default_value = "finger", value_parser = finger_name)]
     pub(super) finger: String,
 }
 
