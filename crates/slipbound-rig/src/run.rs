@@ -5,7 +5,7 @@
 //!   left.sensor.toml     the facts of every finger, so that a replay needs nothing else
 //!   reports.jsonl        a cycle a line: what was seen, what was commanded, what was true; exact, for replay
 //!   events.jsonl         an event a line: phases, slips, steps of the grip, fingers lost and back, notes, results
-//!   frames.jsonl, left/  every frame as it was received, where the run is recorded
+//!   frames.jsonl, left/  every frame as it was received, or as PNG where that was pixels, if the run is recorded
 //!   slip_003_left.png    what a finger saw when slip 3 began
 //!   report.html          all of it to look at, in one file that needs no other
 //! ```

@@ -6,7 +6,6 @@ mod screw;
 use proptest::prelude::*;
 use roxmltree::{Document, ParsingOptions};
 use slipbound::control::Cycle;
-use slipbound::hand::Side;
 use slipbound::image::{Rgb, SizePx};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, WristMotion};
@@ -91,6 +90,26 @@ fn a_folder_that_holds_something_is_refused_by_name() {
     let message = RunFolder::create(folder.path(), &screw::info()).expect_err("refused").to_string();
     assert!(message.starts_with(&folder.path().display().to_string()), "{message}");
     assert!(message.contains("expected a new or empty folder, got one that holds `thesis.tex`"), "{message}");
+}
+
+/// A name is that of its files as it is: two names are two files, and none lies outside the folder.
+#[test]
+fn every_finger_has_files_of_its_own_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut info = screw::info();
+    info.fingers.truncate(1);
+    info.fingers.push(info.fingers[0].clone());
+    for (finger, name) in info.fingers.iter_mut().zip(["a-1", "a_1"]) {
+        finger.name = name.into();
+    }
+    let run = folder.path().join("run");
+    drop(RunFolder::create(&run, &info).expect("creates"));
+    assert!(run.join("a-1.sensor.toml").is_file() && run.join("a_1.sensor.toml").is_file());
+    info.fingers[1].name = "../x".into();
+    let refused = folder.path().join("refused");
+    let message = RunFolder::create(&refused, &info).expect_err("refused").to_string();
+    assert!(message.contains("a finger's name: expected 1 to 64 of A-Z a-z 0-9 _ -, got `../x`"), "{message}");
+    assert!(!refused.exists());
 }
 
 #[test]
@@ -229,7 +248,7 @@ fn page(info: &RunInfo, cycles: &[Cycle]) -> (tempfile::TempDir, String) {
         run.cycle(cycle).expect("writes");
         let begins = run.slips_count() > before;
         for finger in info.fingers.iter().filter(|_| begins) {
-            run.picture(cycle.time_ns, &finger.name, &finger.name, Rgb::new(&pixels, size).expect("whole"))
+            run.picture(cycle.time_ns, &finger.name, &info.source, Rgb::new(&pixels, size).expect("whole"))
                 .expect("writes");
         }
     }
@@ -336,17 +355,20 @@ fn names_from_outside_are_escaped() {
         name: nasty.into(),
         source: nasty.into(),
         notes: [(nasty.to_owned(), nasty.into())].into_iter().collect(),
-        fingers: vec![screw::finger(nasty, Side::Left), screw::finger("../right", Side::Right)],
         ..screw::info()
     };
     let (folder, html) = page(&info, &screw::cycles());
     assert!(!html.contains("<script"));
     let document = parsed(&html);
     let texts = document.descendants().filter(|n| n.text().is_some_and(|t| t.contains("alert(\"x\")"))).count();
-    assert!(texts > 20, "{texts}");
+    assert!(texts > 10, "{texts}");
     let beside = fs::read_dir(folder.path()).expect("reads").count();
     assert_eq!(beside, 6 + 2 * screw::SLIPS.len(), "no picture went elsewhere");
-    assert!(folder.path().join("slip_001____right.png").exists());
+    assert!(folder.path().join("slip_001_right.png").exists());
+    // Nor does one of a finger that the run does not know.
+    let mut run = RunFolder::create(&folder.path().join("other"), &info).expect("creates");
+    let picture = Rgb::new(&[90; 3], SizePx::new(1, 1)).expect("whole");
+    assert!(run.picture(0, "../x", "", picture).is_err() && !folder.path().join("other/../slip_000_x.png").exists());
 }
 
 #[test]

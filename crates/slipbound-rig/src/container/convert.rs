@@ -94,7 +94,7 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
         settings.insert(name, read_most_bytes(&path).map_err(|source| Error::Read { path, source })?);
     }
     let created = File::create(file).map_err(|source| recorder::Error::Create { path: file.to_owned(), source })?;
-    let wrong = |e| recorder::Error::Write { path: file.to_owned(), source: Box::new(e) };
+    let wrong = |e| recorder::Error::of_writing(file, e);
     let mut book = Book::create(created).map_err(wrong)?;
     let mut converted = Converted::default();
     let mut lines = Vec::new();

@@ -30,8 +30,16 @@ pub enum Error {
         source: std::io::Error,
     },
     /// It could be made, and not be written to its end; what came before is readable.
-    #[error("{}: cannot write on: {}", path.display(), in_words(source))]
+    #[error("{}: cannot write on: {source}", path.display())]
     Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// Something that the format cannot hold; what came before is readable.
+    #[error("{}: cannot write on: {source}", path.display())]
+    Format {
         /// The file.
         path: PathBuf,
         /// Why.
@@ -45,11 +53,14 @@ pub enum Error {
     },
 }
 
-/// The operating system's own reason, where it is one.
-fn in_words(error: &mcap::McapError) -> String {
-    match error {
-        mcap::McapError::Io(reason) => reason.to_string(),
-        other => other.to_string(),
+impl Error {
+    /// A file that cannot be written on: with the operating system's own words, where they are the reason.
+    pub(super) fn of_writing(path: &Path, error: mcap::McapError) -> Self {
+        let path = path.to_owned();
+        match error {
+            mcap::McapError::Io(source) => Error::Write { path, source },
+            other => Error::Format { path, source: Box::new(other) },
+        }
     }
 }
 
@@ -135,7 +146,7 @@ impl Recorder {
     /// ([`MarkedSource`](super::MarkedSource)); otherwise all are just recorded.
     pub fn create(path: &Path, fingers: &[String], judges: bool) -> Result<Self, Error> {
         let file = File::create(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
-        let wrong = |source| Error::Write { path: path.to_owned(), source: Box::new(source) };
+        let wrong = |e| Error::of_writing(path, e);
         let sheet = Sheet::create(file, fingers, judges).map_err(wrong)?;
         let (to, items) = sync_channel(QUEUE_COUNT);
         let thread = thread::spawn(move || sheet.run(&items));
@@ -169,7 +180,7 @@ impl Recorder {
         let lost_count = inlet.lost.load(Ordering::Relaxed);
         match thread.join() {
             Ok(Ok(frames_count)) => Ok(Written { frames_count, lost_count }),
-            Ok(Err(source)) => Err(Error::Write { path, source: Box::new(source) }),
+            Ok(Err(e)) => Err(Error::of_writing(&path, e)),
             Err(_) => Err(Error::Thread { path }),
         }
     }

@@ -64,9 +64,7 @@ pub struct RunFolder {
 impl RunFolder {
     /// Starts a run in a folder that is new or empty; fails for any other. Writes `run.toml`.
     pub fn create(folder: &Path, info: &RunInfo) -> Result<Self, Error> {
-        for finger in &info.fingers {
-            finger_name(&finger.name).map_err(|e| Error::FingerName { folder: folder.to_owned(), source: e })?;
-        }
+        info.fingers.iter().try_for_each(|finger| refuse_finger_name(folder, &finger.name))?;
         prepare_folder(folder)?;
         write_toml(folder.join("run.toml"), info.to_toml())?;
         for finger in &info.fingers {
@@ -115,6 +113,7 @@ impl RunFolder {
     /// Keeps what a finger saw at the slip that began last: as `slip_003_left.png`, and smaller in the page. Before any
     /// slip its number is 0.
     pub fn picture(&mut self, time_ns: u64, finger: &str, caption: &str, rgb: Rgb<'_>) -> Result<(), Error> {
+        refuse_finger_name(&self.folder, finger)?;
         let slip = self.slips_count();
         let stem = format!("slip_{slip:03}_{finger}");
         let same_count = self.pictures.iter().filter(|p| p.stem == stem).count();
@@ -165,6 +164,11 @@ impl RunFolder {
         self.timed_events.push(event);
         self.events.push(&line)
     }
+}
+
+/// Refuses a finger whose files would not be in the folder under its name.
+pub(super) fn refuse_finger_name(folder: &Path, name: &str) -> Result<(), Error> {
+    finger_name(name).map(drop).map_err(|source| Error::FingerName { folder: folder.to_owned(), source })
 }
 
 /// Writes a file, or leaves none.

@@ -2,11 +2,11 @@
 //!
 //! ```text
 //!   run/frames.jsonl      a line per cycle: what each finger's source gave
-//!   run/left/000012.jpg   the frames, as they were received
+//!   run/left/000012.jpg   the frames, as they were received; the content says whether it is a JPEG or a PNG
 //! ```
 
 use super::error::Error;
-use super::folder::{Lines, write_whole};
+use super::folder::{Lines, refuse_finger_name, write_whole};
 use crate::source::decode_image;
 use serde::{Deserialize, Serialize};
 use slipbound::control::{CycleOutcome, CycleView};
@@ -61,6 +61,7 @@ impl FrameRecorder {
     pub fn keep(&mut self, view: &CycleView<'_>) -> Result<(), Error> {
         let Some(line) = line(view) else { return Ok(()) };
         for finger in view.fingers.iter().filter(|finger| *finger.next == Next::Frame) {
+            refuse_finger_name(&self.folder, finger.name)?;
             let FrameBuffer { seq, encoded, .. } = finger.frame;
             let path = self.folder.join(frame_file(finger.name, *seq));
             if encoded.is_empty() {
