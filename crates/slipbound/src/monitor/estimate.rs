@@ -297,10 +297,7 @@ impl Estimator {
         if let Some(sample) = self.window.newest_mut() {
             sample.rigid_px = learned.rigid_px;
         }
-        // A grip that is let go at once is still falling when the load is much of it: what it was a moment ago counts.
-        let load_n = self.stiffness_n_per_px3.map(|k| k * learned.load_px3);
-        let hardly_pulled =
-            load_n.zip(self.window.most_grip_n()).is_some_and(|(n, grip_n)| n < HARDLY_PULLED_FRACTION * grip_n);
+        let hardly_pulled = stiffness_over_grip.is_some_and(|k| k * learned.load_px3 < HARDLY_PULLED_FRACTION);
         let regrip = self.reference.regripped(self.grip_n).filter(|&way| way == Regrip::Harder || hardly_pulled);
         if let Some(way) = regrip {
             match way {

@@ -86,11 +86,6 @@ impl Window {
         self.count = 0;
     }
 
-    /// The firmest grip in it, N; None where the grip is not known.
-    pub fn most_grip_n(&self) -> Option<f64> {
-        self.samples[..self.count].iter().filter_map(|sample| sample.grip_n).reduce(f64::max)
-    }
-
     /// Adds a frame; forgets those that are older than the window, but for one.
     pub fn push(&mut self, sample: Sample) {
         let old = |s: &Sample| sample.at_s - s.at_s > WINDOW_S + 1e-9;
