@@ -26,9 +26,9 @@ ME = "--sensor painted.toml --json report.jsonl"
 
 HEAD = f"""# What happens with bad input
 
-Exit codes: 0 done, 1 failed on the way or interrupted, 2 what was asked for cannot be (arguments, sensor or settings
+Exit codes: 0 done, 1 failed on the way, interrupted, or not one frame could be judged, 2 what was asked for cannot be (arguments, sensor or settings
 file, nothing to read), 3 finished, but frames were torn. A report so far written is kept, and every line of it is
-whole; where nothing could be judged there is none.
+whole; where there is nothing to judge by there is none.
 
 Made by `python3 bench/bad_input.py --write`, which prepares each case from `testdata/` in a temporary folder, runs
 the command and parses its report line by line (a header, then a line a frame; the whole recording has 48). In the

@@ -39,7 +39,7 @@ def test_it_says_when_it_slips(frames, monitor):
 
 def test_a_rest_that_tare_kept_is_the_one_that_is_found(frames, sensor, tmp_path):
     kept = tmp_path / "finger.rest"
-    assert native.run(["slipbound", "tare", f"sim:{SCENE}", "-o", str(kept)]) == 0
+    assert native.run(["slipbound", "tare", f"sim:{SCENE}", "--frames", "10", "-o", str(kept)]) == 0
     found = slipbound.Monitor(sensor, rest="auto")
     auto = [found.step(f.image(), time_ns=f.time_ns) for f in frames][-1]
     by_path, by_bytes = slipbound.Monitor(sensor, rest=kept), slipbound.Monitor(sensor, rest=kept.read_bytes())

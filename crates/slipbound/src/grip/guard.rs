@@ -89,7 +89,7 @@ impl Guard {
 
     /// The controller knows nothing of a force that was raised while the hand was blind: what it adds is added to that, and it comes down
     /// slowly, and only while nothing slips.
-    fn from_raised(&mut self, wanted: GripDecision, seconds: f64, hand: &HandReport) -> GripDecision {
+    fn come_down(&mut self, wanted: GripDecision, seconds: f64, hand: &HandReport) -> GripDecision {
         let Some(before_n) = self.raised_from_n.filter(|_| wanted.force_n.is_finite()) else { return wanted };
         let wanted_n = wanted.force_n.clamp(self.limits.least_n, self.limits.most_n);
         let added_n = (wanted_n - before_n).max(0.0);
@@ -119,7 +119,7 @@ impl GripController for Guard {
             return kept;
         }
         let wanted = self.inner.decide(now_ns, hand, gripper);
-        let wanted = self.from_raised(wanted, now_ns.saturating_sub(last_ns) as f64 * 1e-9, hand);
+        let wanted = self.come_down(wanted, now_ns.saturating_sub(last_ns) as f64 * 1e-9, hand);
         self.limited(wanted)
     }
 

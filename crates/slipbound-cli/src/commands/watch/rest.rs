@@ -20,7 +20,8 @@ use std::path::Path;
 
 /// In the report and on standard error when the finger is never seen untouched.
 const IN_CONTACT: &str = "starts in contact: displacement counts from the first stationary frames, the contact region of a \
-                          smooth gel is taken from the imprint itself";
+                          smooth gel is taken from the imprint itself (if nothing touches it there, the frames are noisier \
+                          or more compressed than the sensor file knows: calibrate anew on such frames)";
 
 /// The finger at rest, and what it was made from.
 pub struct Found {
