@@ -156,26 +156,28 @@ fn a_tool_is_laid_down_only_as_far_as_the_ground_is_felt() {
     let told = |stiffness| {
         laying_picture(&settings, stiffness, 42, |frame, n| (Some(push(frame)), touches(frame), jaws(frame, 40), n))
     };
-    // Touch at 12, half a second for the loose grip to stand, then down until it is carried.
-    let after = "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vvvvvvvv";
-    assert_eq!(told(Some(0.05)), after.clone() + "RRRRPP");
-    assert_eq!(told(None), after.clone() + "RRRRPP", "by the displacement alone");
-    assert_eq!(told(Some(0.1)), after[..after.len() - 3].to_owned() + "RRRRRRRPP", "twice as stiff: 0.025 mm");
+    // Touch at 12, believed when it has lasted for three frames; half a second for the loose grip to stand, then down until it is carried,
+    // for three frames, too.
+    let touched = "G".repeat(7) + "vvvvvvv" + &"-".repeat(16);
+    let after = touched.clone() + "vvvvvvvv";
+    assert_eq!(told(Some(0.05)), after.clone() + "RRPP");
+    assert_eq!(told(None), after.clone() + "RRPP", "by the displacement alone");
+    assert_eq!(told(Some(0.1)), after[..after.len() - 3].to_owned() + "RRRRRPP", "twice as stiff: 0.025 mm");
 
     // What the gels were sheared by when the loose grip stood is no push of the ground.
     let picture = laying_picture(&settings, None, 36, |frame, n| (Some(-0.3), touches(frame), Jaws::Holding, n));
-    assert_eq!(picture, "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vvvvvvvv");
+    assert_eq!(picture, touched.clone() + "vvvvvv");
 
     // Nor is a push that grows by 0.03 mm in a second, as the gel creeps and the object turns on its edge: 0.27 mm in nine seconds.
     let creep = |frame: u64| Some(-0.001 * frame.saturating_sub(30) as f64);
     let picture = laying_picture(&settings, None, 300, |frame, n| (creep(frame), touches(frame), Jaws::Holding, n));
-    assert_eq!(picture, "G".repeat(7) + "vvvvv" + &"-".repeat(16) + &"v".repeat(272));
+    assert_eq!(picture, touched.clone() + &"v".repeat(270));
 
     // Nothing is felt for three frames: nothing is lowered then.
     let unresponsive = |frame: u64| if (30..33).contains(&frame) { None } else { Some(0.0) };
     let picture =
         laying_picture(&settings, None, 36, |frame, n| (unresponsive(frame), touches(frame), Jaws::Holding, n));
-    assert_eq!(picture, "G".repeat(7) + "vvvvv" + &"-".repeat(16) + "vv---vvv");
+    assert_eq!(picture, touched + "---vvv");
 
     // Before it touches a frame that is not felt is no reason to wait; it may hang turned, and it may be lost.
     let unresponsive = |frame: u64| if frame == 9 { None } else { Some(0.0) };
@@ -201,8 +203,8 @@ fn a_grip_that_does_not_loosen_is_waited_for_three_seconds_more() {
         })
     };
     let waits = |picture: &str| picture.chars().filter(|c| *c == '-').count();
-    assert_eq!((waits(&told(60)), told(60).ends_with('v')), (60 - 12, true));
-    // 3.5 s are 105 frames and a hair.
+    assert_eq!((waits(&told(60)), told(60).ends_with('v')), (60 - 14, true));
+    // Believed two frames after it; 3.5 s are 105 frames and a hair.
     assert_eq!((waits(&told(999)), told(999).ends_with('S')), (106, true));
 }
 
