@@ -1,16 +1,17 @@
 //! Frames that come as pixels alone, encoded: what keeps frames keeps files.
 
 use super::picture;
-use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 
-/// Gives every frame of a source an encoded form: as it came or, of pixels alone, a PNG, which decodes to the same pixels.
+/// Gives every frame of a source an encoded form: as it came or, of pixels alone, a PNG, which decodes to the same pixels. A frame that
+/// cannot be encoded stays without, and whoever keeps frames says so: no camera fails for its recording.
 pub struct Encoded<S>(pub S);
 
 impl<S: FrameSource> FrameSource for Encoded<S> {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
         let next = self.0.next(into)?;
-        if next == Next::Frame && into.encoded.is_empty() {
-            picture::encode(into).map_err(|why| SourceError::new(SourceErrorKind::Format, why))?;
+        if next == Next::Frame && into.encoded.is_empty() && picture::encode(into).is_err() {
+            into.encoded.clear();
         }
         Ok(next)
     }
@@ -37,6 +38,22 @@ mod tests {
             into.encoded = if self.0 == 2 { b"as it came".to_vec() } else { Vec::new() };
             self.0 += 1;
             Ok(if self.0 > 3 { Next::End } else { Next::Frame })
+        }
+    }
+
+    #[test]
+    fn a_frame_that_cannot_be_encoded_ends_no_source() {
+        struct Empty;
+        impl FrameSource for Empty {
+            fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+                (into.size, into.seq) = (SizePx::new(0, 0), into.seq + 1);
+                Ok(Next::Frame)
+            }
+        }
+        let (mut source, mut frame) = (Encoded(Empty), FrameBuffer::default());
+        for seq in 1..=2 {
+            assert_eq!(source.next(&mut frame).expect("goes on"), Next::Frame);
+            assert_eq!((frame.seq, frame.encoded.len()), (seq, 0));
         }
     }
 

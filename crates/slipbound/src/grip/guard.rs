@@ -51,11 +51,8 @@ impl Guard {
     /// or after the object was lost, the force does not fall.
     pub fn hold(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState, force_n: f64) -> GripDecision {
         self.last_ns = Some(now_ns);
-        if let Some(kept) = self.kept(now_ns, hand, gripper) {
-            return kept;
-        }
-        self.raised_from_n = None;
-        self.limited(GripDecision { force_n, arm: ArmMotion::Go })
+        let wanted = GripDecision { force_n, arm: ArmMotion::Go };
+        self.kept(now_ns, hand, gripper).unwrap_or_else(|| self.limited(wanted))
     }
 
     /// The force it decided on last, N per finger.
