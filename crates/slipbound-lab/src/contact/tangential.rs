@@ -130,10 +130,11 @@ impl Tangential {
             traction[i] = within(push[i], bound[i], traction[i]);
         }
         let (back, _) = self.yielding(surface, question, traction, true);
+        // Of all cells: a surface takes the steps of its whole window, and some have left the contact since the last solution.
+        self.direction.fill(ZERO);
         for &i in cells {
             let i = i as usize;
             self.gradient[i] = self.answer[i] + back.at(question.lever[i]) - question.target[i];
-            self.direction[i] = ZERO;
         }
         let mut length = safe;
         let mut held = Held { iterations: 0, converged: false, load: Motion::ZERO };

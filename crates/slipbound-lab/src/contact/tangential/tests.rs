@@ -18,10 +18,16 @@ struct Pulled {
 
 /// A patch under a dome of pressure, on which a body of a mass is pulled and turned so far that some cells slide.
 fn pull(mass_kg: f64, stop: Stop) -> Pulled {
+    let mut solver = Tangential::new(Grid::fast().cells_count());
+    pull_on(&mut solver, PATCH, mass_kg, stop)
+}
+
+/// The same on a patch inside [`PATCH`], by a solver that may have solved others.
+fn pull_on(solver: &mut Tangential, patch: Region, mass_kg: f64, stop: Stop) -> Pulled {
     let (grid, gel) = (Grid::fast(), Gel::default());
     let (stride, count) = (grid.width_cells, grid.cells_count());
     let mut response = Response::of_layer(&grid, |k| gel.compliance(k));
-    let cells: Vec<u32> = PATCH.cells(stride).map(|i| i as u32).collect();
+    let cells: Vec<u32> = patch.cells(stride).map(|i| i as u32).collect();
     let lever: Vec<_> = (0..count).map(|i| grid.centre_mm(i)).map(|c| Complex64::new(c.x, c.y)).collect();
     let mut bound = vec![0.0; count];
     let mut full_slip = (0.0, 0.0);
@@ -52,7 +58,6 @@ fn pull(mass_kg: f64, stop: Stop) -> Pulled {
         stop,
     };
     let mut traction = vec![ZERO; count];
-    let mut solver = Tangential::new(count);
     let held =
         solver.solve(&mut OneSurface { response: &mut response, window: PATCH, stride }, &question, &mut traction);
     // Anew from the tractions alone: A q + B W B^T q - w.
@@ -105,4 +110,17 @@ fn small_errors_of_the_cells_do_not_add_up_to_a_load() {
             "{mass_kg} kg: {force:e} of force, {torque:e} of torque"
         );
     }
+}
+
+/// A gel that springs back lets cells go: the steps that were made on them are none of the smaller contact.
+#[test]
+fn a_contact_that_has_shrunk_is_solved_as_if_it_had_never_been_larger() {
+    let stop = FingerSettings::fast().tangential_stop;
+    let smaller = Region { width_cells: PATCH.width_cells - 6, ..PATCH };
+    let mut solver = Tangential::new(Grid::fast().cells_count());
+    pull_on(&mut solver, PATCH, 0.1, Stop { most_iterations_count: 3, ..stop });
+    let [used, new] = [&mut solver, &mut Tangential::new(Grid::fast().cells_count())]
+        .map(|solver| pull_on(solver, smaller, 0.1, stop).held);
+    assert!(used.converged);
+    assert_eq!(used, new);
 }
