@@ -302,7 +302,7 @@ impl Estimator {
         if let Some(way) = regrip {
             match way {
                 Regrip::Harder => self.friction.regripped(),
-                Regrip::Lighter => self.friction.field_counts_anew(),
+                Regrip::Lighter => self.friction.slip_counts_anew(),
             }
             self.stretches.restart(learned.load_px3, learned.rigid_px);
             self.last_motion.regripped();

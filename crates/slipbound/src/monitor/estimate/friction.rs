@@ -142,15 +142,16 @@ pub(super) struct Friction {
 }
 
 impl Friction {
-    /// The grip has grown under load.
+    /// The grip has grown under load: what the field shows counts from here.
     pub fn regripped(&mut self) {
         self.regripped_s = Some(self.now_s).filter(|_| self.told > 0.0);
-        self.field_counts_anew();
+        self.most_log_grip = None;
+        self.slip_counts_anew();
     }
 
-    /// What the field shows counts from here.
-    pub fn field_counts_anew(&mut self) {
-        (self.most_log_grip, self.most_log_load_n) = (None, None);
+    /// What the field shows counts from here, under a grip that has been let go: what the firm one has squeezed stays in the motion of the contact.
+    pub fn slip_counts_anew(&mut self) {
+        self.most_log_load_n = None;
     }
 
     /// Whether the object slides in the last frame: in the first in which it did all of the friction was used.

@@ -169,6 +169,9 @@ fn what_letting_go_leaves_in_the_field_is_not_taken_for_slip() {
     let (_, loaded_now) = let_go(&mut friction, 0.55, 6.0, 0.95);
     assert!(loaded_now > 0.85, "under a load it matters less: {loaded_now}");
     let (_, before) = let_go(&mut friction, 0.1, 6.0, 0.5);
+    friction.slip_counts_anew();
+    let (_, lighter) = let_go(&mut friction, 0.1, 6.0, 0.5);
+    assert!((lighter - before).abs() < 0.02, "what was squeezed stays where slip counts anew: {lighter} {before}");
     (friction.now_s, friction.regripped_s) = (0.0, None);
     friction.regripped();
     let (_, anew) = let_go(&mut friction, 0.1, 6.0, 0.5);
