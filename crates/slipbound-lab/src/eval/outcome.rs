@@ -8,7 +8,7 @@ use crate::random::Random;
 use crate::rivals::Entry;
 use crate::world::FRAME_RATE_HZ;
 use slipbound::monitor::{SlipKind, SlipState};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A load fraction below which an alarm is false.
 pub const FALSE_BELOW_FRACTION: f64 = 0.2;
@@ -106,7 +106,26 @@ pub struct Asked {
     pub mu: Option<f64>,
 }
 
-/// The load fraction of every frame; 0 before the load. Where the object never slid, the load itself.
+/// Key of whether gross slip came.
+const REACHES_GROSS: &str = "reaches_gross";
+
+/// Whether a record is of a trial that was meant to slide and never did: without gross slip there is no load fraction, and nothing to be in
+/// time for. The tables leave it out. A record without word of gross slip counts as one that came to it.
+pub fn never_slides(record: &TrialRecord) -> bool {
+    record.truth != Some(false) && record.flag_of(REACHES_GROSS) == Some(false)
+}
+
+/// How many trials of some records [`never_slides`] leaves out, as a sentence to end a note with; empty for none.
+pub(super) fn left_out_note<'a>(records: impl IntoIterator<Item = &'a TrialRecord>) -> String {
+    let trials: BTreeSet<u64> = records.into_iter().filter(|r| never_slides(r)).map(|r| r.number).collect();
+    match trials.len() {
+        0 => String::new(),
+        count => format!(" Left out, as meant to slide and never sliding: {count}."),
+    }
+}
+
+/// The load fraction of every frame; 0 before the load. Where the object never slid, the load itself: a fraction only of a trial that is
+/// loaded in shares of what makes it slide.
 pub fn fractions(watched: &Watched) -> Vec<f64> {
     let whole = watched.gross.map_or(1.0, |gross| gross.load);
     watched
@@ -123,14 +142,15 @@ pub fn record(asked: &Asked, entry: &Entry, watched: &Watched, seen: &[Seen]) ->
     let is_past_gross = |n: usize| watched.gross.is_some_and(|gross| facts[n].time_s >= gross.time_s);
     let counts = |n: &usize| facts[*n].frame >= asked.from_frame;
     let first = (0..facts.len()).filter(counts).find(|&n| seen[n].alarms);
-    let outcome = match (asked.slips, first) {
+    let is_judged = watched.gross.is_some() || !asked.slips;
+    let outcome = is_judged.then_some(match (asked.slips, first) {
         (false, None) => Outcome::Quiet,
         (true, None) => Outcome::Missed,
         (false, Some(_)) => Outcome::False,
         (true, Some(n)) if is_past_gross(n) => Outcome::Late,
         (true, Some(n)) if f[n] < FALSE_BELOW_FRACTION => Outcome::False,
         (true, Some(_)) => Outcome::InTime,
-    };
+    });
     let before_gross = |n: &usize| !asked.slips || !is_past_gross(*n);
     let highest = |frames: &mut dyn Iterator<Item = usize>| frames.map(|n| seen[n].score).fold(0.0, f64::max);
     let score = highest(&mut (0..facts.len()).filter(counts).filter(before_gross));
@@ -145,18 +165,19 @@ pub fn record(asked: &Asked, entry: &Entry, watched: &Watched, seen: &[Seen]) ->
         trial: asked.trial.clone(),
         object: asked.object.clone(),
         detector: entry.name.into(),
-        truth: Some(asked.slips),
+        truth: is_judged.then_some(asked.slips),
         verdict: first.is_some_and(|n| before_gross(&n)),
         score,
         first_alarm_frame: first.map(|n| facts[n].frame),
         more: BTreeMap::new(),
     }
-    .with("outcome", outcome.word())
-    .with("f_at_alarm", first.map(|n| f[n]))
+    .with("outcome", outcome.map(Outcome::word))
+    .with(REACHES_GROSS, watched.gross.is_some())
+    .with("f_at_alarm", first.filter(|_| is_judged).map(|n| f[n]))
     .with("lead_ms", lead_ms)
     .with("gross_frame", gross_frame)
     .with("alarm_while_gripping", gripping)
-    .with(SCORE_BELOW, score_below)
+    .with(SCORE_BELOW, is_judged.then_some(score_below))
     .with("loaded_frames", loaded().count())
     .with("decided_frames", loaded().filter(decided).count());
     let record = with_gross(record, watched, seen, &f);
@@ -333,6 +354,27 @@ mod tests {
         assert!((in_time.number_of("lead_ms").expect("a lead") - 1000.0 / 3.0).abs() < 1e-6);
         assert!(
             (record(&asked, &DETECTORS[0], &watched, &seen(Some(5))).flag_of("alarm_while_gripping")) == Some(true)
+        );
+    }
+
+    #[test]
+    fn a_trial_that_never_slides_though_it_should_has_no_outcome_and_no_fraction() {
+        let (asked, watched) = ramp(true);
+        let watched = Watched { gross: None, ..watched };
+        let never = record(&asked, &DETECTORS[0], &watched, &seen(Some(20)));
+        assert_eq!((Outcome::of(&never), never.truth, never.verdict), (None, None, true));
+        assert_eq!((never.number_of("f_at_alarm"), never.number_of(SCORE_BELOW)), (None, None));
+        let (asked, watched) = ramp(false);
+        let still = record(&asked, &DETECTORS[0], &watched, &seen(None));
+        let (asked, watched) = ramp(true);
+        let slid = record(&asked, &DETECTORS[0], &watched, &seen(None));
+        assert!(never_slides(&never) && !never_slides(&still) && !never_slides(&slid));
+        let old = |reaches_gross| TrialRecord { truth: Some(true), ..never.clone() }.with(REACHES_GROSS, reaches_gross);
+        assert!(never_slides(&old(Some(false))) && !never_slides(&old(None)));
+        let note = left_out_note(&[never.clone(), slid.clone(), never]);
+        assert_eq!(
+            (note.as_str(), left_out_note(&[slid]).as_str()),
+            (" Left out, as meant to slide and never sliding: 1.", "")
         );
     }
 

@@ -1,6 +1,6 @@
 //! Tables over ramps: alarms, lead, exactness, direction, gross.
 
-use super::outcome::{FALSE_BELOW_FRACTION, Outcome, SCORE_BELOW};
+use super::outcome::{FALSE_BELOW_FRACTION, Outcome, SCORE_BELOW, left_out_note, never_slides};
 use super::record::TrialRecord;
 use super::statistics::{Estimated, auc, mean, median, quantile, share, share_of};
 use super::table::{Cell, Table};
@@ -33,8 +33,7 @@ fn names(records: &[TrialRecord]) -> Vec<&str> {
 
 /// Those that come to gross slip.
 fn sliding<'a>(records: &'a [TrialRecord], detector: &str) -> Vec<&'a TrialRecord> {
-    let slides = |r: &&TrialRecord| r.flag_of("reaches_gross") != Some(false);
-    records.iter().filter(|r| r.detector == detector).filter(slides).collect()
+    records.iter().filter(|r| r.detector == detector && !never_slides(r)).collect()
 }
 
 /// Alarm before gross slip: whether it was false or in time.
@@ -65,7 +64,8 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
             "Before gross slip: the first alarm came before it. False: at f < {FALSE_BELOW_FRACTION}, while gripping included for ours. f of all \
              alarms before gross slip, false ones among them; lead of the same on ramps of 1 s, from the exposure of the frame, no latency taken off. AUC: the highest \
              score before gross slip against the highest at f < {FALSE_BELOW_FRACTION}. Coverage: share of the loaded frames that \
-             were decided."
+             were decided.{}",
+            left_out_note(records)
         ),
         &[
             "detector",

@@ -116,7 +116,6 @@ pub(super) fn records(number: u64, name: &str, trial: &Trial, mu: Option<f64>, w
             .with("mu", trial.mu())
             .with("ramp_s", trial.number("ramp_s"))
             .with("load", kind)
-            .with("reaches_gross", watched.gross.is_some())
     };
     watched.seen.iter().map(of).collect()
 }

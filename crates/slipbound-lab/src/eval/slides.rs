@@ -1,7 +1,7 @@
 //! Guided slides: a hand that follows its path whatever the friction, at 0.5 to 50 mm/s, at least 30 frames beyond gross slip.
 
 use super::error::EvalError;
-use super::outcome::{Asked, camera_seed, record, stream};
+use super::outcome::{Asked, camera_seed, left_out_note, never_slides, record, stream};
 use super::protocol::Protocol;
 use super::ramp_tables::gross_row;
 use super::ramps::MU;
@@ -156,7 +156,6 @@ impl Protocol for Slides {
                 .with("gross_delay_mm", slid_mm)
                 .with("speed_mm_per_s", speed_mm_per_s)
                 .with("frames_after_gross", after)
-                .with("reaches_gross", watched.gross.is_some())
         };
         Ok(watched.seen.iter().map(of).collect())
     }
@@ -166,7 +165,8 @@ impl Protocol for Slides {
             "Gross on guided slides",
             &format!(
                 "Delay from the first frame after gross slip; soon enough: within 2 frames from {FAST_FROM_MM_PER_S} mm/s on, within {SLOW_WITHIN_MM} mm of \
-                 sliding below. Kept: share of the later frames in which it slides and is said to. False: said below f 0.8."
+                 sliding below. Kept: share of the later frames in which it slides and is said to. False: said below f 0.8.{}",
+                left_out_note(records)
             ),
             &[
                 "detector",
@@ -186,7 +186,7 @@ impl Protocol for Slides {
                 let some: Vec<&TrialRecord> = records
                     .iter()
                     .filter(|r| r.detector == entry.name && r.number_of("speed_mm_per_s") == Some(speed_mm_per_s))
-                    .filter(|r| r.flag_of("reaches_gross") == Some(true))
+                    .filter(|r| !never_slides(r))
                     .collect();
                 if some.is_empty() {
                     continue;
@@ -206,11 +206,12 @@ impl Protocol for Slides {
         }
         let mut alarms = Table::new(
             "Any alarm before gross slip",
-            "",
+            left_out_note(records).trim_start(),
             &["detector", "slides", "before gross %", "after it or never %"],
         );
         for entry in &DETECTORS {
-            let some: Vec<&TrialRecord> = records.iter().filter(|r| r.detector == entry.name).collect();
+            let some: Vec<&TrialRecord> =
+                records.iter().filter(|r| r.detector == entry.name && !never_slides(r)).collect();
             if some.is_empty() {
                 continue;
             }
@@ -236,6 +237,35 @@ impl Protocol for Slides {
 mod tests {
     use super::*;
     use crate::world::{Physics, World};
+
+    #[test]
+    fn a_hand_that_never_makes_it_slide_is_in_neither_table() {
+        let record = |number: u64, reaches_gross: bool, detector: &str| {
+            TrialRecord {
+                number,
+                trial: format!("t{number}"),
+                object: "scissors".into(),
+                detector: detector.into(),
+                truth: reaches_gross.then_some(true),
+                verdict: true,
+                score: 1.0,
+                first_alarm_frame: Some(1),
+                more: Default::default(),
+            }
+            .with("speed_mm_per_s", 2.0)
+            .with("reaches_gross", reaches_gross)
+        };
+        let both = ["ours", "paper"];
+        let records: Vec<TrialRecord> =
+            both.iter().flat_map(|&name| [record(0, true, name), record(1, false, name)]).collect();
+        let tables = Slides::new(0, Some(2)).tables(&records);
+        assert!(tables.iter().all(|table| table.note.ends_with("never sliding: 1.")), "{tables:?}");
+        assert_eq!(tables[0].rows.iter().map(|row| row[2].clone()).collect::<Vec<_>>(), [Cell::Count(1)]);
+        assert_eq!(
+            tables[1].rows.iter().map(|row| row[1].clone()).collect::<Vec<_>>(),
+            [Cell::Count(1), Cell::Count(1)]
+        );
+    }
 
     #[test]
     fn a_slide_goes_on_for_30_frames_after_gross_slip_and_stays_on_the_pad() {

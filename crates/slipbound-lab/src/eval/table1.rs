@@ -5,7 +5,7 @@
 //! starts anew from the last frame before the load, as the paper takes its reference once the object is held.
 
 use super::error::EvalError;
-use super::outcome::{Asked, Outcome, camera_seed, record};
+use super::outcome::{Asked, Outcome, camera_seed, left_out_note, never_slides, record};
 use super::protocol::Protocol;
 use super::record::TrialRecord;
 use super::statistics::{auc, quantile, share};
@@ -141,15 +141,22 @@ impl Protocol for Table1 {
 
     fn tables(&self, records: &[TrialRecord]) -> Vec<Table> {
         let names = || DETECTORS.iter().map(|entry| entry.name);
-        let of = |name: &str| -> Vec<&TrialRecord> { records.iter().filter(|r| r.detector == name).collect() };
+        let of = |name: &str| -> Vec<&TrialRecord> {
+            records.iter().filter(|r| r.detector == name && !never_slides(r)).collect()
+        };
         let is_paper = |r: &&TrialRecord| r.number_of("force_n") != Some(STRONG_FORCE_N);
         let mut all = Table::new(
             "All 240",
-            "Right, false positives and false negatives as shares of all trials, as the paper prints them. Alarms while gripping are counted apart, \
-             as the paper's reference is taken after that.",
+            &format!(
+                "Right, false positives and false negatives as shares of all trials, as the paper prints them. Alarms while gripping are counted \
+                 apart, as the paper's reference is taken after that.{}",
+                left_out_note(records.iter().filter(is_paper))
+            ),
             &HEAD,
         );
-        let mut strong = Table::new("The same at 50 N", "80 trials more; the paper has none.", &HEAD);
+        let left_out = left_out_note(records.iter().filter(|r| !is_paper(r)));
+        let mut strong =
+            Table::new("The same at 50 N", &format!("80 trials more; the paper has none.{left_out}"), &HEAD);
         for name in names() {
             let (paper, more): (Vec<&TrialRecord>, Vec<&TrialRecord>) = of(name).into_iter().partition(is_paper);
             all.rows.extend(row(name.into(), &paper));
@@ -326,5 +333,11 @@ mod tests {
         );
         assert_eq!(tables[0].rows.last().map(|row| row[2].clone()), Some(Cell::plain(86.25, 240, 2)));
         assert!(matches!(&row[9], Cell::Number(area, _) if area.value == Some(2.0 / 3.0)), "{:?}", row[9]);
+        // A fifth, of which nobody can say what it should have been.
+        let never = TrialRecord { truth: None, ..record(4, Outcome::InTime, 2.0) };
+        let never = never.with("outcome", None::<&str>).with("reaches_gross", false);
+        let with_fifth = Table1::new(0, Some(5)).tables(&[&records[..], &[never]].concat());
+        assert_eq!((&with_fifth[0].rows, &with_fifth[3].rows), (&tables[0].rows, &tables[3].rows));
+        assert!(with_fifth[0].note.ends_with("never sliding: 1.") && !with_fifth[1].note.contains("sliding"));
     }
 }

@@ -1,7 +1,7 @@
 //! report.html: curves, histograms, tables, the worst failures.
 
 use slipbound_lab::eval::coverage;
-use slipbound_lab::eval::outcome::{Outcome, SCORE_BELOW};
+use slipbound_lab::eval::outcome::{Outcome, SCORE_BELOW, never_slides};
 use slipbound_lab::eval::{Sweep, Table, TrialRecord, auc, roc};
 use slipbound_lab::rivals::DETECTORS;
 use slipbound_rig::sheet::{Chart, Draw, Figure, Part, Series, Sheet};
@@ -62,14 +62,15 @@ fn detectors(records: &[TrialRecord]) -> impl Iterator<Item = (&'static str, usi
 
 fn roc_chart(records: &[TrialRecord]) -> Option<Chart> {
     let scores = |name: &str, truth: bool| -> Vec<f64> {
-        let of = records.iter().filter(|r| r.detector == name && r.truth == Some(truth));
+        let of = records.iter().filter(|r| r.detector == name && r.truth == Some(truth) && !never_slides(r));
         of.map(|record| record.score).collect()
     };
     // Where every trial slips in the end, its own beginning is what no alarm may be raised for.
     let begun = |name: &str| -> Vec<f64> {
-        records.iter().filter(|r| r.detector == name).filter_map(|r| r.number_of(SCORE_BELOW)).collect()
+        let of = records.iter().filter(|r| r.detector == name && !never_slides(r));
+        of.filter_map(|r| r.number_of(SCORE_BELOW)).collect()
     };
-    let all_slip = records.iter().all(|r| r.truth == Some(true));
+    let all_slip = records.iter().filter(|r| !never_slides(r)).all(|r| r.truth == Some(true));
     let series: Vec<Series> = detectors(records)
         .filter_map(|(name, colour)| {
             let positives = scores(name, true);
@@ -120,7 +121,10 @@ fn histogram(records: &[TrialRecord], key: &str, title: &str, x_label: &str, mos
     let width = most / BINS_COUNT as f64;
     let shares = |name: &str| -> Option<Vec<f64>> {
         let alarmed = |r: &&TrialRecord| {
-            r.detector == name && r.truth == Some(true) && Outcome::of(r).is_some_and(Outcome::is_before_gross)
+            r.detector == name
+                && r.truth == Some(true)
+                && !never_slides(r)
+                && Outcome::of(r).is_some_and(Outcome::is_before_gross)
         };
         let values: Vec<f64> = records.iter().filter(alarmed).filter_map(|r| r.number_of(key)).collect();
         let mut bins = vec![0.0; BINS_COUNT];
@@ -174,5 +178,37 @@ mod tests {
         let highest = bars.series[0].points.iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("points");
         assert_eq!(*highest, (0.5125, 1.0));
         assert!(histogram(&records, "lead_ms", "", "", 1.0).is_none());
+    }
+
+    #[test]
+    fn a_trial_that_never_slides_is_in_no_curve() {
+        let record = |number: u64, reaches_gross: bool| {
+            TrialRecord {
+                number,
+                trial: format!("t{number}"),
+                object: "scissors".into(),
+                detector: "ours".into(),
+                truth: Some(true),
+                verdict: true,
+                score: if reaches_gross { 2.0 } else { 0.5 },
+                first_alarm_frame: None,
+                more: Default::default(),
+            }
+            .with("outcome", "in_time")
+            .with("reaches_gross", reaches_gross)
+            .with("f_at_alarm", if reaches_gross { 0.5 } else { 8.6 })
+            .with(SCORE_BELOW, 1.0)
+        };
+        let slides = record(0, true);
+        let now = TrialRecord { truth: None, ..record(1, false) }.with("outcome", None::<&str>);
+        let bars = |records: &[TrialRecord]| histogram(records, "f_at_alarm", "", "", 1.0).expect("an alarm").series;
+        let curve = |records: &[TrialRecord]| roc_chart(records).expect("a curve").series;
+        let alone = [slides.clone()];
+        // As it is written now, and as it was before.
+        for never in [now, record(1, false)] {
+            let both = [slides.clone(), never];
+            assert_eq!(bars(&both)[0].points, bars(&alone)[0].points);
+            assert_eq!(curve(&both)[0].name, curve(&alone)[0].name);
+        }
     }
 }

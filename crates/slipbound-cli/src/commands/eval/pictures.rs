@@ -3,7 +3,7 @@
 use crate::outcome::Failure;
 use slipbound::monitor::{SlipMonitor, SlipReport};
 use slipbound::port::FrameBuffer;
-use slipbound_lab::eval::outcome::Outcome;
+use slipbound_lab::eval::outcome::{Outcome, never_slides};
 use slipbound_lab::eval::{Protocol, TrialRecord};
 use slipbound_lab::rivals::named;
 use slipbound_rig::overlay::Overlay;
@@ -20,8 +20,11 @@ struct Failed<'a> {
     badness: f64,
 }
 
-/// How a record failed; None where it did not, or shows no frame.
+/// How a record failed; None where it did not, shows no frame, or has nothing to have failed at.
 fn failed(record: &TrialRecord) -> Option<Failed<'_>> {
+    if never_slides(record) {
+        return None;
+    }
     let gross_frame = record.number_of("gross_frame").map(|frame| frame as u64);
     match Outcome::of(record) {
         // Missed with the least evidence first.
