@@ -13,7 +13,7 @@
 //! | `run.mcap` | as it was recorded | as it was recorded, else the message's | as it was recorded, else container |
 //! | `bag.db3` (ROS 2 in SQLite) | place | that of the message | container |
 //! | `-` (standard input), named pipe, through `ffmpeg` | place | none | unknown |
-//! | `http://` Motion JPEG | place | the server's stamp, else arrival | device, host |
+//! | `http://` Motion JPEG | place | the server's stamp, arrival without one or once one stood still | device, host |
 //! | `v4l2:` camera | the driver's, gaps counted | the driver's stamp | device |
 //! | `rtsp://` and others, through `ffmpeg` | place | arrival | host |
 //!
@@ -45,6 +45,7 @@ mod picture;
 mod picture_size;
 mod read_ahead;
 mod riff;
+mod stamps;
 #[cfg(all(feature = "v4l2", target_os = "linux", target_pointer_width = "64"))]
 pub mod v4l2;
 mod video_times;

@@ -41,6 +41,8 @@ pub struct CameraCounts {
     pub returns_count: u64,
     /// Whether the frames carry time stamps of the camera or its driver.
     pub has_stamps: bool,
+    /// Whether a time stamp was not later than the one before it: from then on the times of the frames are those of arrival.
+    pub stamps_have_stood_still: bool,
     first_ns: Option<u64>,
     last_ns: Option<u64>,
     longest_ns: u64,
@@ -110,7 +112,11 @@ impl fmt::Display for CameraCounts {
             write!(f, ", arrival jitter {jitter_ms:.1} ms, longest gap {:.0} ms", self.longest_ms())?;
         }
         write!(f, ", {} torn, {} lost by the camera or its driver", self.torn_count, self.missing_count)?;
-        write!(f, ", {} times lost and back", self.returns_count)
+        write!(f, ", {} times lost and back", self.returns_count)?;
+        if self.stamps_have_stood_still {
+            write!(f, ", its time stamps stood still: the times are those of arrival")?;
+        }
+        Ok(())
     }
 }
 

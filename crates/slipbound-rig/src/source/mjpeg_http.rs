@@ -6,11 +6,13 @@
 //!      '--- wait 0.1 s, 0.2 s .. 3 s
 //! ```
 //!
-//! The time of a frame is the server's `X-Timestamp` where it sends one (its clock says device), else that of arrival.
+//! The time of a frame is the server's `X-Timestamp` where it sends one (its clock says device), else that of arrival; so it is
+//! for the rest of the source once a stamp is not later than the one before it ([`Stamps`]).
 
 use super::camera::{Camera, CameraTally};
 use super::chunked::{self, Chunked};
 use super::multipart::{Found, Multipart};
+use super::stamps::Stamps;
 use super::{Error, picture};
 use crate::link::now_ns;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
@@ -48,6 +50,7 @@ pub struct MjpegHttp {
     retry_at_ns: u64,
     retry_ns: u64,
     seq: u64,
+    stamps: Stamps,
     tally: Arc<CameraTally>,
     bytes: Vec<u8>,
 }
@@ -75,6 +78,7 @@ impl MjpegHttp {
             retry_at_ns: 0,
             retry_ns: FIRST_RETRY_NS,
             seq: 0,
+            stamps: Stamps::default(),
             tally: tally.clone(),
             bytes: vec![0; 64 << 10],
         };
@@ -92,6 +96,7 @@ impl MjpegHttp {
         match Stream::open(&self.address) {
             Ok(stream) => {
                 self.stream = Some(stream);
+                self.stamps.connect();
                 self.tally.change(|counts| counts.returns_count += 1);
             }
             Err(_) => {
@@ -158,8 +163,12 @@ impl FrameSource for MjpegHttp {
                         return Ok(self.torn(into, reason));
                     }
                     self.retry_ns = FIRST_RETRY_NS;
-                    self.tally.frame(stream.heard_ns, head.time_ns.is_some());
-                    self.stamp(into, head.time_ns);
+                    let device_ns = self.stamps.device_ns(head.time_ns);
+                    self.tally.frame(stream.heard_ns, device_ns.is_some());
+                    if self.stamps.have_stood_still() {
+                        self.tally.change(|counts| counts.stamps_have_stood_still = true);
+                    }
+                    self.stamp(into, device_ns);
                     return Ok(Next::Frame);
                 }
                 Ok(Found::Nothing) if !stream.has_ended => {}

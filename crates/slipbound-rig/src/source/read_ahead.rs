@@ -52,15 +52,18 @@ impl ReadAhead {
         self.failed.take()
     }
 
-    /// Whose clock the time of the frames is from, as the first frame that waits says; unknown when none waits.
+    /// Whose clock the time of the frames is from, as the last frame that waits says, for the stamps of a camera may stop being
+    /// believed; unknown when none waits.
     pub fn clock(&self) -> Clock {
-        self.ahead.front().map_or(Clock::Unknown, |ahead| ahead.buffer.clock)
+        self.ahead.back().map_or(Clock::Unknown, |ahead| ahead.buffer.clock)
     }
 
-    /// Frames per second between the first and the last frame that wait, rounded; None without times, and below one.
+    /// Frames per second between the first and the last frame that wait, rounded; None without times or with those of two clocks,
+    /// and below one.
     pub fn rate_hz(&self) -> Option<u32> {
         let (first, last) = (&self.ahead.front()?.buffer, &self.ahead.back()?.buffer);
-        let passed_ns = last.time_ns?.checked_sub(first.time_ns?)?;
+        let last_ns = last.time_ns.filter(|_| last.clock == first.clock)?;
+        let passed_ns = last_ns.checked_sub(first.time_ns?)?;
         let rate_hz = last.seq.checked_sub(first.seq)? as f64 * 1e9 / passed_ns as f64;
         (rate_hz >= 1.0 && rate_hz.is_finite()).then(|| rate_hz.round() as u32)
     }

@@ -125,6 +125,35 @@ fn frames_come_with_their_arrival_or_with_the_server_s_own_time() {
 }
 
 #[test]
+fn stamps_that_stand_still_are_no_times_of_frames() {
+    let script_of = |stamps: [&str; 4]| {
+        let stamped = stamps.map(|stamp| part_of(&jpeg(0), None, &format!("X-Timestamp: {stamp}\r\n")));
+        let script = [head()].into_iter().chain(stamped.into_iter().flat_map(|part| [part, Step::Wait(20)]));
+        script.chain([Step::Wait(5000)]).collect()
+    };
+    for (stamps, device_count, told) in [
+        (["0.000000"; 4], 0, false),
+        (["1700000000", "1700000000", "1700000000", "1700000001"], 1, true),
+        (["1700000000.5", "1700000001", "1700000000.9", "1700000002"], 2, true),
+        (["1", "2", "3", "4"], 4, false),
+    ] {
+        let mut camera = open(vec![script_of(stamps)]);
+        let mut frame = FrameBuffer::default();
+        let mut seen = Vec::new();
+        for _ in stamps {
+            assert_eq!(next(&mut camera, &mut frame), Next::Frame);
+            seen.push((frame.clock, frame.time_ns.expect("a time")));
+        }
+        let (device, host) = seen.split_at(device_count);
+        assert!(device.iter().all(|(clock, _)| *clock == Clock::Device), "{stamps:?}: {seen:?}");
+        assert!(host.iter().all(|(clock, _)| *clock == Clock::Host), "{stamps:?}: {seen:?}");
+        assert!(host.windows(2).all(|two| two[1].1 > two[0].1), "times that go on: {seen:?}");
+        let counts = camera.tally.counts();
+        assert_eq!(counts.to_string().ends_with("its time stamps stood still: the times are those of arrival"), told);
+    }
+}
+
+#[test]
 fn a_whole_frame_is_given_at_once_and_silence_lasts_a_tenth_of_a_second() {
     let jpeg = jpeg(0);
     let mut bare = format!("Content-Length: {}\r\n\r\n", jpeg.len()).into_bytes();

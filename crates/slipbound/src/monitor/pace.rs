@@ -68,10 +68,12 @@ impl Pace {
     }
 
     // Deviation: D21 turns
-    /// What is due in a frame. A frame without a time gets everything, as does one while nothing touches.
+    /// What is due in a frame. A frame without a time gets everything, as does one with the time of the frame before it, which is
+    /// none, and one while nothing touches.
     /// `complete`: whether every marker in view was found in the last frame, so that there is none to be searched for.
     pub(super) fn see(&mut self, time_ns: Option<u64>, touches: bool, complete: bool) -> Due {
         let last_ns = std::mem::replace(&mut self.frame_ns, time_ns);
+        let time_ns = time_ns.filter(|_| last_ns != time_ns);
         let frame_ns = last_ns.zip(time_ns).and_then(|(last_ns, now_ns)| now_ns.checked_sub(last_ns));
         // Whether so many frames more come within its period.
         let has_room = |turn: &Turn, frames: u64| frame_ns.is_some_and(|ns| frames * ns < turn.period_ns);
@@ -155,12 +157,13 @@ mod tests {
     }
 
     #[test]
-    fn everything_is_due_without_times_without_contact_and_after_a_clock_is_set_back() {
+    fn everything_is_due_without_times_that_go_on_without_contact_and_after_a_clock_is_set_back() {
         let all = Due { contact: true, search: true, evidence: true };
         let mut pace = Pace::new(25.0, 25.0, 25.0);
         assert!((0..5).all(|_| pace.see(None, true, true) == all));
         assert!((0..5).all(|i| pace.see(Some(1_000_000 * i), false, true) == all));
         assert_ne!(pace.see(Some(6_000_000), true, true), all);
         assert_eq!(pace.see(Some(1_000_000), true, true), all);
+        assert!((0..5).all(|_| pace.see(Some(1_000_000), true, true) == all), "a time that stands still is none");
     }
 }

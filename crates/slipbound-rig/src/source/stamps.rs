@@ -1,0 +1,51 @@
+//! Whether the time stamps of a stream's server are believed.
+//!
+//! ```text
+//!   12.001  12.034  12.068 ..        each is later than the one before it: the time of the frame
+//!   12      12      12     13 ..     of a clock without parts of a second  } the time of arrival from then on: frames
+//!    0       0       0 ..            of no clock at all                    } of equal times could not be judged
+//! ```
+
+/// The stamps of a source, over all its connections.
+#[derive(Debug, Default)]
+pub(super) struct Stamps {
+    /// That of the last frame of this connection, ns.
+    last_ns: Option<u64>,
+    have_stood_still: bool,
+}
+
+impl Stamps {
+    /// A connection begins: its server's clock may start anew.
+    pub fn connect(&mut self) {
+        self.last_ns = None;
+    }
+
+    /// The time of the next frame by its server's clock, ns, from its stamp; None without a stamp, and when it is not believed.
+    pub fn device_ns(&mut self, stamp_ns: Option<u64>) -> Option<u64> {
+        let stamp_ns = stamp_ns.filter(|ns| *ns > 0)?;
+        let last_ns = self.last_ns.replace(stamp_ns);
+        self.have_stood_still |= last_ns.is_some_and(|last_ns| stamp_ns <= last_ns);
+        (!self.have_stood_still).then_some(stamp_ns)
+    }
+
+    /// Whether a stamp was not later than the one before it: no stamp of this source is believed any more.
+    pub fn have_stood_still(&self) -> bool {
+        self.have_stood_still
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stamps_are_believed_until_one_is_not_later_than_the_last_of_its_connection() {
+        let mut stamps = Stamps::default();
+        let given = [Some(5), None, Some(0), Some(6)].map(|ns| stamps.device_ns(ns));
+        assert_eq!((given, stamps.have_stood_still()), ([Some(5), None, None, Some(6)], false));
+        stamps.connect();
+        assert_eq!([Some(1), Some(2), Some(2), Some(3)].map(|ns| stamps.device_ns(ns)), [Some(1), Some(2), None, None]);
+        stamps.connect();
+        assert_eq!((stamps.device_ns(Some(9)), stamps.have_stood_still()), (None, true));
+    }
+}
