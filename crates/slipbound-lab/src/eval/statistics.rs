@@ -200,19 +200,21 @@ pub fn rate_per_h(events: u64, hours_h: f64) -> Estimated {
     if hours_h <= 0.0 {
         return Estimated::NONE;
     }
-    // Chance of at most so many events when so many are expected.
+    let n = events as f64;
+    // Chance of at most so many events when more are expected: from the largest term downwards, as the smallest, exp(-expected), is 0 in a
+    // double from 746 on.
     let at_most = |expected: f64| {
-        let mut term = libm::exp(-expected);
+        let mut term = libm::exp(n * libm::log(expected) - expected - libm::lgamma(n + 1.0));
         let mut sum = term;
-        for k in 1..=events {
-            term *= expected / k as f64;
+        for k in (1..=events).rev() {
+            term *= k as f64 / expected;
             sum += term;
         }
         sum
     };
-    let most = events as f64 + 10.0 * (events as f64 + 10.0).sqrt();
-    let bound = bisect(0.0, most, |expected| at_most(expected) > 0.05);
-    Estimated::of(events as f64 / hours_h, 0.0, bound / hours_h, events)
+    let most = n + 10.0 * (n + 10.0).sqrt();
+    let bound = bisect(n, most, |expected| at_most(expected) > 0.05);
+    Estimated::of(n / hours_h, 0.0, bound / hours_h, events)
 }
 
 #[cfg(test)]
@@ -312,5 +314,10 @@ mod tests {
         near(rate_per_h(0, 2.0).high, 1.498, 1e-3);
         near(rate_per_h(3, 1.0).high, 7.754, 1e-3); // Garwood's table
         assert_eq!(rate_per_h(3, 2.0).value, Some(1.5));
+        for events in [700, 1000, 5000, 100_000] {
+            let high = rate_per_h(events, 1.0).high.expect("a bound");
+            assert!(high > events as f64, "at most {high} an hour, of {events} in one");
+        }
+        near(rate_per_h(1000, 1.0).high, 1053.5, 1.0); // half the 95th percentile of chi square with 2002 degrees of freedom
     }
 }
