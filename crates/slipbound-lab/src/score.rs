@@ -39,7 +39,7 @@ pub struct RunScore {
     pub alarms_count: u32,
     /// Largest commanded force, N per finger.
     pub most_n: f64,
-    /// Least force from the end of grasping on, N per finger; None when the task never came so far.
+    /// Least force from the end of grasping until the object was let go, N per finger; None when the task never came so far.
     pub least_held_n: Option<f64>,
     /// The truth at the end.
     pub last: HandTruth,
@@ -77,10 +77,10 @@ impl RunScore {
         if is_alarm && self.first_alarm_used_fraction.is_none() && truth.grip_force_n > 0.0 {
             self.first_alarm_used_fraction = Some(truth.required_n / truth.grip_force_n);
         }
-        if matches!(phase, Phase::Working | Phase::Waiting | Phase::Ended(_)) {
+        self.let_go = commanded_n.is_none();
+        if !self.let_go && matches!(phase, Phase::Working | Phase::Waiting | Phase::Ended(_)) {
             self.least_held_n.get_or_insert(truth.grip_force_n);
         }
-        self.let_go = commanded_n.is_none();
         self.add_truth(truth);
         if truth.required_n > LEAST_GRIP_N {
             self.pressed_sum_n += truth.grip_force_n;
@@ -93,10 +93,10 @@ impl RunScore {
 
     /// Takes what is true when no commands went out: the loop waits, or has been left.
     pub fn add_truth(&mut self, truth: &HandTruth) {
-        if let Some(least_n) = &mut self.least_held_n {
-            *least_n = least_n.min(truth.grip_force_n);
-        }
         if !self.let_go {
+            if let Some(least_n) = &mut self.least_held_n {
+                *least_n = least_n.min(truth.grip_force_n);
+            }
             self.slid_mm = truth.slid_mm;
         }
         self.last.clone_from(truth);
@@ -182,11 +182,14 @@ mod tests {
         assert_eq!(score.first_alarm_used_fraction(), Some(0.8), "at the first of the two");
         assert_eq!(score.over_squeeze_ratio(), Some(20.0 / 14.0), "only where more than 5 N was required");
         score.add_cycle(5 * SECOND_NS, Phase::Ended(Ending::Held), None, 2, None);
-        let opened = HandTruth { slid_mm: 2.0, ..pressed(9.0, 4.0) };
+        let opened = HandTruth { slid_mm: 2.0, ..pressed(-0.01, 4.0) };
         score.add_cycle(6 * SECOND_NS, Phase::Ended(Ending::Lost), None, 2, Some(&opened));
         assert_eq!((score.slid_mm, score.last.slid_mm), (0.3, 2.0), "what it slides while it is let go does not count");
         assert_eq!((score.ending, score.ended_s, score.time_s), (Some(Ending::Held), Some(5.0), 6.0));
-        assert_eq!((score.most_n, score.last.grip_force_n), (14.0, 9.0), "a release commands no force");
+        assert_eq!((score.most_n, score.last.grip_force_n), (14.0, -0.01), "a release commands no force");
+        assert_eq!(score.least_held_n, Some(9.0), "what is let go is not held");
+        score.add_truth(&pressed(0.0, 0.0));
+        assert_eq!(score.least_held_n, Some(9.0), "nor while nothing is commanded after that");
         assert_eq!(RunScore::default().over_squeeze_ratio(), None);
     }
 
