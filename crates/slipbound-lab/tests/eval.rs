@@ -92,6 +92,47 @@ fn a_folder_of_another_sweep_is_refused_by_file_key_expected_and_got() {
     assert!(named("mine").is_err_and(|error| error.to_string().contains("one of ours, ours_frames, paper_as_written")));
 }
 
+/// What is whole is not written anew, and what nobody knows is not thrown away.
+#[test]
+fn records_in_a_folder_outlive_a_resumed_sweep_that_is_killed() {
+    let root = tempfile::tempdir().expect("a folder");
+    let protocol = simulated("ramps", SEED, Some(3)).expect("there is one");
+    let open = || SweepFolder::open(root.path(), &sweep(&*protocol), &["ours", "paper"], Shard::WHOLE);
+    drop(open().expect("a new folder"));
+    let lines_path = root.path().join("trials.jsonl");
+    let line = |number: u64, detector: &str| {
+        let truth = "\"truth\":true,\"verdict\":true,\"score\":1.0,\"first_alarm_frame\":null";
+        // Written with spaces, as another program may: what stands there is kept to the byte.
+        format!("{{\"number\": {number}, \"trial\":\"t\",\"object\":\"o\",\"detector\":\"{detector}\",{truth}}}\n")
+    };
+    let whole = [line(0, "ours"), line(0, "paper"), line(1, "ours"), line(1, "paper")].concat();
+    let torn = [whole.as_str(), &line(2, "ours"), "{\"number\":2,\"trial\":\"\u{e9}"].concat();
+    fs::write(&lines_path, &torn.as_bytes()[..torn.len() - 1]).expect("writes");
+    let folder = open().expect("whole trials and half of one");
+    assert_eq!((folder.records().len(), folder.missing()), (4, vec![2]));
+    drop(folder);
+    assert_eq!(fs::read_to_string(&lines_path).expect("records"), whole);
+
+    for broken in [&[line(0, "ours"), line(1, "ours")].concat(), &line(0, "paper")] {
+        fs::write(&lines_path, broken).expect("writes");
+        let error = open().expect_err("half a trial that is not the last").to_string();
+        assert!(error.contains("expected the record of "), "{error}");
+        assert_eq!(&fs::read_to_string(&lines_path).expect("records"), broken, "nothing is thrown away");
+    }
+
+    fs::write(&lines_path, &whole).expect("writes");
+    let about = root.path().join("sweep.json");
+    fs::remove_file(&about).expect("removed");
+    let error = open().expect_err("records of what?").to_string();
+    assert!(error.contains("sweep.json: expected the one beside trials.jsonl"), "{error}");
+    assert_eq!(fs::read_to_string(&lines_path).expect("records"), whole);
+    fs::remove_file(&lines_path).expect("removed");
+    drop(open().expect("a new folder"));
+    let names: Vec<_> =
+        fs::read_dir(root.path()).expect("a folder").map(|e| e.expect("an entry").file_name()).collect();
+    assert_eq!(names.len(), 2, "{names:?}");
+}
+
 #[test]
 fn a_sweep_that_is_stopped_says_so_and_keeps_what_it_has() {
     let protocol = simulated("ramps", SEED, Some(3)).expect("there is one");

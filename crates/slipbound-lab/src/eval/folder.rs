@@ -61,20 +61,17 @@ pub struct SweepFolder {
 }
 
 impl SweepFolder {
-    /// Makes a folder, or goes on with one of the same sweep: its whole trials are kept, a line or a trial that was
-    /// half written is dropped.
+    /// Makes a folder, or goes on with one of the same sweep: its whole trials are kept as they are, a line or a trial at the end that was
+    /// half written is cut off. Refuses records of which nothing says what sweep they are of.
     pub fn open(path: &Path, sweep: &Sweep, detectors: &[&str], shard: Shard) -> Result<Self, FolderError> {
         let detectors = detectors.iter().map(|&name| name.to_owned()).collect();
         let about = SweepFile { format: FORMAT.into(), sweep: sweep.clone(), detectors, shard };
         fs::create_dir_all(path).map_err(file(path))?;
         let about_path = path.join("sweep.json");
-        let is_there = about_path.exists();
-        if is_there {
-            check_same(&about_path, &about, &read_about(&about_path)?, true)?;
-        }
         let lines_path = path.join("trials.jsonl");
         // Held until the folder is dropped; the lock of a program that was killed goes with it.
-        let lines = OpenOptions::new().create(true).append(true).open(&lines_path).map_err(file(&lines_path))?;
+        let lines =
+            OpenOptions::new().create(true).read(true).append(true).open(&lines_path).map_err(file(&lines_path))?;
         match lines.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(FolderError::Busy { path: path.to_owned() }),
@@ -82,18 +79,25 @@ impl SweepFolder {
             Err(TryLockError::Error(e)) if e.kind() == io::ErrorKind::Unsupported => {}
             Err(TryLockError::Error(e)) => return Err(file(&lines_path)(e)),
         }
-        let records = match is_there {
-            true => whole_trials(&lines_path, &about)?,
-            false => {
-                write_json(&about_path, &about)?;
-                Vec::new()
+        let length = lines.metadata().map_err(file(&lines_path))?.len();
+        let records = if about_path.exists() {
+            check_same(&about_path, &about, &read_about(&about_path)?, true)?;
+            let (records, end) = whole_trials(&lines_path, &about)?;
+            if end < length {
+                lines.set_len(end).map_err(file(&lines_path))?;
             }
+            records
+        } else if length > 0 {
+            return Err(FolderError::Value {
+                path: about_path,
+                key: "sweep.json".into(),
+                expected: "the one beside trials.jsonl, or a folder without records".into(),
+                got: "records of an unknown sweep".into(),
+            });
+        } else {
+            write_json(&about_path, &about)?;
+            Vec::new()
         };
-        let mut text = Vec::new();
-        for record in &records {
-            write_line(&mut text, record).map_err(file(&lines_path))?;
-        }
-        fs::write(&lines_path, text).map_err(file(&lines_path))?;
         Ok(SweepFolder { path: path.to_owned(), about, records, lines })
     }
 
@@ -151,7 +155,7 @@ impl SweepFolder {
             if let Some((_, first)) = &first {
                 check_same(&about_path, first, &about, false)?;
             }
-            for records in by_trial(whole_trials(&lines_path, &about)?) {
+            for records in by_trial(whole_trials(&lines_path, &about)?.0) {
                 let number = records[0].number;
                 match trials.get(&number) {
                     Some(before) if *before != records => {
@@ -204,10 +208,13 @@ fn write_line(to: &mut Vec<u8>, record: &TrialRecord) -> io::Result<()> {
     Ok(())
 }
 
+/// Writes a file that is whole or not there, whenever the program is killed.
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), FolderError> {
     let mut text = serde_json::to_vec_pretty(value).map_err(|error| file(path)(error.into()))?;
     text.push(b'\n');
-    fs::write(path, text).map_err(file(path))
+    let unfinished = path.with_extension("json.unfinished");
+    let written = File::create(&unfinished).and_then(|mut to| to.write_all(&text).and_then(|()| to.sync_all()));
+    written.and_then(|()| fs::rename(&unfinished, path)).map_err(file(path))
 }
 
 fn read_about(path: &Path) -> Result<SweepFile, FolderError> {
@@ -256,27 +263,38 @@ fn by_trial(records: Vec<TrialRecord>) -> Vec<Vec<TrialRecord>> {
     trials
 }
 
-/// The records of whole trials. A last line or trial that was half written is left out; any other broken line is an
-/// error.
-fn whole_trials(path: &Path, about: &SweepFile) -> Result<Vec<TrialRecord>, FolderError> {
-    let text = match fs::read(path) {
-        Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+/// The records of whole trials, and where the last of them ends, in bytes. A last line or trial that was half written is left out; anything
+/// else that is broken is an error.
+fn whole_trials(path: &Path, about: &SweepFile) -> Result<(Vec<TrialRecord>, u64), FolderError> {
+    let bytes = match fs::read(path) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok((Vec::new(), 0)),
         Err(error) => return Err(file(path)(error)),
     };
-    let whole = text.rfind('\n').map_or("", |end| &text[..end]);
-    let lines: Vec<&str> = whole.split('\n').filter(|line| !line.is_empty()).collect();
-    let mut records = Vec::with_capacity(lines.len());
-    for (n, line) in lines.iter().enumerate() {
-        records.push(TrialRecord::parse(line).map_err(|error| FolderError::Value {
-            path: path.to_owned(),
-            key: format!("line {}", n + 1),
-            expected: "a record".into(),
-            got: error.to_string(),
-        })?);
-    }
-    let complete = |trial: &Vec<TrialRecord>| {
-        trial.len() == about.detectors.len() && trial.iter().zip(&about.detectors).all(|(r, name)| r.detector == *name)
+    let broken = |n: usize, expected: String, got: String| FolderError::Value {
+        path: path.to_owned(),
+        key: format!("line {}", n + 1),
+        expected,
+        got,
     };
-    Ok(by_trial(records).into_iter().filter(complete).flatten().collect())
+    let (mut records, mut end, mut whole_count, mut whole_end) = (Vec::<TrialRecord>::new(), 0, 0, 0);
+    for (n, line) in bytes.split_inclusive(|&byte| byte == b'\n').enumerate() {
+        end += line.len() as u64;
+        let Some(line) = line.strip_suffix(b"\n") else { break };
+        let record = std::str::from_utf8(line).map_err(|error| error.to_string());
+        let record = record.and_then(|line| TrialRecord::parse(line).map_err(|error| error.to_string()));
+        let record = record.map_err(|error| broken(n, "a record".into(), error))?;
+        let due = &about.detectors[records.len() - whole_count];
+        let number = records.get(whole_count).map_or(record.number, |first| first.number);
+        if (record.number, &record.detector) != (number, due) {
+            let got = format!("{} on {}", record.detector, record.number);
+            return Err(broken(n, format!("the record of {due} on trial {number}"), got));
+        }
+        records.push(record);
+        if records.len() - whole_count == about.detectors.len() {
+            (whole_count, whole_end) = (records.len(), end);
+        }
+    }
+    records.truncate(whole_count);
+    Ok((records, whole_end))
 }
