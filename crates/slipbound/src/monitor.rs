@@ -10,6 +10,7 @@ mod imprint;
 mod markers;
 mod motion;
 mod pace;
+mod passed;
 mod reason_text;
 mod report;
 mod rest;
@@ -180,7 +181,7 @@ impl SlipMonitor {
 
         let area_px2 = self.contact.area_px2 as f64;
         self.slip.judge(self.motion.motion.as_ref(), &mut self.markers.all);
-        self.evidence.take(frame, &self.imprint, area_px2, &self.markers.all, due.evidence);
+        self.evidence.take(frame, &self.imprint, area_px2, &self.markers.all, due);
         probe.after(Step::Slip, self);
 
         self.estimate(frame, grip, area_px2);
@@ -190,7 +191,12 @@ impl SlipMonitor {
         match report.state {
             // The reference is taken anew after slip; the next frame is judged against this one.
             SlipState::Incipient if by_markers => self.rebase_from = Some(frame.seq),
-            SlipState::NoContact => self.return_to_rest(),
+            SlipState::NoContact => {
+                if self.contact.untouched == contact::Untouched::Now {
+                    self.markers.all.iter_mut().filter(|m| m.matched).for_each(|m| m.rest = m.now);
+                }
+                self.return_to_rest();
+            }
             _ => {}
         }
         report
@@ -367,7 +373,7 @@ impl SlipMonitor {
             contact: ContactReport { area_px2, area_mm2: mm.map(|mm| area_px2 * mm * mm), quality },
             markers: self.counts(),
             reference_seq: self.reference_seq,
-            grip_n: grip.map(|g| g.force_n),
+            grip_n: grip.map(|g| g.force_n).filter(|n| n.is_finite()),
             motion: self.motion.motion.map(|m| MotionReport {
                 reference_px: m.reference,
                 translation_px: m.translation,
@@ -403,7 +409,7 @@ impl SlipMonitor {
             contact: ContactReport { area_mm2: none, ..ContactReport::default() },
             markers: MarkerCounts { lost: self.markers.all.len() as u32, ..MarkerCounts::default() },
             reference_seq: self.reference_seq,
-            grip_n: grip.map(|g| g.force_n),
+            grip_n: grip.map(|g| g.force_n).filter(|n| n.is_finite()),
             motion: None,
             shear: None,
             slip: SlipSummary { max_mm: none, ..SlipSummary::default() },

@@ -241,15 +241,22 @@ impl Sensor {
             high_levels: levels(band.high_levels),
             ..*band
         });
-        Ok(Sensor {
+        let scaled = Sensor {
             image_px: size,
             pitch_px: self.pitch_px * scale,
             edge_bands: edge_bands.collect(),
             marker_diameter_px: self.marker_diameter_px * scale,
             rectification: self.rectification.map(|r| r.scaled(scale)),
-            defects_px: self.defects_px.iter().map(|d| d.map(|v| (v as f64 * scale).round() as usize)).collect(),
             ..self.clone()
-        })
+        };
+        // Outwards to whole pixels: a thin one is never lost.
+        let whole = scaled.rectified_px();
+        let down = |value: usize| (value as f64 * scale).floor() as usize;
+        let up = |value: usize, most: usize| ((value as f64 * scale).ceil() as usize).min(most);
+        let defects = self.defects_px.iter().map(|&[left, top, right, bottom]| {
+            [down(left), down(top), up(right, whole.width), up(bottom, whole.height)]
+        });
+        Ok(Sensor { defects_px: defects.collect(), ..scaled })
     }
 
     /// Size of the rectified image.
@@ -353,6 +360,10 @@ pub(crate) mod tests {
         let (there, here) =
             (large.camera_from_rectified(p * 2.0 + Vec2::new(0.5, 0.5)), small.camera_from_rectified(p));
         assert!((there - double(here)).length() < 1e-9, "{there:?} {here:?}");
+        let thin = Sensor { defects_px: vec![[11, 20, 12, 60], [219, 239, 220, 240]], ..small.clone() };
+        let half = thin.at_size(SizePx::new(160, 120)).expect("same shape");
+        half.check().expect("a thin defect is still one");
+        assert_eq!(half.defects_px, [[5, 10, 6, 30], [109, 119, 110, 120]]);
         let error = small.at_size(SizePx::new(640, 640)).expect_err("another shape");
         assert_eq!(
             error.to_string(),

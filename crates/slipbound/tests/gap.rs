@@ -81,6 +81,18 @@ fn a_pitch_of_motion_in_half_a_second_without_frames_is_seen() {
     }
 }
 
+/// A camera that was plugged in again begins to count anew: for how long nobody saw is not known.
+#[test]
+fn a_clock_that_was_set_back_is_a_gap() {
+    let mut finger = Finger::new(0.5, 31);
+    finger.now_ns = 5_000_000_000;
+    finger.hold(Vec2::ZERO);
+    finger.now_ns = 0;
+    let moved = Vec2::new(PITCH_PX, 0.0);
+    finger.see(1, moved, true);
+    assert!(finger.worst_px(moved) < 0.1 * PITCH_PX, "{} px off", finger.worst_px(moved));
+}
+
 #[test]
 fn where_no_marker_can_be_told_from_the_next_nothing_is_judged_until_the_finger_is_free() {
     let mut finger = Finger::new(0.0, 50);

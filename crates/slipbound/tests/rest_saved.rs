@@ -68,6 +68,9 @@ fn what_is_damaged_or_another_fingers_is_refused_by_name() {
     assert!(refused(&|rest| rest["markers"][2]["stiffness"] = 1e300.into()).starts_with("rest.markers[2].stiffness: "));
     let grown = refused(&|rest| rest["size"] = serde_json::json!([640, 480]));
     assert!(grown.starts_with("rest.grey: expected 307200 values, got 76800"), "{grown}");
+    let woven = finger(Skin::Fabric).0.sensor;
+    let flat = SlipMonitor::new(&woven, &Settings::default(), rest).expect_err("rest of a smooth gel").to_string();
+    assert_eq!(flat, "rest.flat: expected 76800 values, got 0");
     let mut unknown = whole.clone();
     unknown["colour"] = 1.into();
     assert!(serde_json::from_value::<Rest>(unknown).is_err());

@@ -85,6 +85,47 @@ fn the_evidence_of_a_recording_that_starts_in_contact_ends_with_that_contact() {
     assert!(evidence.relaxation < 0.05 && evidence.slide_score < 0.5, "nothing has moved: {evidence:?}");
 }
 
+/// The rest frame shows a finger that is touched and sheared: let go, its markers spring back to where nobody has seen them yet.
+#[test]
+fn a_finger_that_was_sheared_at_rest_is_free_once_it_is_let_go() {
+    for skin in [Skin::Smooth, Skin::Fabric] {
+        let (painter, mut monitor) = finger_from(skin, Some(&touch(55.0)));
+        let mut seq = 0;
+        let mut show = |shift_px: f64, touched: bool| {
+            let far = |p: Vec2| (p - Vec2::new(160.0, 120.0)).length_squared() / 3600.0;
+            let places: Vec<Vec2> =
+                painter.rest.iter().map(|&p| p + Vec2::new(shift_px, 0.0) * (-far(p)).exp()).collect();
+            let rgb = painter.paint(&places, touched.then_some(&touch(55.0)), seq);
+            seq += 1;
+            monitor.step(&frame(&rgb, SIZE, seq), None)
+        };
+        let held: Vec<_> = (0..10).map(|_| show(0.0, true)).collect();
+        assert!(held.iter().all(|r| r.state != SlipState::NoContact), "{skin:?}: {held:?}");
+        let free: Vec<_> = (0..20).map(|_| show(-4.0, false)).collect();
+        assert!(free[2..].iter().all(|r| r.state == SlipState::NoContact), "{skin:?}: {free:?}");
+        let again = (0..20).map(|_| show(-4.0, true)).last().expect("frames");
+        let sheared_px = again.shear.expect("a contact").translation_px.length();
+        assert!(again.state == SlipState::Stick && sheared_px < 0.6, "{skin:?}: {again:?}");
+        let free: Vec<_> = (0..6).map(|_| show(-4.0, false)).collect();
+        assert!(free[2..].iter().all(|r| r.state == SlipState::NoContact), "{skin:?}: {free:?}");
+    }
+}
+
+/// A spot on the gel that is no contact by itself makes none of a shear that is over.
+#[test]
+fn a_stain_does_not_keep_a_contact_that_only_displacement_shows() {
+    let (painter, mut monitor) = finger(Skin::Smooth);
+    let stain = Touch { centre: Vec2::new(60.0, 60.0), radii_px: Vec2::new(14.0, 14.0), strength_levels: 40.0 };
+    let mut show = |seq: u64| {
+        let shift = if (5..15).contains(&seq) { Vec2::new(3.0, 0.0) } else { Vec2::ZERO };
+        let places: Vec<Vec2> = painter.rest.iter().map(|&p| p + shift).collect();
+        monitor.step(&frame(&painter.paint(&places, Some(&stain), seq), SIZE, seq), None).state
+    };
+    let states: Vec<SlipState> = (0..30).map(&mut show).collect();
+    assert_ne!(states[14], SlipState::NoContact, "{states:?}");
+    assert!(states[18..].iter().all(|state| *state == SlipState::NoContact), "{states:?}");
+}
+
 /// Markers that the border cut when the reference was taken have no displacement since: they say nothing until it is taken anew.
 #[test]
 fn markers_that_were_cut_when_the_reference_was_taken_are_not_in_it() {

@@ -212,6 +212,17 @@ enum RegionFinder {
 /// edge pixel in five.
 const FULL_EDGE_SHARE: f64 = 0.2;
 
+/// What is known of where the markers stand while nothing touches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Untouched {
+    /// At rest.
+    AtRest,
+    /// Nowhere yet: the rest frame shows a contact, and so does the picture since.
+    Unseen,
+    /// That contact has ended: where they are now, until something touches.
+    Now,
+}
+
 /// Step 1, with its memory of whether something touches.
 #[derive(Debug, Clone)]
 pub(super) struct Contact {
@@ -219,6 +230,9 @@ pub(super) struct Contact {
     finder: RegionFinder,
     displaced: Option<DisplacedContact>,
     frames_above_count: u32,
+    starts_in_contact: bool,
+    /// Where displacement from rest tells nothing: nowhere but at [`Untouched::AtRest`].
+    pub(super) untouched: Untouched,
     /// Whether something touches.
     pub(super) touches: bool,
     /// Whether only displacement says so.
@@ -262,6 +276,8 @@ impl Contact {
             settings: settings.clone(),
             finder,
             frames_above_count: 0,
+            starts_in_contact: rest.kind == RestKind::InContact,
+            untouched: Untouched::AtRest,
             touches: rest.kind == RestKind::InContact,
             region: Mask::new(size),
             area_px2: 0,
@@ -293,16 +309,21 @@ impl Contact {
         let of_region = |area_px2: usize| (area_px2 as f64).max(changed_px2.unwrap_or(0.0)) / whole_px2;
         let share = of_region(self.area_px2);
         let seen = share > on || (self.touches && !self.by_displacement && share >= self.settings.off_area_fraction);
+        if seen && std::mem::take(&mut self.starts_in_contact) {
+            self.untouched = Untouched::Unseen;
+        }
         if let Some(displaced) = &mut self.displaced {
             if seen {
                 displaced.yield_to_picture(markers);
-            } else {
+            } else if self.untouched == Untouched::AtRest {
                 self.strength = displaced.find(markers, &mut self.region);
                 self.area_px2 = self.region.area_px2();
             }
         }
         self.strength = self.strength.clamp(0.0, 1.0);
-        let share = of_region(self.area_px2);
+        // What has changed elsewhere is no part of a contact that displacement alone shows.
+        let by_picture = seen || self.displaced.is_none();
+        let share = if by_picture { of_region(self.area_px2) } else { self.area_px2 as f64 / whole_px2 };
         self.frames_above_count = if share > on { self.frames_above_count + 1 } else { 0 };
         if self.touches {
             self.touches = share >= self.settings.off_area_fraction;
@@ -310,6 +331,11 @@ impl Contact {
             self.touches = self.frames_above_count >= self.settings.on_frames_count;
         }
         self.by_displacement = self.touches && !seen && self.displaced.is_some();
+        self.untouched = match self.untouched {
+            Untouched::Unseen if !self.touches => Untouched::Now,
+            Untouched::Now if self.touches => Untouched::AtRest,
+            known => known,
+        };
         if !self.touches {
             self.region.clear();
             self.area_px2 = 0;

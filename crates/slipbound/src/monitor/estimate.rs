@@ -26,6 +26,7 @@ mod window;
 pub use features::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
 pub(super) use features::{LOAD, NARROW, TURNING, WIDE};
 
+use crate::monitor::passed::passed_s;
 use crate::monitor::report::{Estimate, Estimates, Marker};
 use crate::plane::{RigidMotion, Vec2};
 use crate::port::GripSample;
@@ -51,8 +52,8 @@ const SKIRT_PITCH: f64 = 1.28;
 const GRIP_S: f64 = 0.1;
 const GRIP_BEHIND_N: f64 = 1.2;
 const GRIP_BEHIND_FRACTION: f64 = 0.05;
-/// Taken for the time between frames where the source has none.
-const FRAME_S: f64 = 1.0 / 30.0;
+/// A grip force that is not read is taken to be what it was for so long, s: grippers are read more seldom than a camera, and a reading may be late.
+const GRIP_HOLDS_S: f64 = 0.3;
 /// A load over the grip force from which the object is being pulled, whatever grip and area do.
 const LOADED_FRACTION: f64 = 0.2;
 /// A load over the grip force below which a lighter grip leaves squeeze and no slip to speak of: of what holds at a friction of 0.25, a third.
@@ -81,6 +82,9 @@ pub(super) struct Estimator {
     motion: Option<RigidMotion>,
     stiffest_px2: f64,
     grip_n: Option<f64>,
+    /// Time since the last reading of it, s, and whether the margin of the last frame rested on it.
+    unread_s: f64,
+    knew_grip: bool,
     time_s: f64,
     last_ns: Option<u64>,
     load: Load,
@@ -138,6 +142,8 @@ impl Estimator {
             motion: None,
             stiffest_px2: 0.0,
             grip_n: None,
+            unread_s: 0.0,
+            knew_grip: false,
             time_s: 0.0,
             last_ns: None,
             load: Load::new(sensor, markers, skirt_px, inside),
@@ -181,12 +187,14 @@ impl Estimator {
         self.last_motion.clear();
         self.motion = None;
         self.stiffest_px2 = 0.0;
-        (self.grip_n, self.time_s, self.last_ns) = (None, 0.0, None);
+        (self.grip_n, self.unread_s, self.knew_grip) = (None, 0.0, false);
+        (self.time_s, self.last_ns) = (0.0, None);
         self.load.clear();
         self.middle = Middle::default();
         self.friction = Friction::default();
         self.counts_from_rest = false;
         (self.estimates, self.features) = (Estimates::default(), None);
+        (self.load_px3, self.turning_px3) = ((Vec2::ZERO, 0.0), 0.0);
     }
 
     /// Goes by other trees from here.
@@ -268,7 +276,7 @@ impl Estimator {
         let tabulated = motion.tabulated();
         for m in markers.iter().filter(|m| m.whole && m.matched) {
             let under_load = self.reference.under_load(m, growth);
-            self.reference.keep(m, m.in_contact, || under_load - tabulated.displacement(m.rest));
+            self.reference.keep(seconds_s, m, || under_load - tabulated.displacement(m.rest));
         }
         for point in &mut self.points {
             point.rigid = tabulated.displacement(point.rest);
@@ -333,10 +341,7 @@ impl Estimator {
 
     /// Time since the last frame.
     fn pass_time(&mut self, time_ns: Option<u64>) -> f64 {
-        let seconds_s = match (self.last_ns, time_ns) {
-            (Some(last), Some(now)) => (now.saturating_sub(last) as f64 * 1e-9).min(1.0),
-            _ => FRAME_S,
-        };
+        let seconds_s = passed_s(self.last_ns, time_ns).min(1.0);
         self.last_ns = time_ns;
         self.time_s += seconds_s;
         seconds_s
@@ -345,9 +350,11 @@ impl Estimator {
     /// The mean of the last readings: a single one is noisy.
     fn take_grip(&mut self, grip: Option<GripSample>, seconds_s: f64) {
         let Some(force_n) = grip.map(|g| g.force_n).filter(|n| n.is_finite()) else {
-            self.grip_n = None;
+            self.unread_s += seconds_s;
+            self.grip_n = self.grip_n.filter(|_| self.unread_s <= GRIP_HOLDS_S);
             return;
         };
+        self.unread_s = 0.0;
         let share = 1.0 - libm::exp(-seconds_s / GRIP_S);
         let before = self.grip_n.unwrap_or(force_n);
         let most_n = GRIP_BEHIND_N.max(GRIP_BEHIND_FRACTION * force_n);
@@ -367,8 +374,12 @@ impl Estimator {
     fn estimate(&mut self, learned: &Learned, seen: &Seen) {
         let features = &learned.features;
         let load_px3 = seen.load_px3;
-        let said = if self.knows_grip() { self.trees.with_grip(features) } else { self.trees.alone(features) };
-        let load = if self.knows_grip() { load_px3 / self.grip_n.unwrap_or(1.0) } else { load_px3 };
+        let knows_grip = self.knows_grip();
+        let said = if knows_grip { self.trees.with_grip(features) } else { self.trees.alone(features) };
+        let load = if knows_grip { load_px3 / self.grip_n.unwrap_or(1.0) } else { load_px3 };
+        if knows_grip != std::mem::replace(&mut self.knew_grip, knows_grip) {
+            self.last_motion.load_is(load);
+        }
         let floor_px = field::FLOOR_PITCH * self.pitch_px;
         let Carried { said, age_frames } = self.last_motion.see(said, load, learned.rigid_px, floor_px);
         let mut used = Estimate { value: said.used.clamp(0.0, 1.2), sd: said.used_sd, age_frames };

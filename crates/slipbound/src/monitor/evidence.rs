@@ -21,6 +21,7 @@ mod sliding;
 use crate::image::Frame;
 use crate::monitor::imprint::Imprint;
 use crate::monitor::motion::fit_rigid;
+use crate::monitor::pace::Due;
 use crate::monitor::report::{EvidenceReport, Marker};
 use crate::monitor::rest::{Rest, RestKind};
 use crate::plane::Vec2;
@@ -75,7 +76,7 @@ pub struct EvidenceSettings {
     /// A contact has settled, and the evidence begins, when its area has grown by less than this share of itself over
     /// [`EvidenceSettings::settle_frames_count`] frames.
     pub settle_fraction: f64,
-    /// Frames over which that is seen.
+    /// Frames over which that is seen: those whose contact region is found anew, one in 25 ms of a fast camera.
     pub settle_frames_count: u32,
     /// The object slides as a whole (`gross`) when its imprint has moved this far over the gel, in pitches (twice as far on a
     /// fabric skin, whose patch of pressed weave is known half as well), ...
@@ -213,12 +214,13 @@ impl Evidence {
         }
     }
 
-    /// Takes a frame whose markers are known. `area_px2`: that of the contact, zero without. `due`: whether the evidence is taken anew.
-    pub(super) fn take(&mut self, frame: &Frame<'_>, imprint: &Imprint, area_px2: f64, markers: &[Marker], due: bool) {
+    /// Takes a frame whose markers are known. `area_px2`: that of the contact, zero without. `due`: whether the contact region was found anew,
+    /// and whether the evidence is.
+    pub(super) fn take(&mut self, frame: &Frame<'_>, imprint: &Imprint, area_px2: f64, markers: &[Marker], due: Due) {
         self.has_touched |= area_px2 > 0.0;
         self.starts_in_contact &= area_px2 > 0.0 || !self.has_touched;
         let touched = area_px2 > 0.0 || self.starts_in_contact;
-        if touched && !due && self.report.is_some() {
+        if touched && !due.evidence && self.report.is_some() {
             self.go_on(markers);
             return;
         }
@@ -234,7 +236,7 @@ impl Evidence {
         self.gel.take(markers);
         std::mem::swap(&mut self.before, &mut self.pattern.now);
         self.pattern.take(imprint, &self.gel);
-        if !self.begun && self.settles(area_px2) {
+        if !self.begun && self.settles(area_px2, due.contact) {
             self.restart(frame.seq, markers);
         }
         if self.begun {
@@ -303,9 +305,12 @@ impl Evidence {
         Some((motion.translation, motion.rotation_rad))
     }
 
-    /// Whether the contact has settled. Nothing is known of how a recording that starts in contact came to it: its first
-    /// frame counts.
-    fn settles(&mut self, area_px2: f64) -> bool {
+    /// Whether the contact has settled. A region that is only carried on says nothing of that. Nothing is known of how a recording that starts in
+    /// contact came to it: its first frame counts.
+    fn settles(&mut self, area_px2: f64, is_new: bool) -> bool {
+        if !is_new {
+            return self.starts_in_contact;
+        }
         let grown = area_px2 > (1.0 + self.settings.settle_fraction) * self.area_px2;
         self.settled_frames_count = if grown { 0 } else { self.settled_frames_count + 1 };
         if grown {

@@ -23,8 +23,10 @@ impl Gap {
     pub fn see(&mut self, seq: u64, time_ns: Option<u64>) -> bool {
         let Some((last_seq, last_ns)) = self.last.replace((seq, time_ns)) else { return false };
         let is_gap = match (last_ns, time_ns) {
-            (Some(last_ns), Some(now_ns)) => {
-                let since_ns = now_ns.saturating_sub(last_ns);
+            // A clock that was set back does not tell for how long nobody saw.
+            (Some(last_ns), Some(now_ns)) if now_ns < last_ns => true,
+            (Some(last_ns), Some(now_ns)) if now_ns > last_ns => {
+                let since_ns = now_ns - last_ns;
                 let usual_ns = *self.usual_ns.get_or_insert(since_ns as f64);
                 let is_gap = since_ns > LEAST_GAP_NS && since_ns as f64 > GAP_PERIODS * usual_ns;
                 if !is_gap {

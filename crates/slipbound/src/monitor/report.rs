@@ -263,9 +263,10 @@ pub struct SlipReport {
     pub contact: ContactReport,
     /// Step 2.
     pub markers: MarkerCounts,
-    /// Number of the frame that displacement is judged against; 0 and the rest frame before the first slip.
+    /// Number of the frame that displacement is judged against: the rest frame's without contact, then that in which the finger had been squeezed, or the last
+    /// slip was.
     pub reference_seq: u64,
-    /// Grip force per finger in newtons, as passed by the caller.
+    /// Grip force per finger in newtons, as passed by the caller; None where that is no number.
     pub grip_n: Option<f64>,
     /// Step 3; None when too few markers are in contact.
     pub motion: Option<MotionReport>,

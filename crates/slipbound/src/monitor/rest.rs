@@ -4,7 +4,7 @@ use crate::image::SizePx;
 use crate::monitor::cell_map::CellMap;
 use crate::monitor::markers::RestMarker;
 use crate::monitor::report::Reason;
-use crate::sensor::Sensor;
+use crate::sensor::{Sensor, Skin};
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -170,7 +170,7 @@ impl Rest {
             (got == expected).then_some(()).ok_or_else(error)
         };
         counts("rest.grey", self.grey.len(), rectified_px.area())?;
-        if needs_flat || !self.flat.is_empty() {
+        if needs_flat || sensor.skin == Skin::Fabric || !self.flat.is_empty() {
             counts("rest.flat", self.flat.len(), rectified_px.area())?;
         }
         counts("rest.cells", self.cells.len(), cells_count)?;

@@ -74,8 +74,7 @@ impl Settings {
         self
     }
 
-    /// Checks every setting, and that the finger can be watched with them.
-    /// Checks every setting, for a finger at the size of its frames.
+    /// Checks every setting, and that a finger at the size of its frames can be watched with them.
     pub(crate) fn check_for(&self, sensor: &Sensor) -> Result<(), SettingError> {
         self.check()?;
         self.check_elements(sensor)?;

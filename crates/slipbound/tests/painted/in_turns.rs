@@ -9,7 +9,7 @@ use slipbound::sensor::Skin;
 
 const SIZE: SizePx = SizePx::new(320, 240);
 const PITCH_PX: f64 = 16.0;
-const PRESSED_FRAMES: u64 = 12;
+const PRESSED_FRAMES: u64 = 18;
 
 /// A pressed finger whose markers in the contact are then where `shift` says, frame by frame, at 90 Hz.
 struct Pressed {

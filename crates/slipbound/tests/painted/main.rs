@@ -8,3 +8,4 @@ mod in_turns;
 mod paper_cases;
 #[path = "../picture/mod.rs"]
 mod picture;
+mod rates;

@@ -15,6 +15,7 @@
 //!
 //! `sunk`: a curved object that lies in the gel bears against its far side, and slides at more than mu P.
 
+use crate::monitor::passed::FRAME_S;
 use crate::monitor::report::Estimate;
 use crate::plane::Vec2;
 
@@ -24,9 +25,9 @@ const ANY_LOG_MU: f64 = -0.673;
 const ANY: f64 = 1.0 / (0.54 * 0.54);
 /// What a frame tells leans towards that; undone by this factor at most, where it tells little.
 const MOST_STRETCH: f64 = 2.0;
-/// Frames in a row are wrong alike, so many tell as much as one; but one whose load has changed by so much in its logarithm since the last
-/// such frame, as that of the frame before it had, tells something of its own.
-const FRAMES_ALIKE: f64 = 12.0;
+/// Frames in a row are wrong alike, those of so many seconds tell as much as one; but one whose load has changed by so much in its logarithm since
+/// the last such frame, as that of the frame before it had, tells something of its own.
+const ALIKE_S: f64 = 0.4;
 const OWN_LOG_LOAD: f64 = 0.1;
 /// From how much on the friction is said to be known, and most that all frames tell together (0.2 of the friction): in units of one
 /// over the variance of its logarithm.
@@ -55,6 +56,8 @@ const SLIDES_S: f64 = 0.05;
 /// Standard deviation by which log mu may differ at another grip force, for a difference of 1 in the logarithm of the force: what
 /// `sunk` leaves.
 const DRIFT_LOG_SD: f64 = 0.2;
+/// No finger has more friction than this: a grip that is let go while the gel is still sheared would tell of any.
+const MOST_FRICTION: f64 = 3.0;
 /// What holds a load has the friction for it, within the error of the load.
 const LOAD_SURE: f64 = 0.95;
 /// Growth of the load that slides with the shear of the gel, in half widths of the contact, at a traction as large as the pressure:
@@ -137,6 +140,8 @@ pub(super) struct Friction {
     /// When the grip last grew under load, s, and when the last frame was: slip counts anew from there.
     regripped_s: Option<f64>,
     now_s: f64,
+    /// Time of the last frame, once there is one.
+    seen_s: Option<f64>,
     /// While the object slides.
     slide: Option<SlideStart>,
 }
@@ -218,12 +223,13 @@ impl Friction {
         let eased = if shown.imprint_slides { 0.0 } else { (most_log_load_n - log_load_n - EASED_LOG).max(0.0) };
         let log_used_sd = libm::hypot(shown.log_used_sd, libm::hypot(left_log_sd, EASED_LOG_SD * eased));
         let (log_used, used) = lean(log_load, log_used_sd, used);
-        self.now_s = shown.at_s;
+        let passed_s = self.seen_s.map(|seen_s| shown.at_s - seen_s).filter(|s| *s > 0.0).unwrap_or(FRAME_S);
+        (self.now_s, self.seen_s) = (shown.at_s, Some(shown.at_s));
         let seen = self.regripped_s.map(|regripped_s| ((self.now_s - regripped_s) / REGRIPPED_S).clamp(0.0, 1.0));
         let seen = seen.or(Some(1.0).filter(|_| (let_go > 0.0 || eased > 0.0) && self.told > 0.0));
         // One that only stands there tells what it told before.
         if used.age_frames == 0 {
-            let own = if self.is_own(log_load) { 1.0 } else { FRAMES_ALIKE.recip() };
+            let own = if self.is_own(log_load) { 1.0 } else { (passed_s / ALIKE_S).min(1.0) };
             let share = own * seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen);
             let log_sd = libm::hypot(log_used_sd, LOAD_NOISE_PER_GRIP / shown.per_grip.max(1e-6));
             self.take(log_load - log_used, log_sd, share, log_grip);
@@ -231,7 +237,7 @@ impl Friction {
         let told = self.told_at(log_grip);
         let log_mu = (told * self.log_mu + ANY * ANY_LOG_MU) / (told + ANY);
         // For this frame alone: one reading of the grip that is too low must not make the contact less slippery for good.
-        let value = libm::exp(log_mu).max(LOAD_SURE * load);
+        let value = libm::exp(log_mu).max(LOAD_SURE * load).min(MOST_FRICTION);
         let known = Estimate { value, sd: value * (told + ANY).recip().sqrt(), age_frames: 0 };
         let friction = Some(known).filter(|_| told >= LEAST_TOLD);
         let Some(seen) = seen else { return (friction, used) };

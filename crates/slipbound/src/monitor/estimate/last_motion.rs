@@ -48,6 +48,11 @@ impl LastMotion {
         self.then = None;
     }
 
+    /// The unit of the load has changed: it is so much now.
+    pub fn load_is(&mut self, load: f64) {
+        self.then.iter_mut().for_each(|then| then.load = load);
+    }
+
     /// What is known with this frame. `load`: over the grip force where that is known, in any unit; `floor_px`: motion that is noise.
     pub fn see(&mut self, said: Said, load: f64, rigid_px: f64, floor_px: f64) -> Carried {
         let Some(then) = &mut self.then else { return self.moves(said, load, rigid_px) };

@@ -28,8 +28,8 @@ const SETTLED_GRIP_N: f64 = 0.15;
 const LONGEST_S: f64 = 1.0;
 /// A grip that has grown by this share holds what slipped under the lighter one; one that has fallen by it leaves what it had squeezed.
 const REGRIP_FRACTION: f64 = 0.1;
-/// A marker that has been out of the contact for as many frames joins it anew.
-const AWAY_FRAMES: u8 = 10;
+/// A marker that has been out of the contact for so long joins it anew, s.
+const AWAY_S: f64 = 0.33;
 
 /// A contact takes the squeeze along in steps of so many pitches: its middle is known to 0.2.
 const ROLLED_PITCH: f64 = 0.4;
@@ -56,8 +56,8 @@ struct Base {
     squeeze: Vec2,
     /// Displacement that it had over the rigid motion when it joined the contact, px.
     joined: Vec2,
-    /// Frames since it was last in the contact; [`AWAY_FRAMES`] or more: it is no part of it.
-    away_frames: u8,
+    /// Time since it was last in the contact, s; [`AWAY_S`] or more: it is no part of it.
+    away_s: f64,
 }
 
 /// The reference of a contact.
@@ -147,9 +147,9 @@ impl Reference {
 
     fn take_with(&mut self, grip_n: Option<f64>, markers: &[Marker], squeeze: impl Fn(&Marker) -> Vec2) {
         for (base, marker) in self.bases.iter_mut().zip(markers) {
-            let away_frames = if marker.in_contact { 0 } else { AWAY_FRAMES };
+            let away_s = if marker.in_contact { 0.0 } else { AWAY_S };
             let squeeze = squeeze(marker);
-            *base = Base { taken_squeeze: squeeze, squeeze, joined: Vec2::ZERO, away_frames };
+            *base = Base { taken_squeeze: squeeze, squeeze, joined: Vec2::ZERO, away_s };
         }
         (self.taken_middle_px, self.rolled_px) = (None, Vec2::ZERO);
         (self.taken, self.taken_grip_n) = (true, grip_n.filter(|n| *n > 0.0));
@@ -235,18 +235,18 @@ impl Reference {
         self.bases[marker.id as usize].joined
     }
 
-    /// Keeps who is part of the contact; a marker that joins takes what it has over the rigid motion as its own. Its
-    /// slip counts from there.
-    pub fn keep(&mut self, marker: &Marker, in_contact: bool, residual: impl FnOnce() -> Vec2) {
+    /// Keeps who is part of the contact, so many seconds after the last frame; a marker that joins takes what it has over the rigid motion as its own.
+    /// Its slip counts from there.
+    pub fn keep(&mut self, seconds_s: f64, marker: &Marker, residual: impl FnOnce() -> Vec2) {
         let base = &mut self.bases[marker.id as usize];
-        if !in_contact {
-            base.away_frames = base.away_frames.saturating_add(1);
+        if !marker.in_contact {
+            base.away_s += seconds_s;
             return;
         }
-        if base.away_frames >= AWAY_FRAMES {
+        if base.away_s >= AWAY_S {
             base.joined = residual();
         }
-        base.away_frames = 0;
+        base.away_s = 0.0;
     }
 }
 
@@ -355,6 +355,26 @@ mod tests {
             reference.roll(1.0 / 30.0, Vec2::new(f64::from(frame % 2) * 20.0, 0.0), PITCH_PX, &markers);
         }
         assert_eq!(markers.map(|m| reference.under_load(&m, 1.0)), [Vec2::ZERO; 2]);
+    }
+
+    #[test]
+    fn a_marker_that_is_away_for_a_moment_keeps_its_slip_at_every_frame_rate() {
+        for frames_per_s in [10u32, 30, 90, 240] {
+            let rest = Vec2::new(100.0, 100.0);
+            let there = Marker { in_contact: true, ..Marker::at_rest(0, rest) };
+            let away = Marker { in_contact: false, ..there };
+            let after = |away_s: f64| {
+                let mut reference = Reference::new(&[there]);
+                reference.take_rest(Some(10.0), &[there]);
+                let seconds_s = f64::from(frames_per_s).recip();
+                let residual = || Vec2::new(3.0, 0.0);
+                (0..(away_s / seconds_s).round() as u32).for_each(|_| reference.keep(seconds_s, &away, residual));
+                reference.keep(seconds_s, &there, residual);
+                reference.joined(&there)
+            };
+            assert_eq!(after(0.1), Vec2::ZERO, "{frames_per_s} Hz");
+            assert_eq!(after(0.4), Vec2::new(3.0, 0.0), "{frames_per_s} Hz");
+        }
     }
 
     #[test]

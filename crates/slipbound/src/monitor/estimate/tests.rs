@@ -464,3 +464,11 @@ fn motion_is_told_from_standing() {
     let (pulled, stood) = (seen[40][tangent], seen[55][tangent]);
     assert!(pulled > 0.1 && (stood / pulled - 1.0).abs() < 0.05, "{pulled}, then {stood}");
 }
+
+#[test]
+fn a_new_contact_has_no_pull_of_the_last() {
+    let mut estimator = push(1.0, Some(10.0), 0.6, 0.6);
+    assert!(estimator.pull_and_turn_px3().0.length() > 0.0);
+    estimator.clear();
+    assert_eq!(estimator.pull_and_turn_px3(), (Vec2::ZERO, 0.0));
+}

@@ -6,6 +6,9 @@ const MOST_COUNT: usize = 48;
 /// How long the window is.
 const WINDOW_S: f64 = 0.18;
 
+/// Fewest frames in it that show a change: those of a camera at 10 Hz.
+const LEAST_COUNT: usize = 3;
+
 /// What is remembered of a frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sample {
@@ -116,7 +119,7 @@ impl Window {
     /// a value is missing.
     pub fn change(&self, of: impl Fn(&Sample) -> Option<f64>) -> Option<(f64, f64)> {
         let (first, last) = (self.oldest()?, self.newest()?);
-        if last.at_s - first.at_s < WINDOW_S - 0.04 || self.count < 4 {
+        if last.at_s - first.at_s < WINDOW_S - 0.04 || self.count < LEAST_COUNT {
             return None;
         }
         let mean = |samples: &[Sample]| -> Option<f64> {

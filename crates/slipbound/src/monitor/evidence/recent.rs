@@ -1,6 +1,7 @@
 //! How imprint and gel have moved of late: what the verdict on gross slip looks at.
 
 use super::sliding::{Motion3, dot, length, minus};
+use crate::monitor::passed::passed_s;
 
 /// Most frames remembered: 0.4 s at 240 frames/s.
 const MOST_COUNT: usize = 96;
@@ -16,9 +17,6 @@ const PACE_PITCH: f64 = 0.13;
 
 /// Least motion by which a share is divided, pitches: noise.
 const LEAST_PITCH: f64 = 0.013;
-
-/// Taken for the time between frames where the source has none, s.
-const FRAME_S: f64 = 1.0 / 30.0;
 
 /// Motion over a window.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -71,11 +69,7 @@ impl RecentMotion {
 
     /// Takes a frame: how far the imprint is over the gel and how far the gel is sheared, both since the reference, px.
     pub(super) fn take(&mut self, over_gel: Motion3, of_gel: Motion3, time_ns: Option<u64>) -> Recent {
-        let passed_s = match (self.last_ns, time_ns) {
-            (Some(last), Some(now)) => now.saturating_sub(last) as f64 * 1e-9,
-            _ => FRAME_S,
-        };
-        self.last_ns = time_ns;
+        let passed_s = passed_s(std::mem::replace(&mut self.last_ns, time_ns), time_ns);
         let at_s = if self.count == 0 { 0.0 } else { self.back(1).at_s + passed_s };
         let now = Step { over_gel, of_gel, at_s };
         self.steps[self.count % MOST_COUNT] = now;

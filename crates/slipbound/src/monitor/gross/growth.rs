@@ -39,17 +39,27 @@ impl Growth {
         Growth { frames: [Loaded::default(); MOST_COUNT], count: 0 }
     }
 
-    /// Takes a frame; the growth over each of the windows, from the frame that lies nearest to its beginning.
+    /// Takes a frame; the growth over each of the windows, by that since the frame which lies nearest to its beginning. A contact that is younger
+    /// has grown by what is known.
     pub fn see(&mut self, now: Loaded) -> [Grown; WINDOWS_S.len()] {
         self.frames[self.count % MOST_COUNT] = now;
         self.count += 1;
         WINDOWS_S.map(|window_s| {
-            let off_s = |then: &Loaded| (now.at_s - then.at_s - window_s).abs();
-            let known = &self.frames[..self.count.min(MOST_COUNT)];
-            let then = known.iter().min_by(|a, b| off_s(a).total_cmp(&off_s(b))).unwrap_or(&now);
+            let known = self.count.min(MOST_COUNT) - 1;
+            let past = |back: usize| self.frames[(self.count - 1 - back) % MOST_COUNT];
+            let off_s = |back: usize| (now.at_s - past(back).at_s - window_s).abs();
+            let mut back = known.min(1);
+            while back < known && off_s(back + 1) <= off_s(back) {
+                back += 1;
+            }
+            let then = past(back);
+            let passed_s = now.at_s - then.at_s;
+            let is_young = back == known && passed_s < window_s;
+            let times = if passed_s > 0.0 && !is_young { window_s / passed_s } else { 1.0 };
+            let known_grip = now.grip_n > 0.0 && then.grip_n > 0.0;
             Grown {
-                load_fraction: (now.load - then.load) / now.load.max(LEAST),
-                grip_fraction: (now.grip_n - then.grip_n) / now.grip_n.max(LEAST),
+                load_fraction: times * (now.load - then.load) / now.load.max(LEAST),
+                grip_fraction: if known_grip { times * (now.grip_n - then.grip_n) / now.grip_n } else { 0.0 },
             }
         })
     }
@@ -72,7 +82,7 @@ mod tests {
 
     #[test]
     fn growth_is_alike_at_every_frame_rate() {
-        for frames_per_s in [30, 60, 90, 240] {
+        for frames_per_s in [10, 20, 30, 50, 60, 90, 240] {
             for (grown, window_s) in after_half_a_second(frames_per_s).iter().zip(WINDOWS_S) {
                 let expected = Grown { load_fraction: 4.0 * window_s / 2.0, grip_fraction: 2.0 * window_s / 11.0 };
                 assert!((grown.load_fraction - expected.load_fraction).abs() < 1e-9, "{frames_per_s}: {grown:?}");
@@ -87,9 +97,26 @@ mod tests {
         let first = growth.see(Loaded { at_s: 3.0, load: 2.0, grip_n: 0.0 });
         assert_eq!(first, [Grown::default(); WINDOWS_S.len()], "nothing is known before it");
         let second = growth.see(Loaded { at_s: 3.04, load: 4.0, grip_n: 0.0 });
-        assert_eq!(second.map(|grown| grown.load_fraction), [0.5; WINDOWS_S.len()]);
+        assert_eq!(second.map(|grown| (1e3 * grown.load_fraction).round()), [417.0, 500.0, 500.0, 500.0]);
         assert!(second.iter().all(|grown| grown.grip_fraction == 0.0), "{second:?}");
         let gone = growth.see(Loaded { at_s: 3.08, load: 0.0, grip_n: 0.0 });
         assert!(gone.iter().all(|grown| grown.load_fraction.is_finite()), "{gone:?}");
+    }
+
+    #[test]
+    fn neither_a_frame_that_was_dropped_nor_a_reading_that_is_missing_is_a_growth() {
+        let mut growth = Growth::new();
+        let mut grown = [Grown::default(); WINDOWS_S.len()];
+        for frame in (0..40u32).filter(|frame| *frame != 38) {
+            let at_s = f64::from(frame) / 30.0;
+            grown = growth.see(Loaded { at_s, load: 1.0 + at_s, grip_n: 20.0 });
+        }
+        for (grown, window_s) in grown.iter().zip(WINDOWS_S) {
+            assert!((grown.load_fraction - window_s / 2.3).abs() < 1e-9, "{grown:?}");
+        }
+        for grip_n in [0.0, 20.0] {
+            let grown = growth.see(Loaded { at_s: 40.0 / 30.0, load: 2.3, grip_n });
+            assert!(grown.iter().all(|grown| grown.grip_fraction == 0.0), "{grip_n}: {grown:?}");
+        }
     }
 }

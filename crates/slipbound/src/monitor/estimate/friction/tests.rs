@@ -151,6 +151,35 @@ fn right_after_a_regrip_a_frame_says_nothing_and_soon_it_counts_beside_what_was_
 }
 
 #[test]
+fn a_second_tells_as_much_at_every_frame_rate() {
+    let after_a_second = |frames_per_s: u32| {
+        let mut friction = Friction::default();
+        let frames = (0..frames_per_s).map(|i| {
+            let at_s = f64::from(i) / f64::from(frames_per_s);
+            friction.see(&Shown { at_s, ..shown(0.2, 20.0, 0.4) }, used(0.5)).0
+        });
+        frames.last().flatten().expect("told")
+    };
+    let usual = after_a_second(30);
+    for frames_per_s in [10, 90, 240] {
+        let told = after_a_second(frames_per_s);
+        assert!((told.sd / usual.sd - 1.0).abs() < 0.15, "{frames_per_s} Hz: {told:?}, at 30 {usual:?}");
+    }
+}
+
+#[test]
+fn a_hand_that_opens_tells_of_no_friction_that_there_is_not() {
+    let mut friction = Friction::default();
+    let frames = (0..60).map(|i| {
+        let grip_n = if i < 45 { 20.0 } else { 0.1 };
+        let shown = Shown { at_s: f64::from(i) / 30.0, ..shown(2.0 / grip_n, grip_n, 0.3) };
+        friction.see(&shown, used(0.5)).0
+    });
+    let most = frames.flatten().map(|told| told.value).fold(0.0, f64::max);
+    assert!((0.4..=MOST_FRICTION).contains(&most), "{most}");
+}
+
+#[test]
 fn what_letting_go_leaves_in_the_field_is_not_taken_for_slip() {
     // Pressed, pulled a little, and let go to a tenth: the field of the large contact is still there, and looks like half of the friction.
     let mut friction = Friction::default();
