@@ -63,6 +63,7 @@ fn arguments_that_cannot_be_are_refused_by_name() {
         (&["rumps"][..], "[possible values: table1, ramps, quiet, unseen, slides"),
         (&["ramps", "--shard", "3/2"], "expected I/N with I from 1 to N, as 2/8, got 3/2"),
         (&["ramps", "--detector", "mine"], "[possible values: ours, ours_frames, paper_as_written, paper"),
+        (&["ramps", "--detector", "ours,ours"], "--detector ours: expected each detector once, got it twice"),
         (&["ramps", "elsewhere"], "ramps: expected folders with `merge` only, got elsewhere"),
         (&["merge", "nowhere", "-o", "m"], "nowhere/sweep.json"),
         (&["merge", "nowhere"], "merge: expected -o FOLDER"),

@@ -82,6 +82,13 @@ fn a_folder_of_another_sweep_is_refused_by_file_key_expected_and_got() {
     let protocol = simulated("slides", SEED, Some(2)).expect("there is one");
     let open = |sweep: &Sweep| SweepFolder::open(root.path(), sweep, &["ours"], Shard::WHOLE);
     open(&sweep(&*protocol)).expect("a new folder");
+    let twice = SweepFolder::open(&root.path().join("twice"), &sweep(&*protocol), &["ours", "ours"], Shard::WHOLE);
+    let error = twice.expect_err("its trials would count twice").to_string();
+    assert!(
+        error.contains("twice/sweep.json: detectors: expected one or more, each once, got `ours, ours`"),
+        "{error}"
+    );
+    assert!(!root.path().join("twice").exists(), "a folder for nothing");
     let other = Sweep { seed: 6, ..sweep(&*protocol) };
     let error = open(&other).expect_err("another seed").to_string();
     assert!(error.contains("sweep.json: sweep.seed: expected 6, got 5"), "{error}");

@@ -168,6 +168,11 @@ impl Eval {
             }
             Ok(entry)
         };
+        if let Some((_, twice)) = self.detector.iter().enumerate().find(|(n, name)| self.detector[..*n].contains(name))
+        {
+            let what = format!("--detector {twice}: expected each detector once, got it twice");
+            return Err(Failure::Arguments(anyhow::Error::msg(what)));
+        }
         self.detector.iter().map(of_name).collect()
     }
 

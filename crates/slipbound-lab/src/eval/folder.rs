@@ -62,12 +62,21 @@ pub struct SweepFolder {
 
 impl SweepFolder {
     /// Makes a folder, or goes on with one of the same sweep: its whole trials are kept as they are, a line or a trial at the end that was
-    /// half written is cut off. Refuses records of which nothing says what sweep they are of.
+    /// half written is cut off. Refuses records of which nothing says what sweep they are of, and detectors that are not there once each.
     pub fn open(path: &Path, sweep: &Sweep, detectors: &[&str], shard: Shard) -> Result<Self, FolderError> {
         let detectors = detectors.iter().map(|&name| name.to_owned()).collect();
         let about = SweepFile { format: FORMAT.into(), sweep: sweep.clone(), detectors, shard };
-        fs::create_dir_all(path).map_err(file(path))?;
         let about_path = path.join("sweep.json");
+        let is_twice = |(n, name): (usize, &String)| about.detectors[..n].contains(name);
+        if about.detectors.is_empty() || about.detectors.iter().enumerate().any(is_twice) {
+            return Err(FolderError::Value {
+                path: about_path,
+                key: "detectors".into(),
+                expected: "one or more, each once".into(),
+                got: format!("`{}`", about.detectors.join(", ")),
+            });
+        }
+        fs::create_dir_all(path).map_err(file(path))?;
         let lines_path = path.join("trials.jsonl");
         // Held until the folder is dropped; the lock of a program that was killed goes with it.
         let lines =
