@@ -7,6 +7,7 @@ use slipbound_lab::faults::Faulty;
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
 use slipbound_rig::container::{Inlet, MarkedSource, Recorder, TappedSource, attached_sensor};
+use slipbound_rig::link::now_ns;
 use slipbound_rig::sensors;
 use slipbound_rig::source::{self, Arrivals, Awaited, Camera, CameraTally, Encoded, Newest, ReadAhead};
 use std::path::{Path, PathBuf};
@@ -39,7 +40,7 @@ pub fn open_watched(source: &str, recorder: Option<&Recorder>) -> Result<(ReadAh
     let inlet = recorder.map(Recorder::inlet);
     if source::is_live(source) {
         let (newest, live) = open_live(source, inlet.as_ref(), 0, false)?;
-        return Ok((ReadAhead::new(Box::new(Awaited(newest))), Some(live)));
+        return Ok((ReadAhead::live(Box::new(Awaited(newest)), source, now_ns), Some(live)));
     }
     let recording = match scene(source) {
         Some(scene) => simulate(scene)?,

@@ -1,13 +1,16 @@
 //! A recording whose first frames are looked at before they are judged: what was read ahead is given again.
 
 use slipbound::image::SizePx;
-use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
+use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use std::collections::VecDeque;
+
+/// A live source that gives torn frames alone is read ahead for so long, ns.
+const TORN_NS: u64 = 5_000_000_000;
 
 /// A frame that was read ahead.
 #[derive(Debug)]
 pub struct AheadFrame {
-    /// The frame.
+    /// The frame; of one that is torn neither bytes nor pixels are kept.
     pub buffer: FrameBuffer,
     /// Why it is torn; None when it is whole.
     pub torn: Option<String>,
@@ -20,31 +23,66 @@ pub struct ReadAhead {
     ahead: VecDeque<AheadFrame>,
     /// The failure that ended the reading ahead.
     failed: Option<SourceError>,
+    /// Of a live source, which has no end.
+    live: Option<Live>,
+}
+
+/// What is known of a live source.
+struct Live {
+    /// Its address, for messages.
+    uri: String,
+    /// The time, ns.
+    now_ns: Box<dyn Fn() -> u64 + Send>,
 }
 
 impl ReadAhead {
     /// Nothing is read yet.
     pub fn new(source: Box<dyn FrameSource + Send>) -> Self {
-        ReadAhead { source, ahead: VecDeque::new(), failed: None }
+        ReadAhead { source, ahead: VecDeque::new(), failed: None, live: None }
+    }
+
+    /// The same for a source that does not end by itself: it fails when it gives nothing but torn frames for 5 s by this clock,
+    /// ns, while it is read ahead. `uri`: what it is called in messages.
+    pub fn live(source: Box<dyn FrameSource + Send>, uri: &str, now_ns: impl Fn() -> u64 + Send + 'static) -> Self {
+        let live = Live { uri: uri.to_owned(), now_ns: Box::new(now_ns) };
+        ReadAhead { live: Some(live), ..ReadAhead::new(source) }
     }
 
     /// Reads on until this many whole frames wait, or the source ends or fails; all that wait, torn ones too.
     pub fn read_ahead(&mut self, whole_count: usize) -> impl Iterator<Item = &AheadFrame> {
         let mut missing_count = whole_count.saturating_sub(self.ahead.iter().filter(|a| a.torn.is_none()).count());
+        let mut torn_since_ns = None;
         while missing_count > 0 && self.failed.is_none() {
             let mut buffer = FrameBuffer::default();
             match self.source.next(&mut buffer) {
                 Ok(Next::Frame) => {
                     missing_count -= 1;
+                    torn_since_ns = None;
                     self.ahead.push_back(AheadFrame { buffer, torn: None });
                 }
-                Ok(Next::Torn { reason }) => self.ahead.push_back(AheadFrame { buffer, torn: Some(reason) }),
+                Ok(Next::Torn { reason }) => {
+                    let buffer = FrameBuffer { encoded: Vec::new(), pixels: Vec::new(), ..buffer };
+                    self.ahead.push_back(AheadFrame { buffer, torn: Some(reason) });
+                    let Some(live) = &self.live else { continue };
+                    let now_ns = (live.now_ns)();
+                    if now_ns.saturating_sub(*torn_since_ns.get_or_insert(now_ns)) >= TORN_NS {
+                        self.failed = Some(self.nothing_but_torn(&live.uri));
+                    }
+                }
                 Ok(Next::Silent) => {}
                 Ok(Next::End) => break,
                 Err(error) => self.failed = Some(error),
             }
         }
         self.ahead.iter()
+    }
+
+    fn nothing_but_torn(&self, uri: &str) -> SourceError {
+        let torn: Vec<&str> = self.ahead.iter().rev().map_while(|ahead| ahead.torn.as_deref()).collect();
+        let (seconds, count, first) = (TORN_NS / 1_000_000_000, torn.len(), torn.last().unwrap_or(&""));
+        let text =
+            format!("{uri}: expected a whole frame within {seconds} s, got {count} torn ones, the first: {first}");
+        SourceError::new(SourceErrorKind::Format, text).of_file(uri)
     }
 
     /// Removes and returns the error that ended reading ahead.
@@ -96,7 +134,8 @@ pub fn most_common_size<'a>(frames: impl IntoIterator<Item = &'a FrameBuffer>) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slipbound::port::SourceErrorKind;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU64, Ordering};
 
     /// Whole and torn frames 40 ms apart, then a failure.
     struct Script {
@@ -149,6 +188,40 @@ mod tests {
         assert_eq!(source.read_ahead(3).count(), 0);
         assert!(source.take_failure().is_some());
         assert_eq!((source.clock(), source.rate_hz()), (Clock::Unknown, None));
+    }
+
+    #[test]
+    fn a_live_source_of_torn_frames_fails_after_five_seconds_and_keeps_none_of_their_bytes() {
+        /// Every frame takes 100 ms of a clock, and a megabyte; one in the middle is whole.
+        struct Garbage(Arc<AtomicU64>, Option<u64>);
+        impl FrameSource for Garbage {
+            fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+                let number = self.0.fetch_add(100_000_000, Ordering::Relaxed) / 100_000_000;
+                if number > 1000 {
+                    return Ok(Next::End);
+                }
+                (into.encoded, into.pixels) = (vec![b'x'; 1 << 20], vec![1; 1 << 20]);
+                let reason = format!("no JPEG {number}");
+                Ok(if self.1 == Some(number) { Next::Frame } else { Next::Torn { reason } })
+            }
+        }
+        for (whole, count, first) in [(None, 51, "no JPEG 0"), (Some(40), 51, "no JPEG 41")] {
+            let clock = Arc::new(AtomicU64::new(0));
+            let now = clock.clone();
+            let source = Box::new(Garbage(clock, whole));
+            let mut source = ReadAhead::live(source, "http://here/", move || now.load(Ordering::Relaxed));
+            let all: Vec<&AheadFrame> = source.read_ahead(3).collect();
+            assert_eq!(all.len(), count + whole.map_or(0, |at| at as usize + 1));
+            let kept = all.iter().filter(|a| !a.buffer.encoded.is_empty() || !a.buffer.pixels.is_empty());
+            assert_eq!(kept.count(), usize::from(whole.is_some()), "only what is whole");
+            let why = source.take_failure().expect("it fails").to_string();
+            let expected =
+                format!("http://here/: expected a whole frame within 5 s, got {count} torn ones, the first: {first}");
+            assert_eq!(why, expected);
+        }
+        // A recording ends by itself.
+        let mut recording = ReadAhead::new(Box::new(Garbage(Arc::default(), None)));
+        assert_eq!((recording.read_ahead(3).count(), recording.take_failure().is_none()), (1001, true));
     }
 
     #[test]
