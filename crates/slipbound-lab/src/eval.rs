@@ -44,8 +44,20 @@ use slipbound::setting::SettingError;
 /// Names of the protocols with simulated trials.
 pub const SIMULATED: [&str; 5] = ["table1", "ramps", "quiet", "unseen", "slides"];
 
-/// A simulated protocol by name. `trials`: how many, its own number where None.
+/// The seed of fits, `fit::TRAINING_SEED`, and the protocols whose trials of it something was tuned on: fits take episodes of `quiet` and slides
+/// from there, and thresholds of rivals were set on `table1`. Other trials for fits are drawn otherwise than those of `ramps` and `unseen`.
+const TUNING_SEED: u64 = 1_000_000;
+const TUNED_ON: [&str; 3] = ["table1", "quiet", "slides"];
+
+/// A simulated protocol by name. `trials`: how many, its own number where None. Refuses the seed of trials that something was tuned on.
 pub fn simulated(name: &str, seed: u64, trials: Option<u64>) -> Result<Box<dyn Protocol>, SettingError> {
+    if seed == TUNING_SEED && TUNED_ON.contains(&name) {
+        return Err(SettingError {
+            key: "seed".into(),
+            expected: format!("another than {TUNING_SEED}, whose trials of {name} were tuned on"),
+            got: seed.to_string(),
+        });
+    }
     Ok(match name {
         "table1" => Box::new(table1::Table1::new(seed, trials)),
         "ramps" => Box::new(ramps::Ramps::new(seed, trials)),

@@ -2,6 +2,7 @@
 
 use slipbound_lab::eval::folder::{Shard, SweepFolder};
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, run, simulated};
+use slipbound_lab::fit::TRAINING_SEED;
 use slipbound_lab::rivals::{DETECTORS, Entry, named};
 use std::collections::BTreeMap;
 use std::fs;
@@ -95,6 +96,14 @@ fn a_folder_of_another_sweep_is_refused_by_file_key_expected_and_got() {
     fs::write(root.path().join("trials.jsonl"), "{\"number\":0}\n{\"number\":1}\n").expect("writes");
     let error = open(&sweep(&*protocol)).expect_err("no records").to_string();
     assert!(error.contains("trials.jsonl: line 1: expected a record, got"), "{error}");
+    for name in ["table1", "quiet", "slides"] {
+        let error = simulated(name, TRAINING_SEED, Some(1)).map(drop).expect_err("tuned on").to_string();
+        assert!(error.contains("seed") && error.contains(&format!("trials of {name} were tuned on")), "{error}");
+        assert!(simulated(name, TRAINING_SEED + 1, Some(1)).is_ok());
+    }
+    for name in ["ramps", "unseen"] {
+        assert!(simulated(name, TRAINING_SEED, Some(1)).is_ok(), "{name}");
+    }
     assert!(simulated("rumps", 0, None).is_err_and(|error| error.to_string().contains("one of table1, ramps, quiet")));
     assert!(named("mine").is_err_and(|error| error.to_string().contains("one of ours, ours_frames, paper_as_written")));
 }

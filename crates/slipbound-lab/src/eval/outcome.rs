@@ -31,8 +31,9 @@ pub const SCORE_BELOW: &str = "score_below_f_0.2";
 /// Key of the median error that is stated with the margin over the scored frames: where it is large a trial could be left undecided.
 pub const MARGIN_SD: &str = "margin_sd";
 
-/// The stream of a trial of an evaluation. Streams of the tuning split are drawn from their seeds directly, these
-/// through one draw more: no seed given here repeats a trial that something was fitted to.
+/// The stream of a trial of an evaluation. Streams of the training split are drawn from their seeds directly, these
+/// through one draw more: no seed given here repeats one of those. What fits take from a protocol itself they take from a seed that
+/// [`simulated`](super::simulated) refuses.
 pub fn stream(seed: u64, number: u64) -> Random {
     Random::of(Random::of(seed, 0xE7A1).next_u64(), number)
 }
