@@ -15,10 +15,14 @@
 //!
 //! The time of a frame is the driver's, on the system's monotonic clock. A gap in the driver's numbers is a frame that was
 //! lost, and counted.
+//!
+//! A camera that comes back is set to what it was set to first (`settled.rs`). Where it cannot be, its first frame is torn and
+//! says in what it differs: what follows is not as the finger was at rest.
 
 mod locks;
 mod nodes;
 mod options;
+mod settled;
 mod sys;
 
 pub use nodes::cameras;
@@ -28,6 +32,7 @@ use super::{Error, picture};
 use crate::link::now_ns;
 use nodes::{choose, four_letters};
 use options::{Options, PixelKind};
+use settled::{Settled, difference, pinned};
 use slipbound::image::SizePx;
 use slipbound::pixels::yuyv;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
@@ -53,7 +58,12 @@ const SETTLE_NS: u64 = 1_500_000_000;
 /// The frames of a camera. It comes back by itself after it was unplugged.
 #[derive(Debug)]
 pub struct V4l2 {
+    /// What is asked for when it comes back.
     options: Options,
+    /// What it was set to first.
+    first: Settled,
+    /// In what it is set otherwise since it is back, while that has not been told.
+    changed: Option<String>,
     open: Option<Open>,
     retry_at_ns: u64,
     seq: u64,
@@ -74,12 +84,14 @@ impl V4l2 {
     /// Finds, sets and starts the camera.
     pub fn open(uri: &str) -> Result<Camera, Error> {
         let options = Options::parse(uri).map_err(|expected| Error::Address { uri: uri.into(), expected })?;
-        let (open, facts) = start(&options).map_err(|problem| match problem {
+        let (open, facts, first) = start(&options).map_err(|problem| match problem {
             Problem::Asked(expected) => Error::Address { uri: uri.into(), expected },
             Problem::Device(source) => Error::Stream { uri: uri.into(), source },
         })?;
         let tally = Arc::new(CameraTally::default());
-        let source = V4l2 { options, open: Some(open), retry_at_ns: 0, seq: 0, tally: tally.clone() };
+        let options = pinned(&options, &first);
+        let (open, tally_of_it) = (Some(open), tally.clone());
+        let source = V4l2 { options, first, changed: None, open, retry_at_ns: 0, seq: 0, tally: tally_of_it };
         Ok(Camera { source: Box::new(source), facts, tally })
     }
 
@@ -91,8 +103,9 @@ impl V4l2 {
             return;
         }
         match start(&self.options) {
-            Ok((open, _)) => {
+            Ok((open, _, now)) => {
                 self.open = Some(open);
+                self.changed = difference(&self.first, &now);
                 self.tally.change(|counts| counts.returns_count += 1);
             }
             // It is not there (yet): why does not matter, what counts is when it is.
@@ -104,6 +117,16 @@ impl V4l2 {
         self.open = None;
         self.retry_at_ns = now_ns() + RETRY_NS;
     }
+
+    /// A torn frame that says in what the camera is set otherwise.
+    fn told(&mut self, into: &mut FrameBuffer, changed: &str) -> Next {
+        into.encoded.clear();
+        into.label.clear();
+        (into.seq, into.time_ns, into.clock) = (self.seq, None, Clock::Unknown);
+        self.seq += 1;
+        self.tally.change(|counts| counts.torn_count += 1);
+        Next::Torn { reason: format!("the camera is back, and is set otherwise: {changed}") }
+    }
 }
 
 impl FrameSource for V4l2 {
@@ -112,6 +135,9 @@ impl FrameSource for V4l2 {
             self.look_for_it();
             return Ok(Next::Silent);
         };
+        if let Some(changed) = self.changed.take() {
+            return Ok(self.told(into, &changed));
+        }
         match open.next(into) {
             Err(_) => {
                 self.give_up();
@@ -213,8 +239,8 @@ impl From<io::Error> for Problem {
     }
 }
 
-/// Finds, sets and starts a camera; what was negotiated and locked.
-fn start(options: &Options) -> Result<(Open, Vec<(String, String)>), Problem> {
+/// Finds, sets and starts a camera; what was negotiated and locked, in words and as values.
+fn start(options: &Options) -> Result<(Open, locks::Facts, Settled), Problem> {
     let (cameras, refused) = cameras();
     // A name that udev gave leads to the node.
     let path = fs::canonicalize(&options.camera).ok().filter(|_| options.camera.starts_with('/'));
@@ -249,8 +275,10 @@ fn start(options: &Options) -> Result<(Open, Vec<(String, String)>), Problem> {
         ("size_px".into(), format!("{}x{}", layout.width, layout.height)),
         ("rate_hz".into(), rate_hz.map_or("unknown".into(), |hz| format!("{hz:.2}"))),
     ];
-    facts.extend(locks::lock(stream.device(), &options.locks).map_err(Problem::Asked)?);
-    Ok((Open { stream, kind, layout, heard_ns: now_ns(), last_sequence: None }, facts))
+    let (lock_facts, locked) = locks::lock(stream.device(), &options.locks).map_err(Problem::Asked)?;
+    facts.extend(lock_facts);
+    let settled = Settled { kind, size: (layout.width, layout.height), rate_hz, locked };
+    Ok((Open { stream, kind, layout, heard_ns: now_ns(), last_sequence: None }, facts, settled))
 }
 
 /// Passes frames over until exposure and white balance have found their values.

@@ -27,29 +27,35 @@ pub fn can_change(device: &Device) -> bool {
     CONTROLS.iter().any(|controls| device.control(controls.switch).is_ok_and(|value| value != controls.manual))
 }
 
-/// Locks what is to be locked; what it is locked at, in words. Fails for a value that the camera does not have.
-pub fn lock(device: &Device, locks: &[Lock; 4]) -> Result<Vec<(String, String)>, String> {
+/// Facts of a camera, as names and values.
+pub type Facts = Vec<(String, String)>;
+
+/// Locks what is to be locked; what it is locked at, in words and as values, None for what is not. Fails for a value that the
+/// camera does not have.
+pub fn lock(device: &Device, locks: &[Lock; 4]) -> Result<(Facts, [Option<i32>; 4]), String> {
     if device.control_range(EXPOSURE_BEFORE_RATE).is_some() {
         // A camera that refuses only runs slower in the dark, which its rate shows.
         let _ = device.set_control(EXPOSURE_BEFORE_RATE, 0);
     }
-    let mut facts = Vec::new();
-    for ((name, controls), lock) in LOCKS.iter().zip(&CONTROLS).zip(locks) {
-        facts.push(((*name).to_owned(), lock_one(device, name, controls, *lock)?));
+    let (mut facts, mut values) = (Vec::new(), [None; 4]);
+    for (((name, controls), lock), value) in LOCKS.iter().zip(&CONTROLS).zip(locks).zip(&mut values) {
+        let (words, locked) = lock_one(device, name, controls, *lock)?;
+        facts.push(((*name).to_owned(), words));
+        *value = locked;
     }
-    Ok(facts)
+    Ok((facts, values))
 }
 
-fn lock_one(device: &Device, name: &str, controls: &Controls, lock: Lock) -> Result<String, String> {
+fn lock_one(device: &Device, name: &str, controls: &Controls, lock: Lock) -> Result<(String, Option<i32>), String> {
     let range = device.control_range(controls.value);
     if lock == Lock::Auto {
-        return Ok("left to the camera".into());
+        return Ok(("left to the camera".into(), None));
     }
     if device.control_range(controls.switch).is_some() {
         let set = device.set_control(controls.switch, controls.manual);
         // Some cameras have a switch that knows no manual setting; a value they were given must still be taken.
-        if let (Err(e), Lock::Here) = (set, lock) {
-            return Ok(format!("not locked: the camera refuses ({e})"));
+        if let (Err(e), Lock::Here | Lock::Again(_)) = (set, lock) {
+            return Ok((format!("not locked: the camera refuses ({e})"), None));
         }
     }
     match (lock, range) {
@@ -63,11 +69,19 @@ fn lock_one(device: &Device, name: &str, controls: &Controls, lock: Lock) -> Res
                 .map_err(|e| format!("a camera that takes {name}={value}: {e}"))?;
             Ok(locked(device, controls))
         }
+        (Lock::Again(value), Some(_)) => {
+            // Refused, it is locked where it is now, which is told as a difference: a camera that is back is better than none.
+            let _ = device.set_control(controls.value, value);
+            Ok(locked(device, controls))
+        }
         (_, Some(_)) => Ok(locked(device, controls)),
-        (_, None) => Ok("the camera has none".into()),
+        (_, None) => Ok(("the camera has none".into(), None)),
     }
 }
 
-fn locked(device: &Device, controls: &Controls) -> String {
-    device.control(controls.value).map_or("locked".into(), |value| format!("locked at {value}"))
+fn locked(device: &Device, controls: &Controls) -> (String, Option<i32>) {
+    match device.control(controls.value) {
+        Ok(value) => (format!("locked at {value}"), Some(value)),
+        Err(_) => ("locked".into(), None),
+    }
 }

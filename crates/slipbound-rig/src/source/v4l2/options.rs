@@ -37,6 +37,8 @@ pub enum Lock {
     Here,
     /// Locked at this value.
     At(i32),
+    /// Locked at the value that it was locked at before, if the camera still takes it.
+    Again(i32),
     /// Left to the camera.
     Auto,
 }

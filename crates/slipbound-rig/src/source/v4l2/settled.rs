@@ -1,0 +1,89 @@
+//! What a camera was set to when it was started first, so that it is set to the same when it comes back.
+//!
+//! A rest frame is of one exposure and one size: a camera that settles anew after it was unplugged may be brighter than that.
+
+use super::nodes::four_letters;
+use super::options::{LOCKS, Lock, Options, PixelKind};
+
+/// What was negotiated and locked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settled {
+    /// How pixels come.
+    pub kind: PixelKind,
+    /// Width and height, px.
+    pub size: (u32, u32),
+    /// Frames per second, as far as the driver says.
+    pub rate_hz: Option<f64>,
+    /// The values of [`LOCKS`]; None where the camera has none, or it is left to the camera.
+    pub locked: [Option<i32>; 4],
+}
+
+/// What to ask for when the camera is back: what was asked for first, and what was chosen then where nothing was.
+pub fn pinned(options: &Options, first: &Settled) -> Options {
+    let mut locks = options.locks;
+    for (lock, value) in locks.iter_mut().zip(first.locked) {
+        if let (Lock::Here, Some(value)) = (*lock, value) {
+            *lock = Lock::Again(value);
+        }
+    }
+    Options {
+        camera: options.camera.clone(),
+        kind: Some(first.kind),
+        size: Some(first.size),
+        rate_hz: first.rate_hz.or(options.rate_hz),
+        locks,
+    }
+}
+
+/// In what a camera that is back is set otherwise than at first, in words; None when it is not.
+pub fn difference(first: &Settled, now: &Settled) -> Option<String> {
+    let size = |of: &Settled| format!("{}x{} px", of.size.0, of.size.1);
+    let rate = |of: &Settled| of.rate_hz.map_or("unknown".into(), |hz| format!("{hz:.2}"));
+    let mut facts = vec![
+        ("format", four_letters(&first.kind.four_cc()), four_letters(&now.kind.four_cc())),
+        ("size", size(first), size(now)),
+        ("rate_hz", rate(first), rate(now)),
+    ];
+    let value = |value: Option<i32>| value.map_or("not locked".into(), |value| value.to_string());
+    let locks = LOCKS.iter().zip(first.locked).zip(now.locked);
+    facts.extend(locks.map(|((name, was), is)| (*name, value(was), value(is))));
+    let differing = facts.iter().filter(|(_, was, is)| was != is);
+    let words: Vec<String> =
+        differing.map(|(name, was, is)| format!("{name} expected {was} as at first, got {is}")).collect();
+    (!words.is_empty()).then(|| words.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn first() -> Settled {
+        let locked = [Some(120), Some(4), None, Some(30)];
+        Settled { kind: PixelKind::Yuyv, size: (640, 480), rate_hz: Some(30.0), locked }
+    }
+
+    #[test]
+    fn what_the_camera_chose_is_asked_for_again_and_what_was_left_to_it_is_not() {
+        let asked = Options::parse("v4l2:Mini?exposure=100&gain=auto").expect("valid");
+        let expected = Options {
+            camera: "Mini".into(),
+            kind: Some(PixelKind::Yuyv),
+            size: Some((640, 480)),
+            rate_hz: Some(30.0),
+            locks: [Lock::At(100), Lock::Auto, Lock::Here, Lock::Again(30)],
+        };
+        assert_eq!(pinned(&asked, &first()), expected);
+        let silent = Settled { rate_hz: None, ..first() };
+        let asked = Options::parse("v4l2:Mini?rate_hz=25").expect("valid");
+        assert_eq!(pinned(&asked, &silent).rate_hz, Some(25.0), "a driver that does not tell its rate");
+    }
+
+    #[test]
+    fn a_difference_is_told_with_both_values() {
+        assert_eq!(difference(&first(), &first()), None);
+        let now = Settled { rate_hz: Some(15.0), locked: [Some(131), Some(4), None, None], ..first() };
+        let expected = "rate_hz expected 30.00 as at first, got 15.00, exposure expected 120 as at first, got 131, \
+                        focus expected 30 as at first, got not locked";
+        assert_eq!(difference(&first(), &now).as_deref(), Some(expected));
+    }
+}
