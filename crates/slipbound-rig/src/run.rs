@@ -31,6 +31,8 @@ mod notes;
 mod page;
 mod recorder;
 mod replay;
+mod shown;
+mod thinned;
 mod words;
 
 pub use error::Error;

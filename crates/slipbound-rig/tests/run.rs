@@ -371,6 +371,45 @@ fn names_from_outside_are_escaped() {
     assert!(run.picture(0, "../x", "", picture).is_err() && !folder.path().join("other/../slip_000_x.png").exists());
 }
 
+/// `hold` goes on until somebody ends it: its page is drawn from as much after a day as after minutes.
+#[test]
+fn the_page_of_a_long_run_is_no_larger_and_keeps_its_peak_its_slips_and_its_end() {
+    let (one, info) = (screw::cycles()[150], screw::info());
+    let long = |count: u64| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut run = RunFolder::create(folder.path(), &info).expect("creates");
+        let (pixels, size) = ([90u8; 3 * 8 * 6], SizePx::new(8, 6));
+        for i in 0..count {
+            let force_n = if i == count / 3 { 47.3 } else { 20.0 };
+            let grip_command = GripCommand::Hold { force_n };
+            run.cycle(&Cycle { time_ns: i * 33_000_000, slips_count: 0, grip_command, ..one }).expect("writes");
+            if i % 8 == 0 {
+                run.note(i * 33_000_000, &format!("note {i}")).expect("writes");
+            }
+            if i % 400 == 0 {
+                run.picture(i, "left", "seen", Rgb::new(&pixels, size).expect("whole")).expect("writes");
+            }
+        }
+        let path = run.finish(&[], None).expect("finishes");
+        (fs::read_to_string(path).expect("reads"), folder)
+    };
+    let (short, _) = long(8_000);
+    let (html, folder) = long(40_000);
+    assert!(html.len() < 3 * short.len(), "{} after {} bytes", html.len(), short.len());
+    let seconds = 39_999.0 * 0.033;
+    let all = events(folder.path());
+    let left_out_count = all.iter().filter(|e| !matches!(e.event, Event::Picture { .. })).count() - 2000;
+    let left_out = format!("{left_out_count} more: in <code>events.jsonl</code>");
+    for told in ["47.3 N".to_owned(), format!("{seconds:.2} s"), left_out] {
+        assert!(html.contains(&told), "{told}");
+    }
+    assert!(html.contains("note 0<") && html.contains("note 39992<") && !html.contains("note 20000<"));
+    let document = parsed(&html);
+    assert_eq!(document.descendants().filter(|n| n.has_tag_name("img")).count(), 60);
+    assert!(folder.path().join("slip_000_left_100.png").exists(), "all are in the folder");
+    assert_eq!(all.iter().filter(|e| matches!(e.event, Event::Note { .. })).count(), 5_000);
+}
+
 #[test]
 fn a_run_without_a_cycle_or_with_one_has_a_page() {
     for count in [0, 1, 2] {

@@ -5,6 +5,7 @@ use super::event::{Event, EventLog, TimedEvent};
 use super::info::{FORMAT_VERSION, Row, RunInfo};
 use super::line;
 use super::page::{Page, Picture, picture};
+use super::shown::Shown;
 use crate::config::hand::finger_name;
 use crate::config::read_most;
 use crate::whole_lines::WholeLines;
@@ -54,11 +55,10 @@ pub struct RunFolder {
     reports: Lines,
     events: Lines,
     log: EventLog,
-    cycles: Vec<Cycle>,
-    /// Of every cycle, in marker pitches: what the page shows where a finger's pitch in mm is not known.
-    slips_pitch: Vec<Option<f64>>,
-    timed_events: Vec<TimedEvent>,
-    pictures: Vec<Picture>,
+    /// For the page.
+    shown: Shown,
+    /// Names of the pictures of the last slip, without their ends.
+    stems: Vec<String>,
 }
 
 impl RunFolder {
@@ -80,10 +80,8 @@ impl RunFolder {
             reports: Lines::create(folder.join("reports.jsonl"))?,
             events: Lines::create(folder.join("events.jsonl"))?,
             log: EventLog::new(info.finger_names()),
-            cycles: Vec::new(),
-            slips_pitch: Vec::new(),
-            timed_events: Vec::new(),
-            pictures: Vec::new(),
+            shown: Shown::new(),
+            stems: Vec::new(),
         })
     }
 
@@ -96,8 +94,7 @@ impl RunFolder {
     pub fn cycle_with_slip(&mut self, cycle: &Cycle, slip_pitch: Option<f64>) -> Result<(), Error> {
         let line = line::write(cycle).map_err(|why| Error::Encode { path: self.reports.path.clone(), why })?;
         self.reports.push(&line)?;
-        self.cycles.push(*cycle);
-        self.slips_pitch.push(slip_pitch);
+        self.shown.cycle(cycle, slip_pitch);
         for event in self.log.see(cycle) {
             self.event(cycle.time_ns, event)?;
         }
@@ -115,16 +112,18 @@ impl RunFolder {
     pub fn picture(&mut self, time_ns: u64, finger: &str, caption: &str, rgb: Rgb<'_>) -> Result<(), Error> {
         refuse_finger_name(&self.folder, finger)?;
         let slip = self.slips_count();
-        let stem = format!("slip_{slip:03}_{finger}");
-        let same_count = self.pictures.iter().filter(|p| p.stem == stem).count();
-        let file = match same_count {
+        let of_slip = format!("slip_{slip:03}_");
+        let stem = format!("{of_slip}{finger}");
+        self.stems.retain(|other| other.starts_with(&of_slip));
+        let file = match self.stems.iter().filter(|other| **other == stem).count() {
             0 => format!("{stem}.png"),
-            _ => format!("{stem}_{}.png", same_count + 1),
+            same_count => format!("{stem}_{}.png", same_count + 1),
         };
         let jpeg = picture::write(&self.folder.join(&file), rgb)?;
         let (finger, caption) = (finger.to_owned(), caption.to_owned());
         self.event(time_ns, Event::Picture { slip, finger: finger.clone(), file: file.clone() })?;
-        self.pictures.push(Picture { slip, stem, finger, caption, file, jpeg });
+        self.stems.push(stem);
+        self.shown.picture(Picture { slip, finger, caption, file, jpeg });
         Ok(())
     }
 
@@ -135,7 +134,7 @@ impl RunFolder {
 
     /// Writes the results and `report.html`; returns its path. `ending`: None for a loop that was interrupted.
     pub fn finish(mut self, results: &[Row], ending: Option<Ending>) -> Result<PathBuf, Error> {
-        let time_ns = self.cycles.last().map_or(0, |cycle| cycle.time_ns);
+        let time_ns = self.shown.last_ns();
         if let Some(event) = self.log.end() {
             self.event(time_ns, event)?;
         }
@@ -143,12 +142,16 @@ impl RunFolder {
             self.event(time_ns, Event::Result(row.clone()))?;
         }
         let path = self.folder.join("report.html");
+        let ((cycles, slips_pitch), (events, left_out)) = (self.shown.cycles(), self.shown.events());
         let html = Page {
             info: &self.info,
-            cycles: &self.cycles,
-            slips_pitch: &self.slips_pitch,
-            events: &self.timed_events,
-            pictures: &self.pictures,
+            cycles: &cycles,
+            slips_pitch: &slips_pitch,
+            ended_ns: self.shown.ended_ns,
+            events: &events,
+            left_out,
+            slips_count: self.log.slips_count(),
+            pictures: &self.shown.pictures,
             results,
             ending,
         }
@@ -161,7 +164,7 @@ impl RunFolder {
         let event = TimedEvent { time_ns, event };
         let line = serde_json::to_string(&event)
             .map_err(|e| Error::Encode { path: self.events.path.clone(), why: e.to_string() })?;
-        self.timed_events.push(event);
+        self.shown.event(event);
         self.events.push(&line)
     }
 }

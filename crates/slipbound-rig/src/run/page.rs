@@ -25,12 +25,12 @@ use super::info::{Row, RunInfo};
 use super::words::ending_name;
 use crate::sheet::markup::{Escaped, base64};
 use slipbound::control::Cycle;
-use slipbound::task::{Ending, Phase};
+use slipbound::task::Ending;
 use std::fmt;
 use text::{in_words, seconds};
 
 /// Pictures put into the page; later ones are only in the folder. 60 of them are some 6 MB.
-const PICTURES_MOST: usize = 60;
+pub(super) const PICTURES_MOST: usize = 60;
 
 /// What the arrows of the pictures mean.
 const KEY: &str = "<p class=\"key\">Arrows on the left: <span class=\"measured\">yellow</span> measured, \
@@ -41,7 +41,6 @@ const KEY: &str = "<p class=\"key\">Arrows on the left: <span class=\"measured\"
 #[derive(Debug)]
 pub(super) struct Picture {
     pub slip: u32,
-    pub stem: String,
     pub finger: String,
     pub caption: String,
     pub file: String,
@@ -51,10 +50,17 @@ pub(super) struct Picture {
 /// Everything the page shows.
 pub(super) struct Page<'a> {
     pub info: &'a RunInfo,
+    /// The first and the last cycle, and of those between them as many as are drawn, with the largest force.
     pub cycles: &'a [Cycle],
     /// The largest slip of a marker since the reference, in marker pitches, of every cycle; what no picture says is None.
     pub slips_pitch: &'a [Option<f64>],
+    /// When the task ended, ns.
+    pub ended_ns: Option<u64>,
     pub events: &'a [TimedEvent],
+    /// After so many events so many are left out.
+    pub left_out: (usize, u64),
+    pub slips_count: u32,
+    /// The first ones.
     pub pictures: &'a [Picture],
     pub results: &'a [Row],
     pub ending: Option<Ending>,
@@ -98,17 +104,16 @@ impl Page<'_> {
         let most_n = commanded_n.filter(|n| n.is_finite()).fold(0.0, f64::max);
         let last = self.cycles.last();
         // On the clock that slips, plots and events have, too.
-        let ended = self.cycles.iter().find(|c| matches!(c.phase, Phase::Ended(_)));
         let facts = [
             (
-                seconds(ended.or(last).map_or(0, |c| c.time_ns)),
-                match (ended, self.ending) {
+                seconds(self.ended_ns.or(last.map(|c| c.time_ns)).unwrap_or(0)),
+                match (self.ended_ns, self.ending) {
                     (Some(_), _) => "until it ended",
                     (None, Some(_)) => "in all",
                     (None, None) => "until it broke off",
                 },
             ),
-            (self.marks().count().to_string(), "slips"),
+            (self.slips_count.to_string(), "slips"),
             (last.map_or(0, |c| c.alarms_count).to_string(), "alarms of the controller"),
             (format!("{most_n:.1} N"), "largest force commanded, per finger"),
             (self.info.fingers.len().to_string(), if self.info.fingers.len() == 1 { "finger" } else { "fingers" }),
@@ -162,7 +167,7 @@ impl Page<'_> {
 
     fn slips(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let before: Vec<&Picture> = self.pictures.iter().filter(|p| p.slip == 0).collect();
-        if before.is_empty() && self.marks().next().is_none() {
+        if before.is_empty() && self.slips_count == 0 {
             return writeln!(f, "<section>\n<h2>Slips</h2>\n<p>None was seen.</p>\n</section>");
         }
         writeln!(f, "<section>\n<h2>What the fingers saw</h2>")?;
@@ -185,19 +190,20 @@ impl Page<'_> {
     }
 
     fn figures(&self, f: &mut fmt::Formatter<'_>, slip: u32) -> fmt::Result {
-        let all = self.pictures.iter().enumerate().filter(|(_, p)| p.slip == slip);
+        let mut all = self.pictures.iter().filter(|p| p.slip == slip).peekable();
+        if all.peek().is_none() && self.pictures.len() == PICTURES_MOST {
+            return writeln!(
+                f,
+                "<p>What the fingers saw is in the folder alone: <code>slip_{slip:03}_*.png</code></p>"
+            );
+        }
         writeln!(f, "<div class=\"figures\">")?;
-        for (i, picture) in all {
+        for picture in all {
             writeln!(f, "<figure>")?;
             let (finger, caption, file) = (Escaped(&picture.finger), Escaped(&picture.caption), Escaped(&picture.file));
-            if i < PICTURES_MOST {
-                let data = base64(&picture.jpeg);
-                write!(f, "<label><input type=\"checkbox\" aria-label=\"enlarge\"/>")?;
-                writeln!(
-                    f,
-                    "<img alt=\"{finger} finger, slip {slip}\" src=\"data:image/jpeg;base64,{data}\"/></label>"
-                )?;
-            }
+            let data = base64(&picture.jpeg);
+            write!(f, "<label><input type=\"checkbox\" aria-label=\"enlarge\"/>")?;
+            writeln!(f, "<img alt=\"{finger} finger, slip {slip}\" src=\"data:image/jpeg;base64,{data}\"/></label>")?;
             writeln!(f, "<figcaption><b>{finger}</b> {caption} <code>{file}</code></figcaption>\n</figure>")?;
         }
         writeln!(f, "</div>")
@@ -205,8 +211,11 @@ impl Page<'_> {
 
     fn happened(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "<section>\n<details>\n<summary>All events</summary>\n<table>")?;
-        let told = |e: &&TimedEvent| !matches!(e.event, Event::Result(_) | Event::Picture { .. });
-        for event in self.events.iter().filter(told) {
+        let (place, left_out_count) = self.left_out;
+        for (i, event) in self.events.iter().enumerate() {
+            if i == place && left_out_count > 0 {
+                writeln!(f, "<tr><td></td><td>{left_out_count} more: in <code>events.jsonl</code></td></tr>")?;
+            }
             let time = seconds(event.time_ns);
             writeln!(f, "<tr><td class=\"value\">{time}</td><td>{}</td></tr>", Escaped(&in_words(event)))?;
         }
