@@ -98,6 +98,14 @@ fn an_object_is_judged_by_the_trees_without_it() {
     write(object.as_str().expect("a name"), &shipped.replacen(base, "ensemble used -0.2", 1));
     assert_ne!(ramp(&["--left-out", "trees"], "changed"), by_shipped);
 
+    // Another table is another sweep, of whatever object.
+    let again = ["ramps", "--trials", "1", "--detector", "ours", "--left-out", "trees", "-o", "changed"];
+    let (code, _, err) = run(dir.path(), &again);
+    assert_eq!((code, err.as_str()), (Some(0), ""), "the same tables");
+    write("toy_duck", &shipped.replacen(base, "ensemble used -0.3", 1));
+    let (code, _, err) = run(dir.path(), &again);
+    assert!(code == Some(2) && err.contains("changed/sweep.json: sweep.settings: expected {"), "{code:?} {err}");
+
     write("toy_duck", &shipped[..shipped.len() / 2]);
     let (code, _, err) = run(dir.path(), &["ramps", "--left-out", "trees", "-o", "torn"]);
     assert!(code == Some(2) && err.contains("trees/toy_duck.txt: expected a whole table of trees"), "{err}");

@@ -74,6 +74,20 @@ fn labels_shuffled_or_absent_change_nothing_but_the_truth() {
         (&labelled[0]["truth"], &shuffled[0]["truth"], &absent[0]["truth"]),
         (&true.into(), &false.into(), &Value::Null)
     );
+    // Each goes on with what it was begun with, and with nothing else.
+    let resumes = |out: &Path| {
+        let args =
+            ["eval", "lifts", "--data", &shown(&folder), "--detector", "ours", "--pictures", "0", "-o", &shown(out)];
+        let output = Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("the command runs");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success() || said.contains("sweep.json: sweep.settings: expected"), "{said}");
+        output.status.success()
+    };
+    assert_eq!(["labelled", "shuffled", "absent"].map(|name| resumes(&out(name))), [false, false, true]);
+    fs::write(folder.join("labels.csv"), "clip,object,slip\na_1,a,1\na_2,a,0\nb_1,b,0\n").expect("labels");
+    assert_eq!(["labelled", "shuffled", "absent"].map(|name| resumes(&out(name))), [true, false, false]);
+    fs::copy(folder.join("a_1/000.jpg"), folder.join("a_1/900.jpg")).expect("a frame more");
+    assert!(!resumes(&out("labelled")));
     // The comparison sees a leak.
     let leak = |records: &[Value]| {
         let mut records = records.to_vec();

@@ -10,6 +10,7 @@
 
 pub mod clips;
 pub mod coverage;
+mod digest;
 mod error;
 pub(crate) mod facts;
 pub mod folder;

@@ -131,16 +131,17 @@ impl Eval {
         }
     }
 
-    /// The trees of `--left-out` for an object.
-    fn trees_without(&self, object: &str) -> Result<EstimateTrees, Failure> {
+    /// The table of `--left-out` for an object, and the trees in it.
+    fn trees_without(&self, object: &str) -> Result<(String, EstimateTrees), Failure> {
         let path = self.left_out.as_deref().unwrap_or_else(|| Path::new(".")).join(format!("{object}.txt"));
         let text = fs::read_to_string(&path)
             .map_err(|error| Failure::Arguments(anyhow::Error::new(error).context(path.display().to_string())))?;
-        EstimateTrees::parse(&text).ok_or_else(|| {
+        let Some(trees) = EstimateTrees::parse(&text) else {
             let what =
                 format!("{}: expected a whole table of trees, as fit_estimates writes it, got none", path.display());
-            Failure::Arguments(anyhow::Error::msg(what))
-        })
+            return Err(Failure::Arguments(anyhow::Error::msg(what)));
+        };
+        Ok((text, trees))
     }
 
     /// The clips of `--data`, or of a folder of the recordings.

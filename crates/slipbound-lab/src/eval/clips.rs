@@ -5,6 +5,7 @@
 //!   FOLDER/labels.csv   --truth, for scoring alone-----------------------------> tables
 //! ```
 
+use crate::eval::digest::Digest;
 use crate::eval::error::EvalError;
 use crate::rivals::{Detector, Entry, Inputs};
 use slipbound::finger_pipeline::RestFinder;
@@ -72,6 +73,8 @@ pub struct Clips {
     pub names: Vec<String>,
     /// Labels by clip; empty without labels.csv.
     pub labels: BTreeMap<String, Label>,
+    /// How many clips, and a digest of their names, the names and sizes of their files, and their labels.
+    pub contents: String,
 }
 
 impl Clips {
@@ -100,7 +103,8 @@ impl Clips {
             }
             false => BTreeMap::new(),
         };
-        Ok(Clips { folder: folder.to_owned(), open, names, labels })
+        let contents = contents(folder, &names, &labels)?;
+        Ok(Clips { folder: folder.to_owned(), open, names, labels, contents })
     }
 
     /// Folder of a clip.
@@ -124,6 +128,39 @@ impl Clips {
     pub fn truth(&self, name: &str) -> Option<bool> {
         self.labels.get(name).map(|label| label.slips)
     }
+}
+
+/// See [`Clips::contents`].
+fn contents(folder: &Path, names: &[String], labels: &BTreeMap<String, Label>) -> Result<String, ClipsError> {
+    let mut digest = Digest::new();
+    for name in names {
+        let mut files = Vec::new();
+        add_files(&folder.join(name), name, &mut files)?;
+        files.sort();
+        digest.add(name);
+        files.iter().for_each(|file| digest.add(file));
+    }
+    for (name, label) in labels {
+        [name.as_str(), &label.object, if label.slips { "1" } else { "0" }].iter().for_each(|part| digest.add(part));
+    }
+    Ok(format!("{} clips, {}", names.len(), digest.word()))
+}
+
+/// Name and size of each file below a folder that is not hidden.
+fn add_files(folder: &Path, name: &str, files: &mut Vec<String>) -> Result<(), ClipsError> {
+    let failed = |source| ClipsError::Read { path: folder.to_owned(), source };
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let own = entry.file_name().to_string_lossy().into_owned();
+        let name = format!("{name}/{own}");
+        let about = fs::metadata(entry.path()).map_err(failed)?;
+        match about.is_dir() {
+            _ if own.starts_with('.') => {}
+            true => add_files(&entry.path(), &name, files)?,
+            false => files.push(format!("{name} {}", about.len())),
+        }
+    }
+    Ok(())
 }
 
 /// The object that is held, from the name of a clip: its words up to the first that is a number.
@@ -321,6 +358,33 @@ mod tests {
         assert_eq!(object_of_name("object001_066_60"), "object001");
         assert_eq!(object_of_name("train_ball_white_thread_01"), "train_ball_white_thread");
         assert_eq!(object_of_name("7f3a"), "7f3a");
+    }
+
+    #[test]
+    fn contents_tell_other_clips_and_other_labels_and_no_order_of_lines() {
+        let root = tempfile::tempdir().expect("a folder");
+        let write = |name: &str, text: &str| {
+            let path = root.path().join(name);
+            fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+            fs::write(path, text).expect("written");
+        };
+        let refuses: OpenSource = |_| Err(SourceError::new(SourceErrorKind::Other, "no clip"));
+        let contents = || Clips::open(root.path(), refuses).expect("clips").contents;
+        write("a_1/000.jpg", "12");
+        write("b_1/left/000.jpg", "345");
+        let bare = contents();
+        assert!(bare.starts_with("2 clips, ") && bare == contents(), "{bare}");
+        write("labels.csv", "clip,object,slip\na_1,a,1\nb_1,b,0\n");
+        let labelled = contents();
+        write("labels.csv", "clip,slip,object\nb_1,0,b\na_1,1,a\n");
+        assert_eq!(contents(), labelled, "the same labels");
+        write("labels.csv", "clip,object,slip\na_1,a,0\nb_1,b,0\n");
+        let told_otherwise = contents();
+        write("b_1/left/000.jpg", "3456");
+        let longer = contents();
+        write("c_1/000.jpg", "");
+        let all = [bare, labelled, told_otherwise, longer, contents()];
+        assert!((1..all.len()).all(|n| !all[..n].contains(&all[n])), "{all:?}");
     }
 
     #[test]

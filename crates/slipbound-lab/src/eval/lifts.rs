@@ -192,7 +192,11 @@ impl Protocol for Lifts {
     }
 
     fn settings(&self) -> Vec<(String, String)> {
-        vec![("refit".into(), self.refit.to_string()), ("sensor".into(), self.sensor.name.clone())]
+        vec![
+            ("data".into(), self.clips.contents.clone()),
+            ("refit".into(), self.refit.to_string()),
+            ("sensor".into(), self.sensor.name.clone()),
+        ]
     }
 }
 

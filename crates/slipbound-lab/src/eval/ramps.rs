@@ -4,6 +4,7 @@
 //! speed. Rivals start anew from the last frame before the load; ours watches from the first touch and is told nothing.
 
 use super::coverage;
+use super::digest::Digest;
 use super::error::EvalError;
 use super::outcome::{Asked, camera_seed, record, stream};
 use super::protocol::Protocol;
@@ -127,22 +128,31 @@ pub struct Ramps {
     trials_count: u64,
     /// By object, trees that were fitted without it.
     left_out: Option<BTreeMap<&'static str, EstimateTrees>>,
+    /// Digest of their tables.
+    tables: String,
 }
 
 impl Ramps {
     /// The ramps of a seed.
     pub fn new(seed: u64, trials: Option<u64>) -> Self {
-        Ramps { seed, trials_count: trials.unwrap_or(TRIALS_COUNT), left_out: None }
+        Ramps { seed, trials_count: trials.unwrap_or(TRIALS_COUNT), left_out: None, tables: String::new() }
     }
 
-    /// Each object judged by trees that were fitted without it; `trees` of every object's name.
+    /// Each object judged by trees that were fitted without it; `table` of every object's name: the table as it is written, and the trees in it.
     ///
     /// # Errors
-    /// Those of `trees`.
-    pub fn left_out<E>(self, mut trees: impl FnMut(&'static str) -> Result<EstimateTrees, E>) -> Result<Self, E> {
-        let names = OBJECTS[..OBJECTS_COUNT as usize].iter().map(|object| object.name);
-        let left_out = names.map(|name| Ok((name, trees(name)?))).collect::<Result<_, E>>()?;
-        Ok(Ramps { left_out: Some(left_out), ..self })
+    /// Those of `table`.
+    pub fn left_out<E>(
+        self,
+        mut table: impl FnMut(&'static str) -> Result<(String, EstimateTrees), E>,
+    ) -> Result<Self, E> {
+        let (mut left_out, mut digest) = (BTreeMap::new(), Digest::new());
+        for object in &OBJECTS[..OBJECTS_COUNT as usize] {
+            let (text, trees) = table(object.name)?;
+            [object.name, &text].iter().for_each(|part| digest.add(part));
+            left_out.insert(object.name, trees);
+        }
+        Ok(Ramps { left_out: Some(left_out), tables: digest.word(), ..self })
     }
 
     fn watch(&self, trial: Trial) -> Watch {
@@ -214,9 +224,12 @@ impl Protocol for Ramps {
     }
 
     fn settings(&self) -> Vec<(String, String)> {
-        let left_out = self.left_out.is_some();
-        let estimates = left_out.then(|| ("estimates".into(), "each object by trees fitted without it".into()));
-        [("restarts".into(), "rivals".into())].into_iter().chain(estimates).collect()
+        let mut settings = vec![("restarts".into(), "rivals".into())];
+        if self.left_out.is_some() {
+            settings.push(("estimates".into(), "each object by trees fitted without it".into()));
+            settings.push(("trees".into(), self.tables.clone()));
+        }
+        settings
     }
 
     fn show(&self, number: u64, detector: &'static Entry, onlooker: &mut Onlooker<'_>) -> Result<(), EvalError> {
@@ -232,9 +245,10 @@ mod tests {
     fn every_object_of_the_ramps_has_its_own_trees() {
         let table = include_str!("../../../slipbound/src/monitor/estimate/trees.txt");
         let mut names = Vec::new();
+        let parsed = |name| EstimateTrees::parse(table).map(|trees| (format!("# {name}\n{table}"), trees)).ok_or(name);
         let trees = |name| {
             names.push(name);
-            EstimateTrees::parse(table).ok_or(name)
+            parsed(name)
         };
         let ramps = Ramps::new(0, None).left_out(trees).expect("whole tables");
         assert_eq!(names.len(), 10);
@@ -242,8 +256,15 @@ mod tests {
             let trial = ramps.trial(number).expect("a trial");
             assert!(names.contains(&trial.object().name) && ramps.watch(trial).estimate_by.is_some());
         }
-        let refused = |name| if name == "toy_duck" { Err(name) } else { EstimateTrees::parse(table).ok_or(name) };
+        let refused = |name| if name == "toy_duck" { Err(name) } else { parsed(name) };
         assert_eq!(Ramps::new(0, None).left_out(refused).err(), Some("toy_duck"));
+        // The tables are a setting of the sweep, by their text.
+        let changed =
+            |name| parsed(name).map(|(text, trees)| (text + if name == "toy_duck" { "#" } else { "" }, trees));
+        let others = Ramps::new(0, None).left_out(changed).expect("whole tables");
+        let again = Ramps::new(0, None).left_out(parsed).expect("whole tables");
+        assert_eq!(again.settings(), ramps.settings());
+        assert_ne!(others.settings(), ramps.settings());
     }
 
     #[test]

@@ -194,7 +194,7 @@ impl Protocol for Wriggles {
     }
 
     fn settings(&self) -> Vec<(String, String)> {
-        vec![("sensor".into(), self.sensor.name.clone())]
+        vec![("data".into(), self.clips.contents.clone()), ("sensor".into(), self.sensor.name.clone())]
     }
 }
 
