@@ -86,7 +86,10 @@ impl RunOutput {
     /// Folder and terminal behind queues of their own, so that neither delays a cycle.
     pub fn queued(self, keeps_frames: bool) -> QueuedOutput {
         QueuedOutput {
-            recorder: self.recorder.map(|recorder| QueuedObserver::new(recorder, QUEUE_DEPTH_COUNT, keeps_frames)),
+            recorder: self.recorder.map(|recorder| {
+                let lost = RunRecorder::lost_cycles;
+                QueuedObserver::telling_losses(recorder, QUEUE_DEPTH_COUNT, keeps_frames, lost)
+            }),
             container: self.container.map(|container| {
                 let takes_frames = container.takes_frames();
                 QueuedObserver::new(container, QUEUE_DEPTH_COUNT, takes_frames)

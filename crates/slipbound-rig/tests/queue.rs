@@ -12,6 +12,7 @@ use slipbound::plant::PlantTruth;
 use slipbound::port::{DriverEvent, FrameBuffer, FrameSource, Next, SourceError};
 use slipbound::task::{TaskKind, TaskSettings};
 use slipbound_rig::realtime::QueuedObserver;
+use slipbound_rig::run::RunRecorder;
 use slipbound_rig::{gripper, sensors, source, wrist};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
@@ -98,6 +99,61 @@ fn an_observer_that_keeps_up_is_shown_everything() {
     let shown = finished.observer.expect("at once");
     assert_eq!((shown.seqs.len() as u64, finished.lost_count), (CYCLES_COUNT, 0));
     assert!(shown.encoded.iter().all(Vec::is_empty), "encoded bytes are copied only where they are kept");
+}
+
+/// Writes a run on a disk that waits for leave before each cycle.
+struct SlowDisk {
+    leave: Receiver<()>,
+    recorder: RunRecorder,
+}
+
+impl CycleObserver for SlowDisk {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        let _ = self.leave.recv(); // with nobody left to give leave it goes on
+        self.recorder.after_cycle(view);
+    }
+}
+
+/// A replay goes cycle by cycle: after a cycle that is missing, frames and reports would be taken for those of others.
+#[test]
+fn a_cycle_that_is_lost_on_the_way_to_a_run_is_a_gap_after_which_no_frame_is_kept() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let info = screw::info();
+    let recorder = RunRecorder::create(folder.path(), &info, true).expect("creates");
+    let (leave, waits) = sync_channel(0);
+    let disk = SlowDisk { leave: waits, recorder };
+    let told = |disk: &mut SlowDisk, count| disk.recorder.lost_cycles(count);
+    let mut queue = QueuedObserver::telling_losses(disk, DEPTH_COUNT, true, told);
+    let cycles = screw::cycles();
+    let show = |queue: &mut QueuedObserver<SlowDisk>, n: usize| {
+        let frame = FrameBuffer { seq: n as u64, encoded: vec![n as u8; 3], ..FrameBuffer::default() };
+        let outcome = CycleOutcome::Commanded(cycles[n]);
+        let finger =
+            |name| FingerView { name, next: &Next::Frame, frame: &frame, report: None, monitor: None, rest_kind: None };
+        let fingers: Vec<FingerView<'_>> = info.fingers.iter().map(|of| finger(of.name.as_str())).collect();
+        queue.after_cycle(&CycleView {
+            now_ns: cycles[n].time_ns,
+            outcome: Some(&outcome),
+            fingers: &fingers,
+            fault: None,
+            refused_lowering: None,
+            driver_events: &[],
+            truth: None,
+        });
+    };
+    (0..10).for_each(|n| show(&mut queue, n)); // the disk stands still
+    (0..DEPTH_COUNT).for_each(|_| leave.send(()).expect("it waits"));
+    std::thread::sleep(Duration::from_millis(200)); // the last snapshot is on its way back
+    (10..13).for_each(|n| show(&mut queue, n));
+    drop(leave);
+    let finished = queue.finish(Duration::from_secs(60));
+    assert_eq!(finished.lost_count as usize, 10 - DEPTH_COUNT);
+    assert!(finished.observer.is_some_and(|disk| disk.recorder.failures().1.is_none()), "nothing has failed");
+    let lines = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("lines").lines().count();
+    assert_eq!(lines("reports.jsonl"), DEPTH_COUNT + 3, "all that came");
+    assert_eq!(lines("frames.jsonl"), DEPTH_COUNT, "those before the gap");
+    let events = std::fs::read_to_string(folder.path().join("events.jsonl")).expect("events");
+    assert!(events.contains("6 cycles before this were not written"), "{events}");
 }
 
 /// Shows what it was shown to the thread of the test, one cycle at a time.

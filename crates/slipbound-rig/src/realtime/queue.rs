@@ -5,6 +5,8 @@
 //!                         none free: lost, counted     '------ snapshot free again
 //! ```
 //!
+//! The next snapshot says how many were lost before it, so that an observer that needs them all knows where one is missing.
+//!
 //! Snapshots are recycled, so a running queue allocates nothing but a copy of each finger's monitor when a slip begins.
 
 use slipbound::control::{CycleObserver, CycleOutcome, CycleView, Fault};
@@ -35,6 +37,8 @@ pub struct QueuedObserver<O> {
     keeps_frames: bool,
     slips_count: u32,
     lost_count: u64,
+    /// Of these, those that the observer has not been told of.
+    untold_count: u64,
     queued_count: u64,
     shown: Arc<AtomicU64>,
 }
@@ -42,7 +46,17 @@ pub struct QueuedObserver<O> {
 impl<O: CycleObserver + Send + 'static> QueuedObserver<O> {
     /// A queue of at most `depth_count` cycles to this observer. `keeps_frames`: whether the observer needs the encoded
     /// bytes of every frame, not only those of the frames in which a slip begins.
-    pub fn new(mut observer: O, depth_count: usize, keeps_frames: bool) -> Self {
+    pub fn new(observer: O, depth_count: usize, keeps_frames: bool) -> Self {
+        QueuedObserver::telling_losses(observer, depth_count, keeps_frames, |_, _| {})
+    }
+
+    /// The same; `lost` is called with how many cycles were lost, before the observer is shown the one after them.
+    pub fn telling_losses(
+        mut observer: O,
+        depth_count: usize,
+        keeps_frames: bool,
+        lost: impl Fn(&mut O, u64) + Send + 'static,
+    ) -> Self {
         let (filled, to_show) = sync_channel::<Box<Snapshot>>(depth_count);
         let (recycle, free) = sync_channel(depth_count);
         let (give_back, at_end) = sync_channel(1);
@@ -53,6 +67,9 @@ impl<O: CycleObserver + Send + 'static> QueuedObserver<O> {
         let count = shown.clone();
         thread::spawn(move || {
             for mut snapshot in to_show {
+                if snapshot.lost_count > 0 {
+                    lost(&mut observer, snapshot.lost_count);
+                }
                 snapshot.show(&mut observer);
                 count.fetch_add(1, Ordering::Relaxed);
                 let _ = recycle.try_send(snapshot); // the loop is over: nobody needs it
@@ -66,6 +83,7 @@ impl<O: CycleObserver + Send + 'static> QueuedObserver<O> {
             keeps_frames,
             slips_count: 0,
             lost_count: 0,
+            untold_count: 0,
             queued_count: 0,
             shown,
         }
@@ -85,7 +103,7 @@ impl<O> CycleObserver for QueuedObserver<O> {
         let mut snapshot = match self.free.try_recv() {
             Ok(snapshot) => snapshot,
             Err(TryRecvError::Empty | TryRecvError::Disconnected) => {
-                self.lost_count += 1;
+                self.lose();
                 return;
             }
         };
@@ -93,16 +111,29 @@ impl<O> CycleObserver for QueuedObserver<O> {
         let slip_begins = slips_count.is_some_and(|count| count > self.slips_count);
         self.slips_count = slips_count.unwrap_or(self.slips_count);
         snapshot.take(view, self.keeps_frames, slip_begins);
+        snapshot.lost_count = self.untold_count;
         match self.filled.try_send(snapshot) {
-            Ok(()) => self.queued_count += 1,
-            Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => self.lost_count += 1,
+            Ok(()) => {
+                self.queued_count += 1;
+                self.untold_count = 0;
+            }
+            Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => self.lose(),
         }
+    }
+}
+
+impl<O> QueuedObserver<O> {
+    fn lose(&mut self) {
+        self.lost_count += 1;
+        self.untold_count += 1;
     }
 }
 
 /// A copy of what an observer is shown.
 #[derive(Default)]
 struct Snapshot {
+    /// Cycles that were lost since the snapshot before it.
+    lost_count: u64,
     now_ns: u64,
     outcome: Option<CycleOutcome>,
     fingers: Vec<FingerSnapshot>,

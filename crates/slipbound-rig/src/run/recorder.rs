@@ -17,8 +17,10 @@ pub struct RunRecorder {
     folder: RunFolder,
     overlays: Vec<Overlay>,
     frames: Option<FrameRecorder>,
-    /// Whether something could not be written: no later frame is kept then, for a replay goes cycle by cycle, up to the gap.
+    /// Whether something was not written: no later frame is kept then, for a replay goes cycle by cycle, up to the gap.
     has_gap: bool,
+    /// Cycles that were lost on the way here since the last one that was not.
+    lost_count: u64,
     notes: RunNotes,
     failed_count: u64,
     first_failure: Option<Error>,
@@ -34,6 +36,7 @@ impl RunRecorder {
             overlays: info.fingers.iter().map(|finger| Overlay::new(&finger.sensor)).collect(),
             frames,
             has_gap: false,
+            lost_count: 0,
             notes: RunNotes::default(),
             failed_count: 0,
             first_failure: None,
@@ -50,6 +53,12 @@ impl RunRecorder {
     pub fn note(&mut self, time_ns: u64, text: &str) {
         let written = self.folder.note(time_ns, text);
         self.count(written);
+    }
+
+    /// Cycles that come before the next one were lost on the way here: frames are kept up to this gap, and the events tell of it.
+    pub fn lost_cycles(&mut self, count: u64) {
+        self.has_gap = true;
+        self.lost_count += count;
     }
 
     /// Lines and pictures that could not be written, and the first reason.
@@ -96,6 +105,10 @@ impl RunRecorder {
 
 impl CycleObserver for RunRecorder {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
+        if let count @ 1.. = std::mem::take(&mut self.lost_count) {
+            let cycles = if count == 1 { "cycle" } else { "cycles" };
+            self.note(view.now_ns, &format!("{count} {cycles} before this were not written: the disk did not keep up"));
+        }
         for line in self.notes.see(view) {
             self.note(view.now_ns, &line);
         }
