@@ -68,6 +68,8 @@ pub struct Gcl {
     failed_grip: Option<FailedGrip>,
     /// The force of the last grip that was answered, N per finger.
     gripped_n: Option<f64>,
+    /// Whether a later command was never answered: it may have come through after all.
+    is_in_doubt: bool,
     is_release_given: bool,
     is_stopped: bool,
     is_regrip_refused: bool,
@@ -189,7 +191,7 @@ impl Gcl {
         driver.heard();
         match message {
             Message::Grip { force_n } => {
-                (self.gripped_n, self.is_release_given) = (Some(force_n), false);
+                (self.gripped_n, self.is_in_doubt, self.is_release_given) = (Some(force_n), false, false);
                 self.failed_grip = None;
                 driver.gripper.target_n = Some(force_n);
             }
@@ -247,6 +249,8 @@ impl Gcl {
             }
             ("GRIP", status::DENIED) if self.is_holding() => {
                 self.is_regrip_refused = true;
+                // One that was never answered was denied as well: it holds with the last that was.
+                self.is_in_doubt = false;
                 driver.raise_refused("a new force while holding", "a GRIP that is denied; take wsg50://");
             }
             (_, status::DENIED) => {
@@ -277,6 +281,11 @@ impl Gcl {
         driver.raise_refused("GRIP", why);
     }
 
+    /// Whether the gripper is known to have been given this force, N per finger.
+    fn has_gripped(&self, force_n: f64) -> bool {
+        self.gripped_n == Some(force_n) && !self.is_in_doubt
+    }
+
     fn is_holding(&self) -> bool {
         self.grasp == Some(grasp::HOLDING)
     }
@@ -298,8 +307,8 @@ fn is_name(text: &str) -> bool {
 impl Protocol for Gcl {
     fn linked(&mut self, driver: &mut DriverState) {
         // The force it was last commanded, and that it has stopped itself, outlive a link.
-        let (gripped_n, is_stopped, is_regrip_refused) = (self.gripped_n, self.is_stopped, self.is_regrip_refused);
-        *self = Gcl { gripped_n, is_stopped, is_regrip_refused, ..Gcl::default() };
+        let Gcl { gripped_n, is_in_doubt, is_stopped, is_regrip_refused, .. } = *self;
+        *self = Gcl { gripped_n, is_in_doubt, is_stopped, is_regrip_refused, ..Gcl::default() };
         driver.gripper.jaws = Jaws::Unknown;
     }
 
@@ -315,8 +324,9 @@ impl Protocol for Gcl {
         {
             // It is asked again in its turn; silence is reported by itself.
             None | Some(Message::Question(_)) => {}
+            // It may have come through after all: the same once more is sent once more.
             Some(message) => {
-                self.goal = Goal::Keep;
+                (self.goal, self.is_in_doubt, self.is_release_given) = (Goal::Keep, true, false);
                 driver.raise_unanswered(message.name());
             }
         }
@@ -344,7 +354,7 @@ impl Protocol for Gcl {
                 self.goal = Goal::Keep;
                 self.command(driver, "HOME");
             }
-            Goal::Hold { force_n } if !self.is_stopped && self.gripped_n != Some(force_n) => match moving {
+            Goal::Hold { force_n } if !self.is_stopped && !self.has_gripped(force_n) => match moving {
                 Some(_) => self.command(driver, "STOP"),
                 None => self.send_grip(driver, force_n),
             },
@@ -369,7 +379,7 @@ impl Protocol for Gcl {
     fn grip(&mut self, driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
         match command {
             GripCommand::Hold { force_n } => {
-                if self.is_holding() && self.is_regrip_refused && self.gripped_n != Some(force_n) {
+                if self.is_holding() && self.is_regrip_refused && !self.has_gripped(force_n) {
                     let (address, command) = (driver.address(), "a new force while holding");
                     let got = "a GRIP that was denied before; take wsg50://".into();
                     return Err(Error::Refused { address, command, got });
@@ -405,7 +415,7 @@ impl Protocol for Gcl {
     fn is_busy(&self, driver: &DriverState) -> bool {
         let is_on_the_way = match self.goal {
             Goal::Keep => false,
-            Goal::Hold { force_n } => self.gripped_n != Some(force_n),
+            Goal::Hold { force_n } => !self.has_gripped(force_n),
             Goal::Open => !self.is_release_given,
             Goal::Home | Goal::Acknowledge => true,
         };

@@ -27,7 +27,7 @@ pub struct LineGripper {
     /// Of the last command sent.
     number: u64,
     goal: Goal,
-    /// The goal whose command was last taken over.
+    /// The goal whose command was last taken over; `Keep` where that is not known.
     done: Goal,
     in_flight: Option<InFlight<Command>>,
     is_stated: bool,
@@ -72,7 +72,7 @@ impl LineGripper {
     /// The other side has taken a command over, in these words.
     fn take_over(&mut self, driver: &mut DriverState, sent: &Command, words: &str) {
         if sent.words != words {
-            self.goal = Goal::Keep;
+            (self.goal, self.done) = (Goal::Keep, Goal::Keep);
             let got = format!("`{words}` taken over instead of `{}`", sent.words);
             return driver.raise_refused("a command", got);
         }
@@ -129,7 +129,8 @@ impl Protocol for LineGripper {
 
     fn tick(&mut self, driver: &mut DriverState) {
         if InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms).is_some() {
-            self.goal = Goal::Keep;
+            // It may have come through after all: the other side says what it holds with.
+            (self.goal, self.done) = (Goal::Keep, Goal::Keep);
             driver.raise_unanswered("a command");
         }
     }

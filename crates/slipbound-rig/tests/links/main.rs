@@ -16,4 +16,5 @@ mod noise;
 mod robotiq;
 mod sockets;
 mod tolerance;
+mod unanswered;
 mod wsg50;

@@ -28,7 +28,7 @@ enum Message {
 pub struct Serial {
     parser: Parser,
     actuator: Actuator,
-    /// The outputs that the gripper was last seen to take over.
+    /// The outputs that the gripper was last seen to take over; None where that is not known.
     outputs: Option<[u8; 6]>,
     in_flight: Option<InFlight<Message>>,
     read_ns: Option<u64>,
@@ -109,7 +109,8 @@ impl Protocol for Serial {
                 self.send(driver, sent);
             }
             Some(InFlight { message: Message::Write { .. }, .. }) => {
-                self.actuator.goal = Goal::Keep;
+                // It may have come through after all: the same once more is written once more.
+                (self.actuator.goal, self.outputs) = (Goal::Keep, None);
                 driver.raise_unanswered("write");
             }
             // A read is sent again in its turn; silence is reported by itself.

@@ -44,7 +44,7 @@ pub struct Socket {
     is_heard: [bool; QUESTIONS.len()],
     question: usize,
     round_ns: Option<u64>,
-    /// The goal that the gripper last took over.
+    /// The goal that the gripper last took over; `Keep` where that is not known.
     done: Goal,
     in_flight: Option<InFlight<Message>>,
 }
@@ -218,7 +218,8 @@ impl Protocol for Socket {
             .map(|sent| sent.message)
         {
             Some(Message::Set(_)) => {
-                self.actuator.goal = Goal::Keep;
+                // It may have come through after all: the same once more is sent once more.
+                (self.actuator.goal, self.done) = (Goal::Keep, Goal::Keep);
                 driver.raise_unanswered("SET");
             }
             // A question is asked again in its turn; silence is reported by itself.

@@ -1,0 +1,97 @@
+//! A command whose answer is lost. The gripper may have taken it over or not: nothing may be believed of it, and the same force
+//! asked for once more is sent once more.
+
+use crate::bench::{Bench, MS, config};
+use slipbound_rig::emulator::NAMES;
+use slipbound_rig::gripper::Error;
+use slipbound_rig::gripper::config::{Config, Lowering};
+use slipbound_rig::link::Endpoint;
+
+/// What answers a new force, and how far it reaches: to the end of the line, or no further than these bytes.
+fn answer_to_force(name: &str) -> (&'static [u8], bool) {
+    match name {
+        "wsg50" => (&[0xAA, 0xAA, 0xAA, 0x32, 2, 0, 0, 0], false),
+        "gcl" => (b"ACK GRIP", true),
+        "line" => (b"ACK", true),
+        "robotiq" => (b"ack", false),
+        _ => (&[0x09, 0x10, 0x03, 0xE8, 0, 3, 1, 0x30], false),
+    }
+}
+
+/// Without the answers to new forces.
+fn without_answers(name: &str, mut bytes: Vec<u8>) -> Vec<u8> {
+    let (answer, is_line) = answer_to_force(name);
+    while let Some(at) = bytes.windows(answer.len()).position(|window| window == answer) {
+        let line = bytes[at..].iter().position(|byte| *byte == b'\n').map(|end| end + 1);
+        let length = line.filter(|_| is_line).unwrap_or(answer.len());
+        bytes.drain(at..at + length);
+    }
+    bytes
+}
+
+/// Asks for a force, and loses every answer to it for so many ms; everything else comes through. What the driver then tells
+/// ends it sooner.
+fn lose_answers(bench: &mut Bench, name: &str, force_n: f64, most_ms: u64) -> Option<Error> {
+    bench.is_delivering = false;
+    bench.grip(force_n).expect("taken over");
+    let until_ns = bench.now_ns() + most_ms * MS;
+    let mut error = None;
+    while error.is_none() && bench.now_ns() < until_ns {
+        bench.step();
+        let now_ns = bench.now_ns();
+        for _ in 0..4 {
+            let ours = std::mem::take(bench.driver.outgoing());
+            bench.emulator.receive(now_ns, &ours);
+            let theirs = without_answers(name, std::mem::take(bench.emulator.outgoing()));
+            bench.pair.driver.receive(now_ns, &theirs);
+        }
+        // A serial line says nothing while it waits for an answer.
+        error = bench.driver.state(now_ns).err().filter(|error| !matches!(error, Error::Silent { .. }));
+    }
+    bench.is_delivering = true;
+    error
+}
+
+#[test]
+fn a_force_asked_for_again_after_an_unanswered_one_is_sent_again() {
+    let pressed_n = NAMES.map(|name| {
+        let allowing = Config { lowering: Lowering::Allow, ..config(name) };
+        let mut bench = Bench::holding(name, allowing, "allow-regrasp", 40.0);
+        let error = lose_answers(&mut bench, name, 25.0, 2000);
+        assert!(matches!(error, Some(Error::Unanswered { .. })), "{name}: {error:?}");
+        bench.run(1000);
+        assert!((bench.plant.force_n - 25.0).abs() < 0.7, "{name} has taken it over: {} N", bench.plant.force_n);
+        bench.grip(40.0).expect("taken over");
+        bench.run(3000);
+        assert!(!bench.driver.is_busy(), "{name}");
+        bench.plant.force_n
+    });
+    assert!(pressed_n.iter().all(|force_n| (force_n - 40.0).abs() < 0.7), "{NAMES:?}: {pressed_n:?} N");
+}
+
+/// The text interface forbids a new force while holding; the one it has stays one that may be asked for.
+#[test]
+fn a_force_that_was_never_answered_and_then_is_denied_leaves_the_old_one_known() {
+    let mut bench = Bench::holding("gcl", Config { lowering: Lowering::Allow, ..config("gcl") }, "", 20.0);
+    bench.is_delivering = false;
+    bench.grip(30.0).expect("taken over");
+    for _ in 0..240 {
+        bench.step();
+        let now_ns = bench.now_ns();
+        let questions = String::from_utf8(std::mem::take(bench.driver.outgoing())).expect("ASCII");
+        let questions = questions.replace("GRIP(30.00,50.00,50.00)\n", "");
+        bench.emulator.receive(now_ns, questions.as_bytes());
+        let theirs = std::mem::take(bench.emulator.outgoing());
+        bench.pair.driver.receive(now_ns, &theirs);
+    }
+    bench.is_delivering = true;
+    assert!(matches!(bench.state(), Err(Error::Unanswered { .. })), "the command was lost");
+    bench.grip(20.0).expect("it may have been taken over");
+    let message = bench.until_error(500).to_string();
+    assert!(message.contains("a new force while holding"), "{message}");
+    for _ in 0..10 {
+        bench.grip(20.0).expect("the force it has");
+        bench.run(50);
+        assert_eq!(bench.state().expect("there").target_n, Some(20.0));
+    }
+}
