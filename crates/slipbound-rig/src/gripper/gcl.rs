@@ -72,6 +72,8 @@ pub struct Gcl {
     is_in_doubt: bool,
     is_release_given: bool,
     is_stopped: bool,
+    /// Whether it has said that it must be homed first.
+    is_unhomed: bool,
     is_regrip_refused: bool,
 }
 
@@ -206,6 +208,7 @@ impl Gcl {
             Message::Command(_) | Message::Question(_) => {}
         }
         if matches!(message.name(), "HOME" | "MOVE" | "GRIP" | "RELEASE") {
+            self.is_unhomed = false;
             self.motion = Some(Motion { name: message.name(), since_ns: driver.now_ns() });
         }
     }
@@ -260,8 +263,13 @@ impl Gcl {
                 driver.gripper.jaws = Jaws::Stopped;
                 driver.raise_refused(name, why);
             }
-            ("GRIP", _) => self.refuse_grip(driver, why),
-            _ => driver.raise_refused(name, why),
+            (_, status) => {
+                self.is_unhomed |= status == status::NOT_INITIALIZED;
+                match name {
+                    "GRIP" => self.refuse_grip(driver, why),
+                    _ => driver.raise_refused(name, why),
+                }
+            }
         }
     }
 
@@ -395,7 +403,8 @@ impl Protocol for Gcl {
     }
 
     fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
-        if self.is_holding() {
+        // It may press without knowing it. One that has forgotten where its jaws are takes no release: only home is left then.
+        if !self.is_unhomed && driver.seems_to_hold() {
             return Err(driver.home_while_holding());
         }
         self.goal = Goal::Home;

@@ -90,6 +90,47 @@ fn nothing_a_lost_part_and_a_fast_stop_are_told() {
     assert!((bench.plant.force_n - 25.0).abs() < 0.1 && bench.least_n > 19.9, "{}", bench.least_n);
 }
 
+/// After a fast stop and its acknowledgement the gripper presses, and calls itself idle.
+#[test]
+fn home_is_refused_while_something_is_pressed_whatever_the_gripper_says() {
+    let mut bench = Bench::holding("gcl", config("gcl"), "fast-stop@4000", 20.0);
+    bench.run(2000);
+    bench.grip(30.0).expect("nothing tells yet");
+    bench.until_error(500);
+    bench.request(Request::Acknowledge).expect("taken over");
+    bench.run(200);
+    assert_eq!(bench.state().expect("there").jaws, Jaws::Open);
+    let home = bench.request(Request::Home);
+    bench.run(2000);
+    assert!(bench.least_n > 19.9, "{home:?}, {} N", bench.least_n);
+    let message = home.expect_err("refused").to_string();
+    assert!(message.contains("home to be done, got something between the jaws"), "{message}");
+    bench.release().expect("taken over");
+    bench.until(3000, |state| state.opening_mm.is_some_and(|mm| mm > 99.9));
+    bench.request(Request::Home).expect("open jaws hold nothing");
+}
+
+/// A release is refused then, too: only home is left, once the gripper has said so.
+#[test]
+fn after_a_power_cycle_home_is_refused_until_the_gripper_asks_for_it() {
+    let mut bench = Bench::holding("gcl", config("gcl"), "power-cycle@4000", 20.0);
+    bench.run(2000);
+    bench.connect();
+    bench.run(300);
+    assert!(matches!(bench.request(Request::Home), Err(Error::Refused { .. })));
+    bench.release().expect("taken over");
+    let message = bench.until_error(500).to_string();
+    assert!(message.contains("status 3, not homed"), "{message}");
+    bench.run(1000);
+    assert!(bench.least_n > 19.9, "{} N", bench.least_n);
+    bench.request(Request::Home).expect("asked for by the gripper");
+    bench.until(3000, |state| state.opening_mm.is_some_and(|mm| mm > 109.9));
+    bench.run(100);
+    bench.grip(20.0).expect("taken over");
+    bench.until(3000, |state| state.jaws == Jaws::Holding);
+    assert!(matches!(bench.request(Request::Home), Err(Error::Refused { .. })), "it is homed now, and holds");
+}
+
 /// A driver, and a gripper that says what it is told to say: its answers to questions are those of `state`.
 struct Scripted {
     driver: Driver,
