@@ -68,6 +68,8 @@ pub struct Gcl {
     failed_grip: Option<FailedGrip>,
     /// The force of the last grip that was answered, N per finger.
     gripped_n: Option<f64>,
+    /// The same of the link before, until the state says whether it still holds.
+    gripped_before_n: Option<f64>,
     /// Whether a later command was never answered: it may have come through after all.
     is_in_doubt: bool,
     is_release_given: bool,
@@ -176,6 +178,9 @@ impl Gcl {
             "FORCE" => driver.gripper.force_n = driver.config.from_own_n(number),
             _ => {
                 self.grasp = (0.0..=7.0).contains(&number).then_some(number as u8);
+                if let Some(force_n) = self.gripped_before_n.take().filter(|_| self.is_holding()) {
+                    self.gripped_n = Some(force_n);
+                }
                 if self.grasp != Some(grasp::GRASPING) {
                     self.tell_failed_grip(driver);
                 }
@@ -257,7 +262,7 @@ impl Gcl {
                 driver.raise_refused("a new force while holding", "a GRIP that is denied; take wsg50://");
             }
             (_, status::DENIED) => {
-                self.is_stopped = true;
+                (self.goal, self.is_stopped) = (Goal::Keep, true);
                 let why_stopped = self.why_stopped(driver);
                 driver.push_event(DriverEvent::FastStop { why: why_stopped });
                 driver.gripper.jaws = Jaws::Stopped;
@@ -315,8 +320,9 @@ fn is_name(text: &str) -> bool {
 impl Protocol for Gcl {
     fn linked(&mut self, driver: &mut DriverState) {
         // The force it was last commanded, and that it has stopped itself, outlive a link.
-        let Gcl { gripped_n, is_in_doubt, is_stopped, is_regrip_refused, .. } = *self;
-        *self = Gcl { gripped_n, is_in_doubt, is_stopped, is_regrip_refused, ..Gcl::default() };
+        let gripped_before_n = self.gripped_n.or(self.gripped_before_n);
+        let Gcl { is_in_doubt, is_stopped, is_unhomed, is_regrip_refused, .. } = *self;
+        *self = Gcl { gripped_before_n, is_in_doubt, is_stopped, is_unhomed, is_regrip_refused, ..Gcl::default() };
         driver.gripper.jaws = Jaws::Unknown;
     }
 
@@ -359,7 +365,7 @@ impl Protocol for Gcl {
                 self.command(driver, "FSACK");
             }
             Goal::Home if !self.is_stopped => {
-                self.goal = Goal::Keep;
+                (self.goal, self.gripped_n, self.is_release_given) = (Goal::Keep, None, false);
                 self.command(driver, "HOME");
             }
             Goal::Hold { force_n } if !self.is_stopped && !self.has_gripped(force_n) => match moving {
@@ -403,6 +409,9 @@ impl Protocol for Gcl {
     }
 
     fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
+        if self.is_stopped {
+            self.check_ready(driver)?;
+        }
         // It may press without knowing it. One that has forgotten where its jaws are takes no release: only home is left then.
         if !self.is_unhomed && driver.seems_to_hold() {
             return Err(driver.home_while_holding());

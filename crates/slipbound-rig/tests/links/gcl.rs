@@ -1,6 +1,6 @@
 //! WSG-50, text interface, in lock-step.
 
-use crate::bench::{Bench, MS, config, driver};
+use crate::bench::{Bench, MS, WIDTH_MM, config, driver};
 use slipbound::port::{GripCommand, Jaws};
 use slipbound_rig::gripper::config::{Config, Lowering};
 use slipbound_rig::gripper::{Driver, Error, Request};
@@ -129,6 +129,56 @@ fn after_a_power_cycle_home_is_refused_until_the_gripper_asks_for_it() {
     bench.grip(20.0).expect("taken over");
     bench.until(3000, |state| state.jaws == Jaws::Holding);
     assert!(matches!(bench.request(Request::Home), Err(Error::Refused { .. })), "it is homed now, and holds");
+}
+
+#[test]
+fn a_force_that_found_nothing_is_sent_again_after_home() {
+    let mut bench = Bench::of("gcl", "");
+    bench.plant.width_mm = None;
+    bench.run(200);
+    bench.grip(20.0).expect("taken over");
+    bench.until(3000, |state| state.jaws == Jaws::Nothing);
+    bench.request(Request::Home).expect("nothing is held");
+    bench.until(3000, |state| state.opening_mm.is_some_and(|mm| mm > 109.9));
+    bench.plant.width_mm = Some(WIDTH_MM);
+    bench.run(100);
+    bench.grip(20.0).expect("taken over");
+    bench.until(3000, |state| state.jaws == Jaws::Holding);
+    bench.run(1000);
+    assert!((bench.plant.force_n - 20.0).abs() < 0.1, "{} N", bench.plant.force_n);
+}
+
+#[test]
+fn after_a_new_link_the_force_of_before_counts_only_where_it_still_holds() {
+    let relinked = |width_mm: Option<f64>| {
+        let mut bench = Bench::holding("gcl", config("gcl"), "", 20.0);
+        bench.request(Request::Leave).expect("taken over");
+        bench.cut("closed");
+        bench.plant.width_mm = width_mm;
+        bench.run(500);
+        bench.sent = Some(Vec::new());
+        bench.connect();
+        bench.run(500);
+        bench.plant.width_mm = Some(WIDTH_MM);
+        bench.grip(20.0).expect("taken over");
+        bench.run(3000);
+        assert_eq!(bench.state().expect("there").jaws, Jaws::Holding, "{width_mm:?}");
+        commands(&bench)
+    };
+    assert_eq!(relinked(Some(WIDTH_MM)), [""; 0], "it holds with that force");
+    assert_eq!(relinked(None), ["GRIP(20.00,50.00,50.00)"], "the part was lost meanwhile");
+}
+
+#[test]
+fn a_gripper_that_has_stopped_itself_takes_no_home_and_is_not_busy() {
+    let mut bench = Bench::of("gcl", "fast-stop@300");
+    bench.run(400);
+    bench.grip(20.0).expect("nothing tells yet");
+    bench.until_error(500);
+    let home = bench.request(Request::Home);
+    bench.run(2000);
+    assert!(!bench.driver.is_busy());
+    assert!(matches!(home, Err(Error::FastStop { .. })), "{home:?}");
 }
 
 /// A driver, and a gripper that says what it is told to say: its answers to questions are those of `state`.
@@ -260,4 +310,21 @@ fn a_grip_that_found_nothing_is_no_error_nor_one_that_our_own_stop_ended() {
         assert_eq!(scripted.error_within(600), None, "{answers:?}");
         assert_eq!(scripted.driver.state(scripted.now_ns).expect("there").target_n, Some(30.0), "{answers:?}");
     }
+}
+
+/// What was to follow a motion does not follow where the gripper has stopped itself on the way.
+#[test]
+fn a_motion_that_ends_in_a_fast_stop_leaves_nothing_to_be_done() {
+    let mut scripted = Scripted::gripping();
+    scripted.say("ACK GRIP");
+    scripted.run(100);
+    scripted.now_ns += 100 * MS;
+    scripted.driver.tick(scripted.now_ns); // a question is on its way
+    let harder = Request::Grip(GripCommand::Hold { force_n: 30.0 });
+    scripted.driver.request(scripted.now_ns, harder).expect("taken over");
+    assert!(scripted.driver.outgoing().ends_with(b"?\n"), "only the question");
+    scripted.say("ERR GRIP 16");
+    assert!(scripted.error_within(100).is_some_and(|error| error.contains("status 16")));
+    scripted.run(1000);
+    assert!(!scripted.driver.is_busy());
 }
