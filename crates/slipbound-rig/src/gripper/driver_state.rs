@@ -28,7 +28,7 @@ pub struct DriverState {
     address: String,
     now_ns: u64,
     link: LinkHealth,
-    /// Whether a link has ended since the gripper was last acknowledged.
+    /// Whether a link has ended that may have latched a fast stop.
     has_lost_link: bool,
     lowering_permitted: bool,
     /// The last force asked for outside the range, N per finger: it is reported once.
@@ -88,7 +88,7 @@ impl DriverState {
         self.has_lost_link
     }
 
-    /// The gripper has been acknowledged: a later fast stop has another cause.
+    /// The gripper has been acknowledged, or has latched nothing: a later fast stop has another cause.
     pub fn forget_lost_link(&mut self) {
         self.has_lost_link = false;
     }

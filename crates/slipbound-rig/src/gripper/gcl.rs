@@ -178,6 +178,9 @@ impl Gcl {
             "FORCE" => driver.gripper.force_n = driver.config.from_own_n(number),
             _ => {
                 self.grasp = (0.0..=7.0).contains(&number).then_some(number as u8);
+                if self.grasp.is_some_and(|grasp| grasp != grasp::ERROR) && !self.is_stopped {
+                    driver.forget_lost_link(); // it has latched nothing
+                }
                 if let Some(force_n) = self.gripped_before_n.take().filter(|_| self.is_holding()) {
                     self.gripped_n = Some(force_n);
                 }

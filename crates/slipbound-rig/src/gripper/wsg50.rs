@@ -133,10 +133,13 @@ impl Wsg50 {
     fn take(&mut self, driver: &mut DriverState, frame: &Frame) {
         let Some((code, rest)) = frame.reply() else { return };
         driver.heard();
-        let was_stopped = self.telemetry.is_stopped();
+        let (was_known, was_stopped) = (self.telemetry.system.is_some(), self.telemetry.is_stopped());
         if self.telemetry.take(driver, frame.id, code, rest) {
             if self.telemetry.is_stopped() && !was_stopped {
                 self.meet_fast_stop(driver);
+            }
+            if self.telemetry.system.is_some() && !was_known && !self.telemetry.is_stopped() {
+                driver.forget_lost_link(); // it has latched nothing
             }
         } else if let Some(sent) = self.in_flight.take_if(|sent| sent.message.id() == frame.id) {
             self.take_answer(driver, sent.message, code);

@@ -136,6 +136,24 @@ fn our_own_fast_stop_is_acknowledged_if_the_settings_say_so_and_no_other() {
     assert_held(&bench, "wsg50", "fast stop");
 }
 
+/// A link that ended after a farewell has latched nothing; a fast stop long after it is somebody else's.
+#[test]
+fn a_fast_stop_of_somebody_else_is_not_acknowledged_because_a_link_was_lost_before() {
+    let config = Config { acknowledge_own_fast_stop: true, ..config("wsg50") };
+    let mut bench = Bench::holding("wsg50", config, "fast-stop@8000", 20.0);
+    bench.request(Request::Leave).expect("taken over");
+    bench.cut("closed");
+    bench.connect();
+    bench.run(1000);
+    assert_eq!(bench.state().expect("there").jaws, Jaws::Holding);
+    bench.run(8000 - bench.now_ns() / MS + 100);
+    assert!(!bench.events.contains(&DriverEvent::Acknowledged), "{:?}", bench.events);
+    assert_eq!(bench.state().expect("there").jaws, Jaws::Stopped);
+    let message = bench.grip(30.0).expect_err("stopped").to_string();
+    assert!(message.contains("somebody sent a fast stop"), "{message}");
+    assert_held(&bench, "wsg50", "stopped by somebody else");
+}
+
 #[test]
 fn after_a_farewell_no_fast_stop_latches() {
     for name in ["wsg50", "gcl"] {

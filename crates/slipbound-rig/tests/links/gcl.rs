@@ -181,6 +181,28 @@ fn a_gripper_that_has_stopped_itself_takes_no_home_and_is_not_busy() {
     assert!(matches!(home, Err(Error::FastStop { .. })), "{home:?}");
 }
 
+#[test]
+fn a_fast_stop_is_not_blamed_on_a_link_that_was_lost_without_latching_one() {
+    let mut bench = Bench::holding("gcl", config("gcl"), "fast-stop@8000", 20.0);
+    bench.request(Request::Leave).expect("taken over");
+    bench.cut("closed");
+    bench.connect();
+    bench.run(8000 - bench.now_ns() / MS + 100);
+    bench.release().expect("nothing tells yet");
+    bench.until_error(500);
+    let message = bench.grip(20.0).expect_err("stopped").to_string();
+    assert!(message.contains("a fast stop is the likely cause"), "{message}");
+
+    let mut bench = Bench::holding("gcl", config("gcl"), "", 20.0);
+    bench.cut("cut");
+    bench.connect();
+    bench.run(200);
+    bench.release().expect("nothing tells yet");
+    bench.until_error(500);
+    let message = bench.grip(20.0).expect_err("stopped").to_string();
+    assert!(message.contains("our last link to it was cut"), "{message}");
+}
+
 /// A driver, and a gripper that says what it is told to say: its answers to questions are those of `state`.
 struct Scripted {
     driver: Driver,
