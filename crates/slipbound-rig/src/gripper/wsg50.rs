@@ -14,7 +14,7 @@ mod phase;
 mod telemetry;
 pub mod words;
 
-use super::config::{Config, ForceChange};
+use super::config::ForceChange;
 use super::driver_state::DriverState;
 use super::error::Error;
 use super::goal::Goal;
@@ -87,7 +87,12 @@ impl Wsg50 {
     }
 
     fn give_grasp(&mut self, driver: &mut DriverState) {
-        let Some(width_mm) = driver.config.part_width_mm else { return };
+        let Some(width_mm) = driver.config.part_width_mm else {
+            let is_following = matches!(self.phase, Phase::Following { .. });
+            let command = if is_following { "a force that does not follow its limit" } else { "grasp" };
+            (self.goal, self.phase) = (Goal::Keep, self.phase.ended());
+            return driver.raise_fault(width_unset(driver, command));
+        };
         self.phase = Phase::Grasped;
         self.send_motion(driver, Command::Grasp, width_mm);
     }
@@ -118,7 +123,9 @@ impl Wsg50 {
             self.phase = Phase::Grasped;
             self.report_path(driver, "setting the force limit alone");
         } else if driver.now_ns() >= until_ns {
-            self.report_path(driver, "setting the force limit and giving the grasp again");
+            if driver.config.part_width_mm.is_some() {
+                self.report_path(driver, "setting the force limit and giving the grasp again");
+            }
             self.give_grasp(driver);
         }
     }
@@ -238,6 +245,13 @@ impl Wsg50 {
     }
 }
 
+/// No grasp can be given without a width.
+fn width_unset(driver: &DriverState, command: &'static str) -> Error {
+    let (address, key) = (driver.address(), "part_width_mm");
+    let why = "a WSG-50 calls contact far from the width it was told a collision";
+    Error::Unset { address, command, key, why }
+}
+
 impl Protocol for Wsg50 {
     fn linked(&mut self, driver: &mut DriverState) {
         *self = Wsg50 { force_path: self.force_path, ..Wsg50::default() };
@@ -301,14 +315,11 @@ impl Protocol for Wsg50 {
     }
 
     fn grip(&mut self, driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
-        let Config { part_width_mm, .. } = driver.config;
         match command {
             GripCommand::Hold { .. } => {
                 let must_grasp = !self.phase.is_grasp_given() && !self.telemetry.is_holding();
-                if part_width_mm.is_none() && must_grasp {
-                    let why = "a WSG-50 calls contact far from the width it was told a collision";
-                    let (address, key) = (driver.address(), "part_width_mm");
-                    return Err(Error::Unset { address, command: "grasp", key, why });
+                if driver.config.part_width_mm.is_none() && must_grasp {
+                    return Err(width_unset(driver, "grasp"));
                 }
             }
             // A release that was refused is given again on the next request.

@@ -18,3 +18,4 @@ mod sockets;
 mod tolerance;
 mod unanswered;
 mod wsg50;
+mod wsg50_limit;
