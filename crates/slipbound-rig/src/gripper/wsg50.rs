@@ -40,6 +40,10 @@ pub struct Wsg50 {
     goal: Goal,
     phase: Phase,
     in_flight: Option<InFlight<Command>>,
+    /// Answers to force limits that may still come: a limit is sent again where none comes.
+    owed_count: u32,
+    /// Since when the gripper is asked for its limit, after which no such answer can come any more, ns.
+    verifying_ns: Option<u64>,
     /// How a change of force last reached the jaws, as it was reported.
     force_path: Option<&'static str>,
 }
@@ -61,7 +65,24 @@ impl Wsg50 {
         self.in_flight = Some(InFlight::new(driver.now_ns(), command));
     }
 
+    /// Sends a new limit, where no answer to an earlier one can be taken for its own.
+    fn approach_limit(&mut self, driver: &mut DriverState, own_n: f64) {
+        let (now_ns, reply_ns) = (driver.now_ns(), driver.config.reply_ms * 1_000_000);
+        match self.verifying_ns {
+            Some(since_ns) if self.owed_count > 0 && now_ns.saturating_sub(since_ns) <= reply_ns => {}
+            None if self.owed_count > 0 => {
+                self.verifying_ns = Some(now_ns);
+                self.telemetry.ask_limit(driver);
+            }
+            _ => {
+                (self.owed_count, self.verifying_ns) = (0, None);
+                self.send_limit(driver, own_n);
+            }
+        }
+    }
+
     fn send_limit(&mut self, driver: &mut DriverState, own_n: f64) {
+        self.owed_count += 1;
         self.send(driver, Command::SetLimit { own_n }, &(own_n as f32).to_le_bytes());
     }
 
@@ -79,7 +100,7 @@ impl Wsg50 {
         let own_n = f64::from(driver.config.to_own_n(force_n) as f32);
         match self.phase {
             Phase::Homing { .. } | Phase::Opening { .. } => self.send(driver, Command::Stop, &[]),
-            _ if self.telemetry.limit_own_n != Some(own_n) => self.send_limit(driver, own_n),
+            _ if self.telemetry.limit_own_n != Some(own_n) => self.approach_limit(driver, own_n),
             Phase::Idle | Phase::Opened => self.give_grasp(driver),
             Phase::Following { from_n, to_n, until_ns } => self.check_following(driver, from_n, to_n, until_ns),
             Phase::Grasping { .. } | Phase::Grasped => {}
@@ -140,6 +161,7 @@ impl Wsg50 {
     fn take(&mut self, driver: &mut DriverState, frame: &Frame) {
         let Some((code, rest)) = frame.reply() else { return };
         driver.heard();
+        self.count_answer(frame.id);
         let (was_known, was_stopped) = (self.telemetry.system.is_some(), self.telemetry.is_stopped());
         if self.telemetry.take(driver, frame.id, code, rest) {
             if self.telemetry.is_stopped() && !was_stopped {
@@ -156,6 +178,16 @@ impl Wsg50 {
                 self.take_end(driver, command, code);
             }
         } // else the second answer to a command that was sent twice
+    }
+
+    /// Answers come in the order of what was sent.
+    fn count_answer(&mut self, id: u8) {
+        let is_setting = self.in_flight.as_ref().is_some_and(|sent| matches!(sent.message, Command::SetLimit { .. }));
+        match id {
+            words::id::SET_LIMIT => self.owed_count = self.owed_count.saturating_sub(1),
+            words::id::GET_LIMIT if !is_setting => (self.owed_count, self.verifying_ns) = (0, None),
+            _ => {}
+        }
     }
 
     fn meet_fast_stop(&mut self, driver: &mut DriverState) {

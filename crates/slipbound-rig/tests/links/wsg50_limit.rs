@@ -1,12 +1,35 @@
 //! The force limit of a WSG-50: sent again where no answer comes, and not followed by the force.
 
-use crate::bench::{Bench, config, driver};
+use crate::bench::{Bench, MS, config, driver};
 use slipbound::port::{DriverEvent, Jaws};
 use slipbound_rig::gripper::Error;
 use slipbound_rig::gripper::config::{Config, Lowering};
 
 fn allowing() -> Config {
     Config { lowering: Lowering::Allow, ..config("wsg50") }
+}
+
+/// The link stalls for so long that the limit is sent again. Both are answered, and the second answer comes when the next limit,
+/// which the gripper refuses, is on its way.
+#[test]
+fn the_second_answer_to_a_limit_that_was_sent_again_is_none_to_the_next_limit() {
+    let beyond = Config { most_n: 200.0, ..allowing() };
+    for most_bytes in [1, 10, 25, usize::MAX] {
+        let mut bench = Bench::holding("wsg50", beyond.clone(), "stall=480@4000", 20.0);
+        bench.most_bytes = most_bytes;
+        bench.run(4000 - bench.now_ns() / MS);
+        bench.grip(30.0).expect("taken over");
+        bench.run(470);
+        bench.grip(100.0).expect("not yet silent");
+        let error = bench.until_error(500).to_string();
+        assert!(error.contains("expected set force limit to be done, got status 28"), "{most_bytes} bytes: {error}");
+        bench.run(1000);
+        assert_eq!(bench.state().expect("there").target_n, Some(30.0), "{most_bytes} bytes");
+        assert!((bench.plant.force_n - 30.0).abs() < 0.1, "{most_bytes} bytes: {} N", bench.plant.force_n);
+        bench.grip(40.0).expect("taken over");
+        bench.run(1000);
+        assert!((bench.plant.force_n - 40.0).abs() < 0.1, "{most_bytes} bytes: {} N", bench.plant.force_n);
+    }
 }
 
 /// What is held was grasped by somebody else: no width is set here, so the grasp cannot be given again.

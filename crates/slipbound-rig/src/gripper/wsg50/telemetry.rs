@@ -44,9 +44,14 @@ impl Telemetry {
             }
         }
         if self.limit_own_n.is_none() && is_due(self.limit_asked_ns) {
-            self.limit_asked_ns = Some(now_ns);
-            frame::write(&mut driver.outgoing, id::GET_LIMIT, &[]);
+            self.ask_limit(driver);
         }
+    }
+
+    /// Asks for the limit now.
+    pub fn ask_limit(&mut self, driver: &mut DriverState) {
+        self.limit_asked_ns = Some(driver.now_ns());
+        frame::write(&mut driver.outgoing, id::GET_LIMIT, &[]);
     }
 
     /// Takes a message that is a state or the limit. False: it is an answer to a command.
