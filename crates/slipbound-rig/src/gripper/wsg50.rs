@@ -206,9 +206,9 @@ impl Wsg50 {
         let since_ns = driver.now_ns();
         match (command, code) {
             (Command::SetLimit { own_n }, status::OK) => self.take_limit(driver, own_n),
-            (Command::Stop, status::OK) => self.phase = Phase::Idle,
+            (Command::Stop, status::OK) => self.become_idle(),
             (Command::Acknowledge, status::OK) => {
-                self.phase = Phase::Idle;
+                self.become_idle();
                 driver.forget_lost_link();
             }
             (Command::Home, status::PENDING) => self.phase = Phase::Homing { since_ns },
@@ -222,6 +222,11 @@ impl Wsg50 {
                 driver.raise_refused(command.name(), status::in_words(code));
             }
         }
+    }
+
+    /// What the gripper said of a part before is of before.
+    fn become_idle(&mut self) {
+        (self.phase, self.telemetry.is_grasp_old) = (Phase::Idle, true);
     }
 
     fn take_limit(&mut self, driver: &mut DriverState, own_n: f64) {
@@ -300,7 +305,7 @@ impl Protocol for Wsg50 {
         }
         self.parser = parser;
         // What is held when the link is made was grasped before: no grasp is to be given again.
-        if self.phase == Phase::Idle && self.telemetry.is_holding() {
+        if self.phase == Phase::Idle && self.telemetry.is_holding() && !self.telemetry.is_grasp_old {
             self.phase = Phase::Grasped;
         }
     }

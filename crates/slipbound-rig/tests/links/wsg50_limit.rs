@@ -53,3 +53,18 @@ fn without_a_width_a_force_that_does_not_follow_is_told_and_no_grasp_is_claimed(
     assert_eq!(path, None);
     assert!(bench.least_n > 19.9, "{} N", bench.least_n);
 }
+
+/// The newest state says holding, but it is from before the release that was stopped.
+#[test]
+fn a_grasp_right_after_a_release_is_given_though_the_newest_state_still_says_holding() {
+    for after_ms in (0..40).step_by(2) {
+        let mut bench = Bench::holding("wsg50", allowing(), "", 20.0);
+        bench.release().expect("taken over");
+        bench.run(after_ms);
+        bench.grip(20.0).expect("taken over");
+        bench.run(3000);
+        let state = bench.state().expect("there");
+        assert_eq!(state.jaws, Jaws::Holding, "after {after_ms} ms: {state:?}");
+        assert!((bench.plant.force_n - 20.0).abs() < 0.1, "after {after_ms} ms: {} N", bench.plant.force_n);
+    }
+}

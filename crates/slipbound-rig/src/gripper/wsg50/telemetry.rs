@@ -21,6 +21,8 @@ pub(super) struct Telemetry {
     pub system: Option<u32>,
     /// What it does with a part, one of [`grasp`].
     pub grasp: Option<u8>,
+    /// Whether that is from before the last stop or acknowledgement.
+    pub is_grasp_old: bool,
     /// The force limit it has, in its own newtons.
     pub limit_own_n: Option<f64>,
     /// When each of [`STATES`] was last heard or asked for.
@@ -78,7 +80,7 @@ impl Telemetry {
                 Some(bits) => self.system = Some(u32::from_le_bytes(*bits)),
                 None => return,
             },
-            id::GRASP_STATE => self.grasp = rest.first().copied(),
+            id::GRASP_STATE => (self.grasp, self.is_grasp_old) = (rest.first().copied(), false),
             id::OPENING => driver.gripper.opening_mm = value().filter(|mm| (-10.0..=1000.0).contains(mm)),
             _ => driver.gripper.force_n = value().and_then(|own_n| driver.config.from_own_n(own_n)),
         }
