@@ -412,9 +412,7 @@ impl Protocol for Gcl {
     }
 
     fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
-        if self.is_stopped {
-            self.check_ready(driver)?;
-        }
+        self.check_ready(driver)?;
         // It may press without knowing it. One that has forgotten where its jaws are takes no release: only home is left then.
         if !self.is_unhomed && driver.seems_to_hold() {
             return Err(driver.home_while_holding());

@@ -166,7 +166,9 @@ impl Protocol for LineGripper {
     }
 
     fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
-        if driver.gripper.jaws == Jaws::Holding {
+        self.check_ready(driver)?;
+        // Jaws that have forgotten where they are may take no release: only home is left then.
+        if driver.gripper.jaws != Jaws::Unknown && driver.seems_to_hold() {
             return Err(driver.home_while_holding());
         }
         (self.goal, self.done) = (Goal::Home, Goal::Keep);

@@ -368,8 +368,9 @@ impl Protocol for Wsg50 {
     }
 
     fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
-        if self.telemetry.is_stopped() {
-            self.check_ready(driver)?;
+        match self.check_ready(driver) {
+            Err(Error::NotHomed { .. }) => {}
+            ready => ready?,
         }
         if self.telemetry.is_homed() && driver.seems_to_hold() {
             return Err(driver.home_while_holding());

@@ -4,7 +4,7 @@ use super::status::{CLOSED, Status};
 use crate::gripper::config::Config;
 use crate::gripper::driver_state::DriverState;
 use crate::gripper::error::Error;
-use slipbound::port::{DriverEvent, GripCommand, Jaws};
+use slipbound::port::{DriverEvent, GripCommand};
 
 /// What the jaws should come to; the newest goal counts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -97,7 +97,11 @@ impl Actuator {
     }
 
     pub fn home(&mut self, driver: &DriverState) -> Result<(), Error> {
-        if driver.gripper.jaws == Jaws::Holding {
+        let Some(status) = self.status else {
+            return Err(Error::NotReady { address: driver.address(), expected: "its status" });
+        };
+        // A fault, and jaws that are not active, are cleared by home alone.
+        if status.is_active() && status.fault_in_words().is_none() && driver.seems_to_hold() {
             return Err(driver.home_while_holding());
         }
         (self.goal, self.is_homing) = (Goal::Deactivate, true);

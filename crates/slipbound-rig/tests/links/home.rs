@@ -1,0 +1,47 @@
+//! Homing moves the jaws: no driver gives it while something is, or may be, between them.
+
+use crate::bench::{Bench, config};
+use slipbound::port::Jaws;
+use slipbound_rig::emulator::NAMES;
+use slipbound_rig::gripper::{Error, Request};
+
+#[test]
+fn home_is_refused_from_the_first_touch_on() {
+    let accepting: Vec<&str> = NAMES
+        .into_iter()
+        .filter(|name| {
+            let mut bench = Bench::of(name, "");
+            bench.run(200);
+            bench.grip(40.0).expect("taken over");
+            while bench.plant.force_n == 0.0 {
+                bench.step();
+            }
+            bench.run(40); // until the newest state has been heard
+            assert!((1.0..39.0).contains(&bench.plant.force_n), "{name}: {} N", bench.plant.force_n);
+            bench.request(Request::Home).is_ok()
+        })
+        .collect();
+    assert_eq!(accepting, [""; 0]);
+}
+
+/// The link is new, and the answers are on their way.
+#[test]
+fn home_is_refused_as_long_as_it_is_not_known_whether_something_is_held() {
+    let accepting: Vec<&str> = NAMES
+        .into_iter()
+        .filter(|name| {
+            let mut bench = Bench::holding(name, config(name), "late=30", 40.0);
+            bench.request(Request::Leave).expect("taken over");
+            bench.run(100);
+            bench.cut("closed");
+            bench.connect();
+            let home = bench.request(Request::Home);
+            bench.run(2000);
+            let is_refused = matches!(home, Err(Error::NotReady { .. } | Error::Refused { .. }));
+            assert_eq!(is_refused, bench.least_n > 39.0, "{name}: {home:?}, {} N", bench.least_n);
+            assert!(!is_refused || bench.state().is_ok_and(|state| state.jaws == Jaws::Holding), "{name}");
+            !is_refused
+        })
+        .collect();
+    assert_eq!(accepting, [""; 0]);
+}
