@@ -39,7 +39,10 @@ impl<P: Protocol> Driver<P> {
             Request::Grip(command) => {
                 protocol.check_ready(state)?;
                 let command = match command {
-                    GripCommand::Hold { force_n } => GripCommand::Hold { force_n: state.admit(force_n)? },
+                    GripCommand::Hold { force_n } => {
+                        let on_its_way_n = protocol.force_on_its_way(state);
+                        GripCommand::Hold { force_n: state.admit(force_n, on_its_way_n)? }
+                    }
                     GripCommand::Release => GripCommand::Release,
                 };
                 protocol.grip(state, command)?;
@@ -47,6 +50,7 @@ impl<P: Protocol> Driver<P> {
             Request::Home => protocol.home(state)?,
             Request::Acknowledge => protocol.acknowledge(state)?,
             Request::Leave => {
+                state.doubt_target(protocol.force_on_its_way(state));
                 protocol.leave(state);
                 state.leave_link();
             }
@@ -94,6 +98,7 @@ impl<P: Protocol> Driver<P> {
 impl<P: Protocol> Endpoint for Driver<P> {
     fn linked(&mut self, now_ns: u64) {
         self.state.set_time(now_ns);
+        self.state.doubt_target(self.protocol.force_on_its_way(&self.state));
         self.state.linked();
         self.protocol.linked(&mut self.state);
         self.advance();

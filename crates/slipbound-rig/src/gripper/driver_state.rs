@@ -31,6 +31,8 @@ pub struct DriverState {
     /// Whether a link has ended that may have latched a fast stop.
     has_lost_link: bool,
     lowering_permitted: bool,
+    /// The force of a command that was never answered, N per finger: it may be on.
+    doubted_n: Option<f64>,
     /// The last force asked for outside the range, N per finger: it is reported once.
     clamped_n: Option<f64>,
     held: Held,
@@ -58,6 +60,7 @@ impl DriverState {
             link: if needs_link { LinkHealth::new(config.silence_ms) } else { LinkHealth::not_needed() },
             has_lost_link: false,
             lowering_permitted: config.lowering == Lowering::Allow,
+            doubted_n: None,
             clamped_n: None,
             held: Held::default(),
             garbled_count: 0,
@@ -106,6 +109,19 @@ impl DriverState {
     /// Something was received: whether the jaws hold something, or have let it go, is remembered.
     pub(super) fn see_jaws(&mut self) {
         self.held.see(&self.gripper, &self.config);
+    }
+
+    /// The gripper has taken over this force, N per finger, or says that it has it. None: it does not say.
+    pub fn settle_target(&mut self, force_n: Option<f64>) {
+        self.gripper.target_n = force_n;
+        if force_n.is_some() {
+            self.doubted_n = None;
+        }
+    }
+
+    /// A command with this force, N per finger, was never answered: the gripper may hold with it or with that of before.
+    pub fn doubt_target(&mut self, force_n: Option<f64>) {
+        self.doubted_n = self.doubted_n.into_iter().chain(force_n).reduce(f64::max);
     }
 
     /// Adds an event for the log of a run.
@@ -198,21 +214,23 @@ impl DriverState {
         self.lowering_permitted = permitted || self.config.lowering == Lowering::Allow;
     }
 
-    /// A force as it may be sent, N per finger: a number, inside its range, and not lower than the last one while
-    /// something is held unless that is permitted.
-    pub(super) fn admit(&mut self, asked_n: f64) -> Result<f64, Error> {
+    /// A force as it may be sent, N per finger: a number, inside its range, and, while something is held and unless that is
+    /// permitted, not lower than the last one or one on its way. One that may be on is not lowered either: it is sent again.
+    pub(super) fn admit(&mut self, asked_n: f64, on_its_way_n: Option<f64>) -> Result<f64, Error> {
         let Config { least_n, most_n, .. } = self.config;
-        let Some(given_n) = self.config.admitted_n(asked_n) else {
+        let Some(mut given_n) = self.config.admitted_n(asked_n) else {
             return Err(Error::Force { address: self.address(), least_n, most_n, got_n: asked_n });
         };
         if self.seems_to_hold() && !self.lowering_permitted {
-            let Some(from_n) = self.gripper.target_n.or(self.gripper.force_n) else {
+            let Some(known_n) = self.gripper.target_n.or(self.gripper.force_n) else {
                 let expected = "the force it holds with (or a release, or lowering = \"allow\")";
                 return Err(Error::NotReady { address: self.address(), expected });
             };
+            let from_n = on_its_way_n.map_or(known_n, |n| n.max(known_n));
             if given_n < from_n - SAME_FORCE_N {
                 return Err(Error::Lowering { address: self.address(), from_n, to_n: given_n });
             }
+            given_n = self.doubted_n.map_or(given_n, |n| n.max(given_n));
         }
         if given_n != asked_n && self.clamped_n != Some(asked_n) {
             self.push_event(DriverEvent::Clamped { asked_n, given_n });

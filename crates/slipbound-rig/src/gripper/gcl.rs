@@ -35,6 +35,14 @@ impl Message {
             Message::Grip { .. } => "GRIP",
         }
     }
+
+    /// The force to grip with, N per finger.
+    fn force_n(self) -> Option<f64> {
+        match self {
+            Message::Grip { force_n } => Some(force_n),
+            Message::Question(_) | Message::Command(_) => None,
+        }
+    }
 }
 
 /// A motion on its way to its end.
@@ -203,7 +211,7 @@ impl Gcl {
             Message::Grip { force_n } => {
                 (self.gripped_n, self.is_in_doubt, self.is_release_given) = (Some(force_n), false, false);
                 self.failed_grip = None;
-                driver.gripper.target_n = Some(force_n);
+                driver.settle_target(Some(force_n));
             }
             Message::Command("STOP") => {
                 self.stopped = self.motion.take().map(|motion| motion.name);
@@ -262,6 +270,7 @@ impl Gcl {
                 self.is_regrip_refused = true;
                 // One that was never answered was denied as well: it holds with the last that was.
                 self.is_in_doubt = false;
+                driver.settle_target(self.gripped_n);
                 driver.raise_refused("a new force while holding", "a GRIP that is denied; take wsg50://");
             }
             (_, status::DENIED) => {
@@ -322,6 +331,7 @@ fn is_name(text: &str) -> bool {
 
 impl Protocol for Gcl {
     fn linked(&mut self, driver: &mut DriverState) {
+        self.is_in_doubt |= self.force_on_its_way(driver).is_some();
         // The force it was last commanded, and that it has stopped itself, outlive a link.
         let gripped_before_n = self.gripped_n.or(self.gripped_before_n);
         let Gcl { is_in_doubt, is_stopped, is_unhomed, is_regrip_refused, .. } = *self;
@@ -344,6 +354,7 @@ impl Protocol for Gcl {
             // It may have come through after all: the same once more is sent once more.
             Some(message) => {
                 (self.goal, self.is_in_doubt, self.is_release_given) = (Goal::Keep, true, false);
+                driver.doubt_target(message.force_n());
                 driver.raise_unanswered(message.name());
             }
         }
@@ -427,8 +438,13 @@ impl Protocol for Gcl {
     }
 
     fn leave(&mut self, driver: &mut DriverState) {
+        self.is_in_doubt |= self.force_on_its_way(driver).is_some();
         self.goal = Goal::Keep;
         self.command(driver, "BYE");
+    }
+
+    fn force_on_its_way(&self, _driver: &DriverState) -> Option<f64> {
+        self.in_flight.as_ref().and_then(|sent| sent.message.force_n())
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

@@ -18,6 +18,16 @@ pub(crate) enum Goal {
     Acknowledge,
 }
 
+impl Goal {
+    /// The force to hold with, N per finger.
+    pub fn force_n(self) -> Option<f64> {
+        match self {
+            Goal::Hold { force_n } => Some(force_n),
+            _ => None,
+        }
+    }
+}
+
 impl From<GripCommand> for Goal {
     fn from(command: GripCommand) -> Self {
         match command {

@@ -78,7 +78,7 @@ impl LineGripper {
         }
         self.done = sent.goal;
         match sent.goal {
-            Goal::Hold { force_n } => driver.gripper.target_n = Some(force_n),
+            Goal::Hold { force_n } => driver.settle_target(Some(force_n)),
             Goal::Home | Goal::Acknowledge => self.goal = Goal::Keep,
             Goal::Open | Goal::Keep => {}
         }
@@ -105,7 +105,7 @@ impl LineGripper {
         driver.gripper.force_n = measured_n;
         // Ours counts while it is on; after a new link the other side's does.
         if !matches!(self.done, Goal::Hold { .. }) {
-            driver.gripper.target_n = target_n;
+            driver.settle_target(target_n);
         }
         driver.gripper.opening_mm = number_of(rest, "opening_mm");
         self.is_stated = true;
@@ -128,7 +128,8 @@ impl Protocol for LineGripper {
     }
 
     fn tick(&mut self, driver: &mut DriverState) {
-        if InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms).is_some() {
+        if let Some(sent) = InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms) {
+            driver.doubt_target(sent.message.goal.force_n());
             // It may have come through after all: the other side says what it holds with.
             (self.goal, self.done) = (Goal::Keep, Goal::Keep);
             driver.raise_unanswered("a command");
@@ -182,6 +183,10 @@ impl Protocol for LineGripper {
 
     fn leave(&mut self, driver: &mut DriverState) {
         self.send(driver, "BYE");
+    }
+
+    fn force_on_its_way(&self, _driver: &DriverState) -> Option<f64> {
+        self.in_flight.as_ref().and_then(|sent| sent.message.goal.force_n())
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

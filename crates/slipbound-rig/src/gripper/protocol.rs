@@ -37,6 +37,11 @@ pub trait Protocol: Send {
     /// Sends the message that announces the end of the connection, if the protocol has one.
     fn leave(&mut self, _driver: &mut DriverState) {}
 
+    /// The force of a command that was sent and is not yet answered, N per finger.
+    fn force_on_its_way(&self, _driver: &DriverState) -> Option<f64> {
+        None
+    }
+
     /// Whether something asked for is still under way, or the first state is still awaited.
     fn is_busy(&self, driver: &DriverState) -> bool;
 
@@ -86,6 +91,10 @@ impl<P: Protocol + ?Sized> Protocol for Box<P> {
 
     fn leave(&mut self, driver: &mut DriverState) {
         (**self).leave(driver);
+    }
+
+    fn force_on_its_way(&self, driver: &DriverState) -> Option<f64> {
+        (**self).force_on_its_way(driver)
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

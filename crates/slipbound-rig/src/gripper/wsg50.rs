@@ -265,6 +265,7 @@ impl Wsg50 {
                     self.in_flight = Some(sent.again(driver.now_ns()));
                 }
                 command => {
+                    driver.doubt_target(command.force_n(driver));
                     self.goal = Goal::Keep;
                     self.forget_grasp(command);
                     self.telemetry.limit_own_n = None; // it may have come through after all: ask
@@ -387,6 +388,10 @@ impl Protocol for Wsg50 {
     fn leave(&mut self, driver: &mut DriverState) {
         self.goal = Goal::Keep;
         self.send(driver, Command::Disconnect, &[]);
+    }
+
+    fn force_on_its_way(&self, driver: &DriverState) -> Option<f64> {
+        self.in_flight.as_ref().and_then(|sent| sent.message.force_n(driver))
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

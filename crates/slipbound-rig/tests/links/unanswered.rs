@@ -3,8 +3,8 @@
 
 use crate::bench::{Bench, MS, config};
 use slipbound_rig::emulator::NAMES;
-use slipbound_rig::gripper::Error;
 use slipbound_rig::gripper::config::{Config, Lowering};
+use slipbound_rig::gripper::{Error, Request};
 use slipbound_rig::link::Endpoint;
 
 /// What answers a new force, and how far it reaches: to the end of the line, or no further than these bytes.
@@ -67,6 +67,58 @@ fn a_force_asked_for_again_after_an_unanswered_one_is_sent_again() {
         bench.plant.force_n
     });
     assert!(pressed_n.iter().all(|force_n| (force_n - 40.0).abs() < 0.7), "{NAMES:?}: {pressed_n:?} N");
+}
+
+/// It may hold with the higher force of the two: no lower one is admitted where lowering is refused.
+#[test]
+fn after_an_unanswered_higher_force_lowering_counts_from_that_one() {
+    let pressed_n = NAMES.map(|name| {
+        let refusing = Config { lowering: Lowering::Refuse, ..config(name) };
+        let mut bench = Bench::holding(name, refusing, "allow-regrasp", 40.0);
+        lose_answers(&mut bench, name, 60.0, 2000);
+        let _ = bench.grip(50.0); // refused, or 60 N are given
+        bench.run(2000);
+        bench.plant.force_n
+    });
+    assert!(pressed_n.iter().all(|force_n| (force_n - 60.0).abs() < 0.7), "{NAMES:?}: {pressed_n:?} N");
+}
+
+#[test]
+fn while_a_higher_force_is_on_its_way_no_lower_one_follows_it() {
+    let pressed_n = NAMES.map(|name| {
+        let refusing = Config { lowering: Lowering::Refuse, ..config(name) };
+        let mut bench = Bench::holding(name, refusing, "late=30,allow-regrasp", 40.0);
+        bench.grip(60.0).expect("taken over");
+        bench.run(40); // by then it is sent
+        for _ in 0..100 {
+            let lower = bench.grip(50.0);
+            assert!(matches!(lower, Ok(()) | Err(Error::Lowering { .. })), "{name}: {lower:?}");
+            bench.step();
+        }
+        bench.run(2000);
+        bench.plant.force_n
+    });
+    assert!(pressed_n.iter().all(|force_n| (force_n - 60.0).abs() < 0.7), "{NAMES:?}: {pressed_n:?} N");
+}
+
+/// The same where the link ends before the answer comes.
+#[test]
+fn after_a_link_that_took_the_answer_with_it_lowering_counts_from_the_higher_force() {
+    let pressed_n = NAMES.map(|name| {
+        let refusing = Config { lowering: Lowering::Refuse, ..config(name) };
+        let mut bench = Bench::holding(name, refusing, "allow-regrasp", 40.0);
+        assert!(lose_answers(&mut bench, name, 60.0, 400).is_none(), "{name}: not yet given up");
+        bench.cut("cut");
+        bench.connect();
+        bench.run(400);
+        if let Ok(()) = bench.request(Request::Acknowledge) {
+            bench.run(200);
+        }
+        let _ = bench.grip(50.0); // as above
+        bench.run(2000);
+        bench.plant.force_n
+    });
+    assert!(pressed_n.iter().all(|force_n| *force_n > 58.0), "{NAMES:?}: {pressed_n:?} N");
 }
 
 /// The text interface forbids a new force while holding; the one it has stays one that may be asked for.

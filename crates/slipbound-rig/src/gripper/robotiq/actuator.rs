@@ -31,6 +31,14 @@ pub(super) struct Target {
 }
 
 impl Goal {
+    /// The force to hold with, N per finger.
+    pub fn force_n(self) -> Option<f64> {
+        match self {
+            Goal::Hold { force_n } => Some(force_n),
+            _ => None,
+        }
+    }
+
     /// Where the jaws are to go; None where this goal moves them to no place of ours.
     pub fn target(self, config: &Config) -> Option<Target> {
         let speed = config.speed_count();
@@ -69,11 +77,17 @@ impl Actuator {
     /// The gripper has taken over what was sent for this goal.
     pub fn take_over(&mut self, driver: &mut DriverState, goal: Goal) {
         match goal {
-            Goal::Hold { force_n } => driver.gripper.target_n = Some(force_n),
+            Goal::Hold { force_n } => driver.settle_target(Some(force_n)),
             Goal::Deactivate if self.goal == goal => self.goal = Goal::Activate,
             Goal::Activate if self.goal == goal => self.goal = Goal::Keep,
             _ => {}
         }
+    }
+
+    /// What was sent for this goal was never answered.
+    pub fn give_up(&mut self, driver: &mut DriverState, goal: Goal) {
+        self.goal = Goal::Keep;
+        driver.doubt_target(goal.force_n());
     }
 
     pub fn check_ready(&self, driver: &DriverState) -> Result<(), Error> {

@@ -108,9 +108,10 @@ impl Protocol for Serial {
                 let sent = sent.again(driver.now_ns());
                 self.send(driver, sent);
             }
-            Some(InFlight { message: Message::Write { .. }, .. }) => {
+            Some(InFlight { message: Message::Write { goal, .. }, .. }) => {
                 // It may have come through after all: the same once more is written once more.
-                (self.actuator.goal, self.outputs) = (Goal::Keep, None);
+                self.actuator.give_up(driver, goal);
+                self.outputs = None;
                 driver.raise_unanswered("write");
             }
             // A read is sent again in its turn; silence is reported by itself.
@@ -146,6 +147,13 @@ impl Protocol for Serial {
 
     fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
         self.actuator.home(driver)
+    }
+
+    fn force_on_its_way(&self, _driver: &DriverState) -> Option<f64> {
+        match self.in_flight.as_ref()?.message {
+            Message::Write { goal, .. } => goal.force_n(),
+            _ => None,
+        }
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

@@ -166,7 +166,7 @@ impl Socket {
             "PRE" => self.status.position_asked = value,
             "POS" => self.status.position = value,
             "FLT" => self.status.fault = value & 0xF,
-            "FOR" => driver.gripper.target_n = driver.config.force_of_count(value),
+            "FOR" => driver.settle_target(driver.config.force_of_count(value)),
             _ => return false,
         }
         if let Some(place) = QUESTIONS.iter().position(|question| *question == name) {
@@ -217,9 +217,10 @@ impl Protocol for Socket {
         match InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms)
             .map(|sent| sent.message)
         {
-            Some(Message::Set(_)) => {
+            Some(Message::Set(goal)) => {
                 // It may have come through after all: the same once more is sent once more.
-                (self.actuator.goal, self.done) = (Goal::Keep, Goal::Keep);
+                self.actuator.give_up(driver, goal);
+                self.done = Goal::Keep;
                 driver.raise_unanswered("SET");
             }
             // A question is asked again in its turn; silence is reported by itself.
@@ -259,6 +260,13 @@ impl Protocol for Socket {
         self.actuator.home(driver)?;
         self.done = Goal::Keep;
         Ok(())
+    }
+
+    fn force_on_its_way(&self, _driver: &DriverState) -> Option<f64> {
+        match self.in_flight.as_ref()?.message {
+            Message::Set(goal) => goal.force_n(),
+            _ => None,
+        }
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

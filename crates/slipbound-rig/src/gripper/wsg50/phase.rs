@@ -1,6 +1,7 @@
 //! Where a WSG-50 is between the commands that it has answered, and the commands.
 
 use super::words::id;
+use crate::gripper::driver_state::DriverState;
 
 /// What the jaws were last commanded, and how far that has come.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -83,6 +84,14 @@ impl Command {
             Command::Acknowledge => id::ACKNOWLEDGE,
             Command::SetLimit { .. } => id::SET_LIMIT,
             Command::Disconnect => id::DISCONNECT,
+        }
+    }
+
+    /// The force that it sets, N per finger.
+    pub fn force_n(self, driver: &DriverState) -> Option<f64> {
+        match self {
+            Command::SetLimit { own_n } => driver.config.from_own_n(own_n),
+            _ => None,
         }
     }
 

@@ -90,7 +90,7 @@ impl Telemetry {
     /// The gripper has this force limit now.
     pub fn set_limit(&mut self, driver: &mut DriverState, own_n: f64) {
         self.limit_own_n = Some(own_n);
-        driver.gripper.target_n = driver.config.from_own_n(own_n);
+        driver.settle_target(driver.config.from_own_n(own_n));
     }
 
     /// Whether everything that is needed to command it is known.
