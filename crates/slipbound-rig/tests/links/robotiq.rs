@@ -1,9 +1,11 @@
 //! Robotiq 2F-85, both ways, in lock-step.
 
-use crate::bench::{Bench, config};
-use slipbound::port::Jaws;
+use crate::bench::{Bench, MS, config, driver};
+use slipbound::port::{GripCommand, Jaws};
 use slipbound_rig::gripper::config::{Config, Lowering};
+use slipbound_rig::gripper::robotiq::rtu;
 use slipbound_rig::gripper::{Error, Request};
+use slipbound_rig::link::Endpoint;
 
 const BOTH: [&str; 2] = ["robotiq-rtu", "robotiq"];
 
@@ -123,4 +125,56 @@ fn what_it_was_set_to_is_known_after_a_new_link_only_by_the_socket() {
         let lower = bench.grip(30.0);
         assert!(matches!(lower, Err(Error::Lowering { .. } | Error::NotReady { .. })), "{name}: {lower:?}");
     }
+}
+
+/// Too hot, and cool again: some faults end by themselves, and what the jaws do then nobody knows.
+#[test]
+fn after_a_fault_that_ended_by_itself_the_same_force_is_sent_again() {
+    for name in BOTH {
+        let mut driver = driver(name, allowing());
+        driver.linked(0);
+        let (mut sent, mut forces_count, mut fault) = (Vec::new(), Vec::new(), 0);
+        for now_ms in 0..4000u64 {
+            driver.tick(now_ms * MS);
+            match now_ms {
+                1000 | 3000 => {
+                    let command = GripCommand::Hold { force_n: 40.0 };
+                    driver.request(now_ms * MS, Request::Grip(command)).expect("active");
+                }
+                1500 => forces_count.push(count_forces(&sent)),
+                2000 => fault = 8,
+                2500 => fault = 0,
+                _ => {}
+            }
+            let asked = std::mem::take(driver.outgoing());
+            sent.extend(&asked);
+            let mut answer = Vec::new();
+            rtu::Parser::default().feed_asks(&asked, |ask| match ask {
+                rtu::Ask::Write { function, registers, bytes } => {
+                    rtu::answer_write(&mut answer, function, registers, bytes);
+                }
+                _ => rtu::answer_read(&mut answer, 4, &[0xB9, 0, fault, 255, 90, 0]),
+            });
+            for line in asked.split(|byte| *byte == b'\n').filter(|_| name == "robotiq") {
+                match line.strip_prefix(b"GET ") {
+                    Some(b"STA") => answer.extend(b"STA 3\n"),
+                    Some(b"OBJ") => answer.extend(b"OBJ 2\n"),
+                    Some(b"FLT") => answer.extend(format!("FLT {fault}\n").into_bytes()),
+                    Some(value) => answer.extend([value, b" 255\n"].concat()),
+                    None if line.starts_with(b"SET") => answer.extend(b"ack"),
+                    None => {}
+                }
+            }
+            driver.receive(now_ms * MS, &answer);
+        }
+        forces_count.push(count_forces(&sent));
+        assert_eq!(forces_count, [1, 2], "{name}");
+    }
+}
+
+/// How often a force of 40 N is among what was sent.
+fn count_forces(sent: &[u8]) -> usize {
+    let mut count = sent.windows(18).filter(|bytes| *bytes == b"SET POS 255 SPE 59").count();
+    rtu::Parser::default().feed_asks(sent, |ask| count += usize::from(matches!(ask, rtu::Ask::Write { .. })));
+    count
 }

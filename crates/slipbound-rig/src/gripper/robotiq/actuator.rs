@@ -60,11 +60,14 @@ pub(super) struct Actuator {
 }
 
 impl Actuator {
-    /// Takes a status, which was asked for after everything that was sent before.
-    pub fn take_status(&mut self, driver: &mut DriverState, status: Status) {
+    /// Takes a status, which was asked for after everything that was sent before. Returns whether a fault has begun: what
+    /// the gripper was told before counts no more, even where the fault ends by itself.
+    pub fn take_status(&mut self, driver: &mut DriverState, status: Status) -> bool {
         let fault_before = self.status.and_then(|status| status.fault_in_words());
         self.status = Some(status);
-        if let (None, Some(why)) = (fault_before, status.fault_in_words()) {
+        let begun = status.fault_in_words().filter(|_| fault_before.is_none());
+        let has_begun = begun.is_some();
+        if let Some(why) = begun {
             driver.push_event(DriverEvent::FastStop { why });
             self.goal = Goal::Keep;
         }
@@ -72,6 +75,7 @@ impl Actuator {
         driver.gripper.time_ns = driver.now_ns();
         driver.gripper.jaws = status.jaws(driver.gripper.jaws);
         driver.gripper.opening_mm = Some(driver.config.opening_of_count(status.position));
+        has_begun
     }
 
     /// The gripper has taken over what was sent for this goal.

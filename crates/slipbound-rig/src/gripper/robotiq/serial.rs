@@ -65,7 +65,9 @@ impl Serial {
         let Some(sent) = &self.in_flight else { return };
         match (sent.message, answer) {
             (Message::Read, Answer::Inputs(bytes)) => {
-                self.actuator.take_status(driver, Status::from_bytes(bytes));
+                if self.actuator.take_status(driver, Status::from_bytes(bytes)) {
+                    self.outputs = None;
+                }
             }
             (Message::Write { goal, outputs }, Answer::Written) => {
                 self.outputs = Some(outputs);

@@ -87,8 +87,8 @@ impl Socket {
         let is_heard = std::mem::take(&mut self.is_heard);
         let is_whole =
             QUESTIONS.iter().zip(is_heard).all(|(name, is_heard)| is_heard || matches!(*name, "POS" | "FLT"));
-        if is_whole {
-            self.actuator.take_status(driver, self.status);
+        if is_whole && self.actuator.take_status(driver, self.status) {
+            self.done = Goal::Keep;
         }
     }
 
