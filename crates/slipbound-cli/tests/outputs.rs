@@ -202,6 +202,25 @@ fn names_of_fingers_that_cannot_be_names_of_files_are_refused() {
 }
 
 #[test]
+fn a_source_that_is_refused_costs_no_recording() {
+    let folder = clip();
+    let record = |sources: &[&str]| slipbound(folder.path(), &[&["record"], sources, &["-o", "r.mcap"]].concat());
+    let watch = |source: &str| slipbound(folder.path(), &["watch", source, "--record", "r.mcap", "--force"]);
+    for done in [record(&["clip", "nowhere.avi"]), watch("nowhere.avi")] {
+        assert!(done.status.code() == Some(2) && told(&done).contains("no such file"), "{}", told(&done));
+        assert!(!folder.path().join("r.mcap").exists(), "nothing was recorded");
+    }
+    assert!(record(&["clip"]).status.success());
+    let bytes = || fs::read(folder.path().join("r.mcap")).expect("there");
+    let before = bytes();
+    for done in [record(&["clip", "nowhere.avi"]), watch("nowhere.avi")] {
+        assert_eq!(done.status.code(), Some(2), "{}", told(&done));
+        assert!(bytes() == before, "what was there is lost: {}", told(&done));
+    }
+    assert!(watch("clip").status.success() && bytes() != before, "and it is replaced by what is recorded");
+}
+
+#[test]
 fn a_recording_is_judged_with_the_sensor_file_that_goes_with_it() {
     let folder = clip();
     let sensor = ["--sensor", "clip/sensor.toml"];

@@ -22,6 +22,7 @@ mod convert;
 mod db3;
 mod foxglove;
 mod frame_record;
+mod late_file;
 mod observer;
 mod pictures;
 mod reader;

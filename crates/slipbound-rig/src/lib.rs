@@ -54,6 +54,7 @@ pub mod gripper;
 pub mod link;
 pub mod overlay;
 pub mod realtime;
+mod replaced_file;
 pub mod report_csv;
 pub mod report_json;
 pub mod report_slips;

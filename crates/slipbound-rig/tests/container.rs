@@ -167,11 +167,65 @@ fn a_recording_of_ours_has_an_end_whenever_its_program_is_killed_and_says_that_i
         });
         let (seen, told) = seen.expect("a file with an end within 10 s");
         assert_eq!(seen.iter().map(|given| given.0).collect::<Vec<_>>(), expected);
-        assert!(told.is_some_and(|told| told.contains("cut off or damaged (its program was killed)")));
+        assert!(told.is_some_and(|told| told.contains("cut off or damaged (its program was killed or has failed)")));
     }
     recorder.finish().expect("closes");
     let (seen, told) = drain(path.to_str().expect("UTF-8"));
     assert_eq!((seen.len(), told), (4, None), "closed as it should be");
+}
+
+#[test]
+fn a_recording_that_is_given_up_keeps_what_it_has_and_is_cut_off() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    let shown = path.to_str().expect("UTF-8");
+    let recorder = Recorder::create(&path, &["left".into()], false).expect("creates");
+    recorder.metadata("facts", [("name".into(), "value".into())]);
+    let mut tapped = TappedSource::new(Script { seqs: vec![2, 1, 0] }, 0, recorder.inlet(), true);
+    let mut frame = FrameBuffer::default();
+    while tapped.next(&mut frame).expect("goes on") != Next::End {}
+    drop(recorder); // while the camera goes on
+    let (seen, told) = drain(shown);
+    assert_eq!(seen.iter().map(|given| given.0).collect::<Vec<_>>(), [0, 1, 2]);
+    assert!(told.is_some_and(|told| told.contains("its program was killed or has failed")), "and not whole");
+}
+
+#[test]
+fn what_was_there_stays_until_something_is_recorded() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    let begin = || {
+        let recorder = Recorder::create(&path, &["left".into()], false).expect("creates");
+        recorder.attach("left.sensor.toml", "text/toml", b"name = 1".to_vec());
+        recorder.metadata("facts", [("name".into(), "value".into())]);
+        recorder
+    };
+    drop(begin()); // as when the source is refused
+    assert!(!path.exists(), "nothing was recorded");
+    record(&path, 3, |_| true);
+    let before = fs::read(&path).expect("reads");
+    drop(begin());
+    assert!(fs::read(&path).expect("reads") == before, "what was there is lost");
+    assert_eq!(begin().finish().expect("closes").frames_count, 0);
+    let after = fs::read(&path).expect("reads");
+    assert!(after.len() < before.len() && after.ends_with(mcap::MAGIC), "an empty recording, whole");
+}
+
+#[test]
+fn a_run_that_cannot_be_converted_leaves_the_recording_that_was_there() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (folder, file) = (scratch.path().join("run"), scratch.path().join("run.mcap"));
+    fs::create_dir(&folder).expect("a folder");
+    fs::write(&file, "from before").expect("writes");
+    fs::write(folder.join("run.toml"), "").expect("writes");
+    let facts = folder.join("z.metadata.json");
+    fs::write(&facts, "{cut").expect("writes");
+    container::to_mcap(&folder, &file).expect_err("no JSON");
+    assert_eq!(fs::read_to_string(&file).expect("there"), "from before");
+    fs::write(&facts, "{}").expect("writes");
+    container::to_mcap(&folder, &file).expect("is carried over");
+    assert!(fs::read(&file).expect("there").ends_with(mcap::MAGIC));
+    assert_eq!(fs::read_dir(scratch.path()).expect("reads").count(), 2, "nothing is left beside it");
 }
 
 /// As a program leaves it that writes chunk by chunk and is killed: the head of the last one does not know its length yet.

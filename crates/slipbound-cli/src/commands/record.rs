@@ -66,21 +66,24 @@ impl Record {
         let mut terminal = Terminal::with_status();
         self.sources.iter().filter_map(|uri| source::doubtful_rate(uri)).for_each(|doubt| terminal.note(&doubt));
         let stop = interruption::listen()?;
-        let mut running = Vec::new();
-        for (number, uri) in self.sources.iter().enumerate() {
-            let is_live = source::is_live(uri);
-            let (source, tally) = match is_live {
+        let mut opened = Vec::new();
+        for (name, uri) in names.iter().zip(&self.sources) {
+            opened.push(match source::is_live(uri) {
                 true => {
                     let camera = source::open_camera(uri).map_err(refused)?;
-                    recorder.metadata(&format!("slipbound.camera.{}", names[number]), camera.facts.clone());
+                    recorder.metadata(&format!("slipbound.camera.{name}"), camera.facts.clone());
                     let facts: Vec<String> =
                         camera.facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
-                    terminal.note(&format!("{}: {}", names[number], facts.join(", ")));
+                    terminal.note(&format!("{name}: {}", facts.join(", ")));
                     (camera.source, Some(camera.tally))
                 }
                 false => (source::open(uri).map_err(refused)?, None),
-            };
-            let tapped = TappedSource::new(source, number, recorder.inlet(), !is_live);
+            });
+        }
+        // None is read before all are there: the first frame replaces the recording that was there.
+        let mut running = Vec::new();
+        for (number, (source, tally)) in opened.into_iter().enumerate() {
+            let tapped = TappedSource::new(source, number, recorder.inlet(), tally.is_none());
             let theirs = stop.clone();
             running.push((thread::spawn(move || drain(tapped, &theirs)), tally));
         }

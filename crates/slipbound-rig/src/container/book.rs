@@ -117,9 +117,11 @@ const END: [u8; 50] = {
     end
 };
 
-/// A recording that is being written, without any thread.
+/// A recording that is being written, without any thread. Dropped before [`Book::finish`], it ends as that of a program that was
+/// killed, with all that was written: who reads it is told that it is cut off.
 pub struct Book {
-    writer: Writer<BufWriter<File>>,
+    /// None once it is finished.
+    writer: Option<Writer<BufWriter<File>>>,
     /// The same file at the same place; None where there is no going back in it, as in a pipe.
     end: Option<File>,
     /// By topic and kind: a source may give pictures now and pixels then.
@@ -144,42 +146,44 @@ impl Book {
             let encoding = if kind.is_binary() { "protobuf" } else { "jsonschema" };
             *into = writer.add_schema(name, encoding, &description)?;
         }
-        Ok(Book { writer, end, channels: BTreeMap::new(), schemas })
+        Ok(Book { writer: Some(writer), end, channels: BTreeMap::new(), schemas })
     }
 
     /// Writes a message of this number.
     pub fn message(&mut self, topic: &str, kind: Kind, seq: u64, times: Times, data: &[u8]) -> Result<(), McapError> {
+        let writer = open(&mut self.writer)?;
         let key = (topic.to_owned(), kind);
         let channel_id = match self.channels.get(&key) {
             Some(&id) => id,
             None => {
                 let schema = self.schemas[kind as usize];
                 let encoding = if kind.is_binary() { "protobuf" } else { "json" };
-                let id = self.writer.add_channel(schema, topic, encoding, &BTreeMap::new())?;
+                let id = writer.add_channel(schema, topic, encoding, &BTreeMap::new())?;
                 self.channels.insert(key, id);
                 id
             }
         };
         let sequence = (seq & u64::from(u32::MAX)) as u32;
         let header = MessageHeader { channel_id, sequence, log_time: times.log_ns, publish_time: times.stamp_ns };
-        self.writer.write_to_known_channel(&header, data)
+        writer.write_to_known_channel(&header, data)
     }
 
     /// Writes a file that goes with the recording.
     pub fn attach(&mut self, name: String, media_type: &str, bytes: &[u8], log_ns: u64) -> Result<(), McapError> {
         let media_type = media_type.into();
-        self.writer.attach(&Attachment { log_time: log_ns, create_time: log_ns, name, media_type, data: bytes.into() })
+        let data = bytes.into();
+        open(&mut self.writer)?.attach(&Attachment { log_time: log_ns, create_time: log_ns, name, media_type, data })
     }
 
     /// Writes facts of a kind.
     pub fn metadata(&mut self, name: String, facts: BTreeMap<String, String>) -> Result<(), McapError> {
-        self.writer.write_metadata(&Metadata { name, metadata: facts })
+        open(&mut self.writer)?.write_metadata(&Metadata { name, metadata: facts })
     }
 
     /// Closes the chunk, so that it is not lost. The file ends as one does until more is written in place of its end: readers
     /// that look there first, as that of PyPI's `mcap`, read nothing of a file without.
     pub fn flush(&mut self) -> Result<(), McapError> {
-        self.writer.flush()?;
+        open(&mut self.writer)?.flush()?;
         if let Some(end) = &mut self.end {
             end.write_all(&END)?;
             end.seek_relative(-(END.len() as i64))?;
@@ -189,6 +193,27 @@ impl Book {
 
     /// Closes the file.
     pub fn finish(mut self) -> Result<(), McapError> {
-        self.writer.finish().map(drop)
+        let finished = open(&mut self.writer)?.finish();
+        self.close();
+        finished.map(drop)
     }
+
+    /// Lets the file go as it is: the library would finish it.
+    fn close(&mut self) {
+        drop(self.writer.take().map(Writer::into_inner));
+    }
+}
+
+impl Drop for Book {
+    fn drop(&mut self) {
+        if self.writer.is_some() {
+            let _ = self.flush(); // whoever drops it has failed already, and tells why
+            self.close();
+        }
+    }
+}
+
+/// The writer of a book that is not finished: every other is gone.
+fn open(writer: &mut Option<Writer<BufWriter<File>>>) -> Result<&mut Writer<BufWriter<File>>, McapError> {
+    writer.as_mut().ok_or_else(|| McapError::Io(std::io::Error::other("it is finished")))
 }

@@ -17,6 +17,7 @@ use super::frame_record::{Fate, FrameRecord, camera_topic};
 use super::recorder;
 use super::records::Records;
 use crate::config::{read_most, read_most_bytes};
+use crate::replaced_file::ReplacedFile;
 use crate::run::frames::{ListedFrame, frame_file, listed};
 use crate::run::{self, Error};
 use mcap::records::Record;
@@ -71,7 +72,7 @@ pub enum ConvertError {
     },
 }
 
-/// Writes the run in `folder` into a recording, which is replaced.
+/// Writes the run in `folder` into a recording, which is replaced once it is whole: on a failure what was there stays.
 pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
     let read = |path: &Path| fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source });
     let mut names = Vec::new();
@@ -87,15 +88,16 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
         let problem = "expected a run folder with run.toml or NAME.frames.jsonl, got neither".into();
         return Err(Error::Syntax { path: folder.to_owned(), problem }.into());
     }
-    // Before the recording is touched: settings of any length would be carried into it, and nothing reads those.
+    // Settings of any length would be carried into it, and nothing reads those.
     let mut settings = HashMap::new();
     for name in names.iter().filter(|name| media_type(name) == TOML) {
         let path = folder.join(name);
         settings.insert(name, read_most_bytes(&path).map_err(|source| Error::Read { path, source })?);
     }
-    let created = File::create(file).map_err(|source| recorder::Error::Create { path: file.to_owned(), source })?;
+    let create = |source| recorder::Error::Create { path: file.to_owned(), source };
+    let mut replaced = ReplacedFile::create(file).map_err(create)?;
     let wrong = |e| recorder::Error::of_writing(file, e);
-    let mut book = Book::create(created).map_err(wrong)?;
+    let mut book = Book::create(replaced.file().try_clone().map_err(create)?).map_err(wrong)?;
     let mut converted = Converted::default();
     let mut lines = Vec::new();
     for name in &names {
@@ -143,6 +145,7 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
         converted.lines_count += 1;
     }
     book.finish().map_err(wrong)?;
+    replaced.keep().map_err(|e| wrong(e.into()))?;
     Ok(converted)
 }
 

@@ -3,10 +3,10 @@
 use super::book::{Book, Kind, Times};
 use super::foxglove;
 use super::frame_record::{Fate, FrameRecord, annotations_topic, camera_topic};
+use super::late_file::LateFile;
 use crate::link::now_ns;
 use slipbound::port::FrameBuffer;
 use std::collections::{BTreeMap, VecDeque};
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -106,7 +106,10 @@ pub(super) enum Item {
         name: String,
         facts: BTreeMap<String, String>,
     },
+    /// Nothing more comes: all is well.
     End,
+    /// Nothing more comes, for something else has failed.
+    CutOff,
 }
 
 /// Where frames and lines are handed in. Clones write to the same file.
@@ -134,23 +137,25 @@ impl Inlet {
     }
 }
 
-/// A recording that is being written.
+/// A recording that is being written. Dropped before [`Recorder::finish`], it keeps what was recorded, and who reads it is told
+/// that it is cut off; the file that was there stays if nothing was.
 pub struct Recorder {
     path: PathBuf,
     inlet: Inlet,
-    thread: JoinHandle<Result<u64, mcap::McapError>>,
+    /// None once it is finished.
+    thread: Option<JoinHandle<Result<u64, mcap::McapError>>>,
 }
 
 impl Recorder {
-    /// Begins a recording of these fingers. `judges`: somebody will say which frames are judged
-    /// ([`MarkedSource`](super::MarkedSource)); otherwise all are just recorded.
+    /// Begins a recording of these fingers. What is in the file is replaced when the first frame or line is handed in, or by
+    /// [`Recorder::finish`]: facts and files that go with the recording wait for that. `judges`: somebody will say which frames
+    /// are judged ([`MarkedSource`](super::MarkedSource)); otherwise all are just recorded.
     pub fn create(path: &Path, fingers: &[String], judges: bool) -> Result<Self, Error> {
-        let file = File::create(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
-        let wrong = |e| Error::of_writing(path, e);
-        let sheet = Sheet::create(file, fingers, judges).map_err(wrong)?;
+        let file = LateFile::open(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
+        let fingers = fingers.to_vec();
         let (to, items) = sync_channel(QUEUE_COUNT);
-        let thread = thread::spawn(move || sheet.run(&items));
-        Ok(Recorder { path: path.to_owned(), inlet: Inlet { to, lost: Arc::default() }, thread })
+        let thread = thread::spawn(move || write_all(file, fingers, judges, &items));
+        Ok(Recorder { path: path.to_owned(), inlet: Inlet { to, lost: Arc::default() }, thread: Some(thread) })
     }
 
     /// Where frames and lines are handed in.
@@ -170,18 +175,26 @@ impl Recorder {
 
     /// Whether nothing is written any more, before the end: [`Recorder::finish`] says why.
     pub fn has_failed(&self) -> bool {
-        self.thread.is_finished()
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
     /// Closes the file. What is still handed in later is counted as lost, without an error.
-    pub fn finish(self) -> Result<Written, Error> {
-        let Recorder { path, inlet, thread } = self;
-        inlet.send(Item::End);
-        let lost_count = inlet.lost.load(Ordering::Relaxed);
-        match thread.join() {
-            Ok(Ok(frames_count)) => Ok(Written { frames_count, lost_count }),
-            Ok(Err(e)) => Err(Error::of_writing(&path, e)),
-            Err(_) => Err(Error::Thread { path }),
+    pub fn finish(mut self) -> Result<Written, Error> {
+        self.inlet.send(Item::End);
+        let lost_count = self.inlet.lost.load(Ordering::Relaxed);
+        match self.thread.take().map(JoinHandle::join) {
+            Some(Ok(Ok(frames_count))) => Ok(Written { frames_count, lost_count }),
+            Some(Ok(Err(e))) => Err(Error::of_writing(&self.path, e)),
+            Some(Err(_)) | None => Err(Error::Thread { path: self.path.clone() }),
+        }
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        if let Some(thread) = self.thread.take() {
+            let _ = self.inlet.to.send(Item::CutOff); // a thread that is gone has ended the file
+            let _ = thread.join();
         }
     }
 }
@@ -208,6 +221,28 @@ pub(super) fn log_ns() -> u64 {
     offset_ns + now_ns()
 }
 
+/// Waits for the first thing that is recorded, then writes until the end; how many frames.
+fn write_all(
+    file: LateFile,
+    fingers: Vec<String>,
+    judges: bool,
+    items: &Receiver<Item>,
+) -> Result<u64, mcap::McapError> {
+    let mut waiting = Vec::new();
+    loop {
+        match items.recv() {
+            Ok(Item::CutOff) | Err(_) => return Ok(0), // nothing was recorded: the file stays as it was
+            Ok(item) => waiting.push(item),
+        }
+        if !matches!(waiting.last(), Some(Item::Attachment { .. } | Item::Metadata { .. })) {
+            break;
+        }
+    }
+    let fingers = fingers.into_iter().map(|name| Finger { name, pending: VecDeque::new() }).collect();
+    let book = Book::create(file.begin()?)?;
+    Sheet { book, fingers, judges, frames_count: 0 }.run(waiting, items)
+}
+
 /// The file, on its thread.
 struct Sheet {
     book: Book,
@@ -223,19 +258,16 @@ struct Finger {
 }
 
 impl Sheet {
-    fn create(file: File, fingers: &[String], judges: bool) -> Result<Self, mcap::McapError> {
-        let finger = |name: &String| Finger { name: name.clone(), pending: VecDeque::new() };
-        let fingers = fingers.iter().map(finger).collect();
-        Ok(Sheet { book: Book::create(file)?, fingers, judges, frames_count: 0 })
-    }
-
-    /// Writes until the end is handed in. A chunk is closed whenever it has become old.
-    fn run(mut self, items: &Receiver<Item>) -> Result<u64, mcap::McapError> {
+    /// Writes what waits, and on until the end is handed in. A chunk is closed whenever it has become old.
+    fn run(mut self, waiting: Vec<Item>, items: &Receiver<Item>) -> Result<u64, mcap::McapError> {
         let mut flushed_ns = now_ns();
-        loop {
+        let mut waiting = waiting.into_iter();
+        let is_whole = loop {
             let left_ns = (flushed_ns + CHUNK_NS).saturating_sub(now_ns());
-            match items.recv_timeout(Duration::from_nanos(left_ns)) {
-                Ok(Item::End) | Err(RecvTimeoutError::Disconnected) => break,
+            let item = waiting.next().map_or_else(|| items.recv_timeout(Duration::from_nanos(left_ns)), Ok);
+            match item {
+                Ok(Item::End) => break true,
+                Ok(Item::CutOff) | Err(RecvTimeoutError::Disconnected) => break false,
                 Ok(item) => self.write(item)?,
                 Err(RecvTimeoutError::Timeout) => {}
             }
@@ -243,13 +275,15 @@ impl Sheet {
                 self.book.flush()?;
                 flushed_ns = now_ns();
             }
-        }
+        };
         for finger in 0..self.fingers.len() {
             while let Some(record) = self.fingers[finger].pending.pop_front() {
                 self.frame_record(finger, &FrameRecord { fate: Fate::Skipped, ..record })?;
             }
         }
-        self.book.finish()?;
+        if is_whole {
+            self.book.finish()?;
+        }
         Ok(self.frames_count)
     }
 
@@ -265,7 +299,7 @@ impl Sheet {
             }
             Item::Attachment { name, media_type, bytes } => self.book.attach(name, media_type, &bytes, log_ns()),
             Item::Metadata { name, facts } => self.book.metadata(name, facts),
-            Item::End => Ok(()),
+            Item::End | Item::CutOff => Ok(()),
         }
     }
 

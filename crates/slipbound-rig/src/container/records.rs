@@ -131,7 +131,11 @@ impl Records {
                 return Err("expected the end of the file, got more".into());
             }
             let has_summary = matches!(parsed(kind, &data)?, Record::Footer(footer) if footer.summary_start != 0);
-            return if self.is_ours && !has_summary { Err("its program was killed".into()) } else { Ok(None) };
+            return if self.is_ours && !has_summary {
+                Err("its program was killed or has failed".into())
+            } else {
+                Ok(None)
+            };
         }
         let record = parsed(kind, &data)?;
         if let Record::Header(header) = &record {

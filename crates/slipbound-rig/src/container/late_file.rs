@@ -1,0 +1,49 @@
+//! The file of a recording before anything is recorded.
+//!
+//! A source that is refused must not cost the recording that was there, and what has been recorded must be found under its
+//! name however the program ends: so the file is opened at once, and emptied by the first thing that is recorded.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+
+/// A file that can be written, and still holds what it held. Dropped, it is as it was before: one that is new is removed.
+#[derive(Debug)]
+pub(super) struct LateFile {
+    path: PathBuf,
+    file: File,
+    is_new: bool,
+}
+
+impl LateFile {
+    /// Opens the file, or makes an empty one.
+    pub fn open(path: &Path) -> io::Result<Self> {
+        let made = OpenOptions::new().write(true).create_new(true).open(path);
+        let is_new = made.is_ok();
+        let file = match made {
+            Err(e) if e.kind() == ErrorKind::AlreadyExists => {
+                OpenOptions::new().write(true).create(true).truncate(false).open(path)
+            }
+            made => made,
+        }?;
+        Ok(LateFile { path: path.to_owned(), file, is_new })
+    }
+
+    /// The file, empty.
+    pub fn begin(mut self) -> io::Result<File> {
+        self.is_new = false;
+        let file = self.file.try_clone()?;
+        if file.metadata()?.is_file() {
+            file.set_len(0)?; // a pipe has no length
+        }
+        Ok(file)
+    }
+}
+
+impl Drop for LateFile {
+    fn drop(&mut self) {
+        if self.is_new {
+            let _ = fs::remove_file(&self.path); // an empty file is left then
+        }
+    }
+}
