@@ -228,6 +228,40 @@ fn a_run_that_cannot_be_converted_leaves_the_recording_that_was_there() {
     assert_eq!(fs::read_dir(scratch.path()).expect("reads").count(), 2, "nothing is left beside it");
 }
 
+#[test]
+fn a_picture_whose_record_was_cut_off_has_its_own_number_and_time() {
+    /// Frames so large that each closes its chunk: the record of it is in the next one.
+    struct Large(u64);
+    impl FrameSource for Large {
+        fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+            self.0 += 1;
+            into.encoded = jpeg(self.0);
+            into.encoded.resize(9 << 20, 0);
+            (into.seq, into.time_ns, into.clock) = (100 + self.0, Some(1_000_007 * self.0), Clock::Device);
+            Ok(if self.0 > 3 { Next::End } else { Next::Frame })
+        }
+    }
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    let recorder = Recorder::create(&path, &["left".into()], false).expect("creates");
+    let mut tapped = TappedSource::new(Large(0), 0, recorder.inlet(), true);
+    let mut frame = FrameBuffer::default();
+    while tapped.next(&mut frame).expect("goes on") != Next::End {}
+    recorder.finish().expect("closes");
+    let whole = fs::read(&path).expect("reads");
+    // From where the third chunk ends on: in it is the record of the first frame, and the second frame, but not its record.
+    let mut lone_count = 0;
+    for end in chunks_at(&whole).into_iter().skip(2).chain([whole.len()]) {
+        fs::write(&path, &whole[..end]).expect("writes");
+        let (seen, _) = drain(path.to_str().expect("UTF-8"));
+        for (i, (seq, time_ns, clock, ..)) in (1..).zip(&seen) {
+            assert_eq!((*seq, *time_ns), (100 + i, Some(1_000_007 * i)), "cut at {end}: {seen:?}");
+            lone_count += u32::from(*clock == Clock::Container);
+        }
+    }
+    assert!(lone_count > 0, "no picture was without its record");
+}
+
 /// As a program leaves it that writes chunk by chunk and is killed: the head of the last one does not know its length yet.
 #[test]
 fn a_chunk_that_was_never_closed_ends_the_file_and_is_told_by_its_number() {

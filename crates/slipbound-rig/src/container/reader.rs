@@ -90,7 +90,12 @@ impl McapSource {
             return true;
         };
         // Numbers beyond 32 bits have lost their upper half: they never come in one recording.
-        let Some(record) = known.frames.get(&u64::from(sequence)) else { return !known.judges };
+        let Some(record) = known.frames.get(&u64::from(sequence)) else {
+            // Its program was killed between the two: whether it was judged is not known.
+            (into.seq, into.time_ns, into.clock) = (sequence.into(), stamp_ns.or(Some(log_ns)), Clock::Container);
+            self.seq = into.seq + 1;
+            return !known.judges;
+        };
         (into.seq, into.time_ns, into.clock) = (record.seq, record.time_ns, record.clock);
         self.seq = into.seq + 1;
         record.fate != Fate::Skipped
