@@ -8,11 +8,12 @@
 //!
 //! A file is known by its first line, whatever it is called.
 
+use crate::replaced_file::ReplacedFile;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use slipbound::monitor::{Rest, Settings};
 use slipbound::sensor::Sensor;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -161,15 +162,16 @@ impl SavedRest {
         Ok(bytes)
     }
 
-    /// Writes the file whole, or leaves none.
+    /// Writes the file whole, or leaves what was there.
     pub fn write(&self, path: &Path) -> Result<(), RestFileError> {
+        use io::Write as _;
         let bytes = self.to_bytes().map_err(io::Error::from);
-        bytes.and_then(|bytes| fs::write(path, bytes)).map_err(|source| {
-            if path.is_file() {
-                let _ = fs::remove_file(path); // where this fails too, the first failure is told
-            }
-            RestFileError::Write { path: path.to_owned(), source }
-        })
+        let written = bytes.and_then(|bytes| {
+            let mut file = ReplacedFile::create(path)?;
+            file.file().write_all(&bytes)?;
+            file.keep()
+        });
+        written.map_err(|source| RestFileError::Write { path: path.to_owned(), source })
     }
 
     /// Reads a file.

@@ -88,6 +88,23 @@ fn what_watch_writes_ends_with_a_whole_line_on_a_full_disk() {
     assert!(!Path::new(&page).exists(), "half a page is none");
 }
 
+#[test]
+fn a_finger_at_rest_that_cannot_be_written_leaves_the_one_that_was_there() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let file = scratch.path().join("left.rest");
+    let tare = |limit: &str, count: &str| {
+        let file = file.to_str().expect("UTF-8");
+        slipbound(limit, &["tare", "sim:press?grid=fast", "--frames", count, "-o", file])
+    };
+    assert!(tare("unlimited", "10").status.success());
+    let before = fs::read(&file).expect("there");
+    let output = tare("4", "6");
+    assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+    assert!(told(&output).contains("left.rest: cannot write: "), "{}", told(&output));
+    assert!(fs::read(&file).is_ok_and(|after| after == before), "the good one is lost");
+    assert_eq!(fs::read_dir(scratch.path()).expect("reads").count(), 1, "and nothing is left beside it");
+}
+
 /// A camera that never ends; that its pictures are torn is no reason not to keep them.
 fn camera() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
