@@ -5,6 +5,8 @@
 //! a new force while holding is sent once, and refused from then on if the gripper refuses it. For a force that
 //! follows the slip take the binary interface.
 
+mod message;
+
 use super::config::Config;
 use super::driver_state::DriverState;
 use super::error::Error;
@@ -12,38 +14,8 @@ use super::goal::Goal;
 use super::protocol::Protocol;
 use super::wsg50::words::{LINK_CUT, grasp, status};
 use crate::link::{InFlight, Lines, write_line};
+use message::{Message, QUESTIONS, is_name};
 use slipbound::port::{DriverEvent, GripCommand, Jaws};
-
-/// What is asked in turn.
-const QUESTIONS: [&str; 3] = ["POS", "FORCE", "GRIPSTATE"];
-
-/// What is sent.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Message {
-    /// One of [`QUESTIONS`].
-    Question(&'static str),
-    /// N per finger.
-    Grip { force_n: f64 },
-    /// A command without a force, by its name.
-    Command(&'static str),
-}
-
-impl Message {
-    fn name(self) -> &'static str {
-        match self {
-            Message::Question(name) | Message::Command(name) => name,
-            Message::Grip { .. } => "GRIP",
-        }
-    }
-
-    /// The force to grip with, N per finger.
-    fn force_n(self) -> Option<f64> {
-        match self {
-            Message::Grip { force_n } => Some(force_n),
-            Message::Question(_) | Message::Command(_) => None,
-        }
-    }
-}
 
 /// A motion on its way to its end.
 #[derive(Debug, Clone, Copy)]
@@ -322,11 +294,6 @@ impl Gcl {
             "a command was denied; a fast stop is the likely cause (this interface does not tell)".into()
         }
     }
-}
-
-/// Whether it may be the name of a value.
-fn is_name(text: &str) -> bool {
-    !text.is_empty() && text.len() <= 16 && text.bytes().all(|byte| byte.is_ascii_uppercase())
 }
 
 impl Protocol for Gcl {
