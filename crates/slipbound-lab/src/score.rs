@@ -14,6 +14,12 @@ const LEAST_GRIP_N: f64 = 5.0;
 const CAP_RADIUS_MM: f64 = 14.0;
 const FULL_GRIP_N: f64 = 60.0;
 
+/// Least share of that torque with which a cap is tight: what the task is for.
+const TIGHT_FRACTION: f64 = 0.9;
+
+/// Turn after which a cap has broken loose, rad: 2 deg, within which it loses most of its torque.
+const OPEN_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
+
 /// Most force on the ground while a tool is put down: this many times its weight, or this force, N.
 const GROUND_WEIGHTS: f64 = 1.5;
 const GROUND_N: f64 = 3.0;
@@ -47,6 +53,8 @@ pub struct RunScore {
     pub slid_mm: f64,
     /// Largest torque on a cap, N mm.
     pub torque_n_mm: f64,
+    /// Torque on a cap that the largest grip can exert by friction, N mm; None until a cap has been gripped.
+    full_torque_n_mm: Option<f64>,
     /// Sums over the cycles in which more than the least grip was required.
     pressed_sum_n: f64,
     required_sum_n: f64,
@@ -88,6 +96,9 @@ impl RunScore {
         }
         if let Some(cap) = &truth.cap {
             self.torque_n_mm = self.torque_n_mm.max(cap.torque_n_mm.abs());
+            if truth.grip_force_n > LEAST_GRIP_N {
+                self.full_torque_n_mm = Some(cap.limit_n_mm * FULL_GRIP_N / truth.grip_force_n);
+            }
         }
     }
 
@@ -102,11 +113,21 @@ impl RunScore {
         self.last.clone_from(truth);
     }
 
-    /// Whether the task did what it is for: it ended as it should, a bottle did not slide, a tool was put down softly.
+    /// Whether the task did what it is for: it ended as it should, and in truth, where that is known, a cap was tight or has broken loose, a bottle
+    /// did not slide, a tool was put down softly.
     pub fn succeeded(&self, kind: TaskKind) -> bool {
         match kind {
-            TaskKind::Screw => matches!(self.ending, Some(Ending::Tight | Ending::SlipAtMost)),
-            TaskKind::Unscrew => self.ending == Some(Ending::Opened),
+            TaskKind::Screw => match self.ending {
+                Some(Ending::Tight) => {
+                    self.full_torque_n_mm.is_none_or(|n_mm| self.torque_n_mm >= TIGHT_FRACTION * n_mm)
+                }
+                // The paper's law: half of the torque may be unused then.
+                Some(Ending::SlipAtMost) => true,
+                _ => false,
+            },
+            TaskKind::Unscrew => {
+                self.ending == Some(Ending::Opened) && self.last.cap.is_none_or(|cap| cap.angle_rad > OPEN_RAD)
+            }
             TaskKind::Place => {
                 let softly = self.last.ground.as_ref().is_some_and(|ground| {
                     ground.peak_force_n <= most_ground_n(ground.weight_n)
@@ -213,6 +234,20 @@ mod tests {
             assert!(!RunScore::default().succeeded(kind), "{kind:?}: the scene was over before");
         }
         assert!(ended(Ending::SlipAtMost).succeeded(TaskKind::Screw));
+        // At 30 N of 60 friction carries 504 N mm of 1008.
+        let turned = |ending: Ending, torque_n_mm: f64, angle_rad: f64| {
+            let cap = CapTruth { torque_n_mm, limit_n_mm: 504.0, angle_rad, ..CapTruth::default() };
+            let mut score = RunScore::default();
+            let truth = HandTruth { cap: Some(cap), ..pressed(30.0, 20.0) };
+            score.add_cycle(0, Phase::Working, Some(30.0), 0, Some(&truth));
+            score.add_cycle(SECOND_NS, Phase::Ended(ending), Some(30.0), 0, Some(&truth));
+            score
+        };
+        assert!(turned(Ending::Tight, 920.0, 1.0).succeeded(TaskKind::Screw));
+        assert!(!turned(Ending::Tight, 500.0, 1.0).succeeded(TaskKind::Screw), "it slid before it was tight");
+        assert!(turned(Ending::SlipAtMost, 500.0, 1.0).succeeded(TaskKind::Screw), "as published");
+        assert!(turned(Ending::Opened, 100.0, 0.2).succeeded(TaskKind::Unscrew));
+        assert!(!turned(Ending::Opened, 100.0, 0.01).succeeded(TaskKind::Unscrew), "the fingers slid around it");
         let mut lift = ended(Ending::Held);
         assert!(lift.succeeded(TaskKind::Lift));
         lift.last.gross_steps_count = 1;
