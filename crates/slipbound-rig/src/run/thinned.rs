@@ -35,7 +35,7 @@ impl<T: Copy> Thinned<T> {
         self.last = Some(now);
         self.next = Some(self.next.map_or(now, |next| of_two(next, now)));
         self.count += 1;
-        if self.count % self.stride > 0 {
+        if !self.count.is_multiple_of(self.stride) {
             return;
         }
         self.kept.extend(self.next.take());
