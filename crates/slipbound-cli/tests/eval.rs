@@ -67,6 +67,8 @@ fn arguments_that_cannot_be_are_refused_by_name() {
         (&["ramps", "elsewhere"], "ramps: expected folders with `merge` only, got elsewhere"),
         (&["merge", "nowhere", "-o", "m"], "nowhere/sweep.json"),
         (&["merge", "nowhere"], "merge: expected -o FOLDER"),
+        (&["lifts", "--left-out", "trees"], "--left-out: expected with `ramps` only, got lifts"),
+        (&["merge", "-o", "m"], "merge: expected the folders of all shards, got none"),
         (&["slides", "--left-out", "trees"], "--left-out: expected with `ramps` only, got slides"),
         (&["ramps", "--left-out", "trees"], "trees/tape_roll.txt: "),
     ] {
@@ -102,7 +104,19 @@ fn an_object_is_judged_by_the_trees_without_it() {
     let again = ["ramps", "--trials", "1", "--detector", "ours", "--left-out", "trees", "-o", "changed"];
     let (code, _, err) = run(dir.path(), &again);
     assert_eq!((code, err.as_str()), (Some(0), ""), "the same tables");
+    // Joined, its pictures are drawn with these trees or with none.
+    let merge = |more: &[&str], to: &str| run(dir.path(), &[&["merge", "changed", "-o", to], more].concat());
+    let (code, _, err) = merge(&[], "merged");
+    assert!(code == Some(2) && err.contains("merge: expected --left-out FOLDER"), "{err}");
+    for (more, to) in [(&["--left-out", "trees"][..], "with"), (&["--pictures", "0"], "without")] {
+        let (code, _, err) = merge(more, to);
+        assert_eq!((code, err.as_str()), (Some(0), ""));
+    }
+    let (code, _, err) = run(dir.path(), &["merge", "shipped", "--left-out", "trees", "-o", "contradicted"]);
+    assert!(code == Some(2) && err.contains("merge --left-out: expected folders of `ramps --left-out`"), "{err}");
     write("toy_duck", &shipped.replacen(base, "ensemble used -0.3", 1));
+    let (code, _, err) = merge(&["--left-out", "trees"], "others");
+    assert!(code == Some(2) && err.contains("merge: trees: expected that of the sweep, "), "{err}");
     let (code, _, err) = run(dir.path(), &again);
     assert!(code == Some(2) && err.contains("changed/sweep.json: sweep.settings: expected {"), "{code:?} {err}");
 

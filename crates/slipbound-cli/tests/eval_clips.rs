@@ -86,6 +86,29 @@ fn labels_shuffled_or_absent_change_nothing_but_the_truth() {
     assert_eq!(["labelled", "shuffled", "absent"].map(|name| resumes(&out(name))), [false, false, true]);
     fs::write(folder.join("labels.csv"), "clip,object,slip\na_1,a,1\na_2,a,0\nb_1,b,0\n").expect("labels");
     assert_eq!(["labelled", "shuffled", "absent"].map(|name| resumes(&out(name))), [true, false, false]);
+    let merge = |from: &str, more: &[&str], to: &str| {
+        let (data, from, to) = (shown(&folder), shown(&out(from)), shown(&out(to)));
+        let args = [&["eval", "merge", &from, "--data", &data, "--pictures", "0", "-o", &to], more].concat();
+        let output = Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("the command runs");
+        let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    };
+    let (code, said, _) = merge("labelled", &[], "merged");
+    assert!(code == Some(0) && said.contains("training accuracy"), "{said}");
+    let (code, _, err) = merge("labelled", &["--refit"], "refitted");
+    assert!(code == Some(2) && err.contains("merge --refit: expected folders of `lifts --refit`"), "{err}");
+    assert!(!out("refitted").exists(), "a folder for nothing");
+    // Of a sweep with --refit, whether the flag is given again or not.
+    let refitted = out("labelled").join("sweep.json");
+    let about = fs::read_to_string(&refitted).expect("a sweep");
+    fs::write(&refitted, about.replace("\"refit\": \"false\"", "\"refit\": \"true\"")).expect("written");
+    for (more, to) in [(&[][..], "left_out"), (&["--refit"], "left_out_again")] {
+        let (code, said, err) = merge("labelled", more, to);
+        assert!(code == Some(0) && said.contains("object left out"), "{said} {err}");
+    }
+    fs::write(&refitted, about).expect("written");
+    let (code, _, err) = merge("absent", &[], "others");
+    assert!(code == Some(2) && err.contains("merge: data: expected that of the sweep, 3 clips, "), "{err}");
     fs::copy(folder.join("a_1/000.jpg"), folder.join("a_1/900.jpg")).expect("a frame more");
     assert!(!resumes(&out("labelled")));
     // The comparison sees a leak.

@@ -89,7 +89,7 @@ impl Eval {
             let text = format!("{}: expected folders with `merge` only, got {}", self.protocol, folder.display());
             return Err(Failure::Arguments(anyhow::Error::msg(text)));
         }
-        let protocol = self.protocol_of(&self.protocol, self.seed, self.trials)?;
+        let protocol = self.protocol_of(&self.protocol, self.seed, self.trials, self.refit)?;
         let detectors = self.detectors()?;
         let sweep = Sweep {
             protocol: protocol.name().into(),
@@ -105,10 +105,18 @@ impl Eval {
         self.finish(&*protocol, &folder)
     }
 
-    fn protocol_of(&self, name: &str, seed: u64, trials: Option<u64>) -> Result<Box<dyn Protocol>, Failure> {
-        for (option, is_given, of) in
-            [("--refit", self.refit, &["lifts"][..]), ("--data", self.data.is_some(), &["lifts", "wriggles"])]
-        {
+    fn protocol_of(
+        &self,
+        name: &str,
+        seed: u64,
+        trials: Option<u64>,
+        refit: bool,
+    ) -> Result<Box<dyn Protocol>, Failure> {
+        for (option, is_given, of) in [
+            ("--refit", self.refit, &["lifts"][..]),
+            ("--data", self.data.is_some(), &["lifts", "wriggles"]),
+            ("--left-out", self.left_out.is_some(), &["ramps"]),
+        ] {
             if is_given && !of.contains(&name) {
                 let of = of.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(" and ");
                 let text = format!("{option}: expected with {of} only, got {name}");
@@ -116,7 +124,7 @@ impl Eval {
             }
         }
         match name {
-            "lifts" => Ok(Box::new(Lifts::new(self.clips("gelsight-lift")?, finger("gelsight")?, self.refit))),
+            "lifts" => Ok(Box::new(Lifts::new(self.clips("gelsight-lift")?, finger("gelsight")?, refit))),
             "wriggles" => {
                 let clips = self.clips("gelsight-mini-wriggle")?;
                 Ok(Box::new(Wriggles::new(clips, finger("gelsight_mini_near")?)))
@@ -124,9 +132,6 @@ impl Eval {
             "ramps" if self.left_out.is_some() => {
                 Ok(Box::new(Ramps::new(seed, trials).left_out(|object| self.trees_without(object))?))
             }
-            _ if self.left_out.is_some() => Err(Failure::Arguments(anyhow::Error::msg(format!(
-                "--left-out: expected with `ramps` only, got {name}"
-            )))),
             _ => simulated(name, seed, trials).map_err(Failure::arguments),
         }
     }
@@ -207,10 +212,38 @@ impl Eval {
         let into = self.output.clone().ok_or_else(|| {
             Failure::Arguments(anyhow::Error::msg("merge: expected -o FOLDER, a new folder for all of it, got none"))
         })?;
+        let first = self.folders.first().ok_or_else(|| {
+            Failure::Arguments(anyhow::Error::msg("merge: expected the folders of all shards, got none"))
+        })?;
+        let protocol = self.protocol_again(&SweepFolder::sweep_of(first).map_err(Failure::arguments)?)?;
         let folder = SweepFolder::merge(&self.folders, &into).map_err(Failure::arguments)?;
-        let sweep = folder.sweep();
-        let protocol = self.protocol_of(&sweep.protocol, sweep.seed, Some(sweep.trials_count))?;
         self.finish(&*protocol, &folder)
+    }
+
+    /// The protocol that a sweep was run with, from its settings; refuses options and files that contradict them.
+    fn protocol_again(&self, sweep: &Sweep) -> Result<Box<dyn Protocol>, Failure> {
+        let refuse = |text: String| Err(Failure::Arguments(anyhow::Error::msg(text)));
+        let refit = sweep.settings.get("refit").is_some_and(|refit| refit == "true");
+        if self.refit && !refit {
+            return refuse("merge --refit: expected folders of `lifts --refit`, got folders of another sweep".into());
+        }
+        let is_left_out = sweep.settings.contains_key("estimates");
+        if self.left_out.is_some() && !is_left_out {
+            return refuse(
+                "merge --left-out: expected folders of `ramps --left-out`, got folders of another sweep".into(),
+            );
+        }
+        if is_left_out && self.left_out.is_none() && self.pictures > 0 {
+            let what = "merge: expected --left-out FOLDER, whose trees the pictures are drawn with, or --pictures 0, got neither";
+            return refuse(what.into());
+        }
+        let protocol = self.protocol_of(&sweep.protocol, sweep.seed, Some(sweep.trials_count), refit)?;
+        for (key, now) in protocol.settings() {
+            if let Some(then) = sweep.settings.get(&key).filter(|then| **then != now) {
+                return refuse(format!("merge: {key}: expected that of the sweep, {then}, got {now}"));
+            }
+        }
+        Ok(protocol)
     }
 
     /// Writes tables and page, and says the first table.

@@ -148,6 +148,11 @@ impl SweepFolder {
         fs::write(&path, bytes).map_err(file(&path))
     }
 
+    /// What was run in a folder.
+    pub fn sweep_of(path: &Path) -> Result<Sweep, FolderError> {
+        Ok(read_about(&path.join("sweep.json"))?.sweep)
+    }
+
     /// One folder from the shards of a sweep. All shards must be of the same sweep, whole, and together all of it.
     pub fn merge(shards: &[PathBuf], into: &Path) -> Result<Self, FolderError> {
         let value = |path: &Path, key: &str, expected: String, got: String| FolderError::Value {
