@@ -150,8 +150,9 @@ impl Desk {
     }
 
     fn restart(&mut self, frame: u64, restarts: Restarts) {
-        let all = restarts == Restarts::All || !self.detectors.iter().any(|(entry, ..)| entry.is_ours());
-        if all {
+        // A monitor that ours may share goes on in any case: what a rival sees must not depend on who else is asked. Rivals keep references of
+        // their own; the paper as it is written has a monitor to itself.
+        if restarts == Restarts::All || self.inputs == Inputs::PaperFrames {
             self.monitor.rebase(frame);
         }
         for (entry, detector, _) in &mut self.detectors {
@@ -283,6 +284,7 @@ fn desks(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rivals::named;
 
     #[test]
     fn a_reading_is_off_by_its_scale_its_offset_and_some_noise() {
@@ -294,5 +296,26 @@ mod tests {
         let (least, most) = read.iter().fold((f64::MAX, 0.0f64), |(a, b), &n| (a.min(n), b.max(n)));
         assert!(least >= 23.4 - 1e-9 && most <= 24.6 + 1e-9 && most - least > 1.0, "{least} to {most}");
         assert_eq!(Reading { offset_n: -1.0, noise_n: 0.0, scale: 1.0 }.of(0.0, &mut random).force_n, 0.0);
+    }
+
+    /// Also what a guest is told, who may read displacements from the monitor's reference.
+    #[test]
+    fn a_rival_is_told_the_same_whoever_else_is_asked() {
+        let trial =
+            Trial::parse("ramp?object=scissors&force_n=20&mu=0.5&ramp_s=0.2&grid=fast&seed=4").expect("a trial");
+        let what = Watch::new(trial, Restarts::Rivals);
+        let told_to = |rival: &str, others: &[&str]| {
+            let names = others.iter().copied().chain([rival]);
+            let entries: Vec<&'static Entry> = names.map(|name| named(name).expect("there is one")).collect();
+            let mut reports = Vec::new();
+            let mut look = |_: &FrameBuffer, report: &SlipReport, _: &SlipMonitor| reports.push(*report);
+            let watched = watch(&what, &entries, Some((rival, &mut look))).expect("a sound trial");
+            (watched.seen.into_iter().next_back().expect("the rival").1, reports)
+        };
+        for (rival, ours) in [("paper", "ours_frames"), ("load", "ours"), ("paper_as_written", "ours_frames")] {
+            let (alone, reports) = told_to(rival, &[]);
+            assert!(alone.iter().any(|seen| seen.score > 0.0) && reports.len() == alone.len(), "{rival}");
+            assert!((alone, reports) == told_to(rival, &[ours]), "{rival} beside {ours}");
+        }
     }
 }
