@@ -120,6 +120,33 @@ fn an_object_is_judged_by_the_trees_without_it() {
     let (code, _, err) = run(dir.path(), &again);
     assert!(code == Some(2) && err.contains("changed/sweep.json: sweep.settings: expected {"), "{code:?} {err}");
 
+    // From frames alone other trees judge: those of the shipped table know every object.
+    let alone = ["ramps", "--trials", "1", "--detector", "ours_frames", "--left-out", "trees", "-o", "alone"];
+    let refused = |lesson: &str| {
+        let (code, _, err) = run(dir.path(), &alone);
+        let said = format!(
+            "crayons_box.txt: expected trees of {lesson} fitted without crayons_box, for the detector ours_frames"
+        );
+        assert!(code == Some(2) && err.contains(&said) && err.contains("got those of tape_roll.txt"), "{err}");
+    };
+    refused("alone_used");
+    let line = |lesson: &str| {
+        let begin = format!("ensemble {lesson} ");
+        shipped.lines().find(|line| line.starts_with(&begin)).expect("one").to_owned()
+    };
+    let own = |lessons: &[&str]| {
+        for (n, object) in OBJECTS.iter().enumerate() {
+            let changed =
+                |text: String, lesson: &&str| text.replacen(&line(lesson), &format!("ensemble {lesson} 0.4{n}"), 1);
+            write(object, &lessons.iter().fold(shipped.to_owned(), changed));
+        }
+    };
+    own(&["alone_used"]);
+    refused("alone_stick");
+    own(&["alone_used", "alone_stick"]);
+    let (code, _, err) = run(dir.path(), &alone);
+    assert_eq!((code, err.as_str()), (Some(0), ""));
+
     write("toy_duck", &shipped[..shipped.len() / 2]);
     let (code, _, err) = run(dir.path(), &["ramps", "--left-out", "trees", "-o", "torn"]);
     assert!(code == Some(2) && err.contains("trees/toy_duck.txt: expected a whole table of trees"), "{err}");

@@ -4,7 +4,8 @@
 //! `crates/slipbound/src/monitor/estimate/trees.txt`, behind stick ratio and margin. Simulates the first N trials (default 600; those from
 //! `--from` on: files of rows can be joined) unless the file of rows is there already, fits, writes the table, and prints how well the trees do on objects they were not fitted to. With
 //! `--only` the other trees are those of the table OLD.
-//! `... -- ROWS.jsonl --without FOLDER ...`: for every object in the rows FOLDER/OBJECT.txt, fitted without it, with the stated errors of OLD, for `slipbound eval ramps --left-out`.
+//! `... -- ROWS.jsonl --without FOLDER --keep OLD`: for every object in the rows FOLDER/OBJECT.txt, fitted without it, with the stated errors of OLD, for
+//! `slipbound eval ramps --left-out`: all four lessons. What `--only` leaves to OLD knows the object; `alone_used` and `alone_stick` judge for `ours_frames`.
 //! `... -- --gross ROWS.jsonl ...`: `crates/slipbound/src/monitor/gross/trees.txt`, behind the verdict on gross slip, the same way; the rows without
 //! grip force are in ROWS.jsonl.alone. All cores; the result does not depend on their number.
 

@@ -14,6 +14,7 @@ use slipbound_lab::eval::lifts::Lifts;
 use slipbound_lab::eval::ramps::Ramps;
 use slipbound_lab::eval::wriggles::Wriggles;
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, simulated, table};
+use slipbound_lab::fit::kept;
 use slipbound_lab::rivals::{DETECTORS, Entry, named};
 use slipbound_rig::{sensors, source};
 use std::collections::BTreeMap;
@@ -129,11 +130,33 @@ impl Eval {
                 let clips = self.clips("gelsight-mini-wriggle")?;
                 Ok(Box::new(Wriggles::new(clips, finger("gelsight_mini_near")?)))
             }
-            "ramps" if self.left_out.is_some() => {
-                Ok(Box::new(Ramps::new(seed, trials).left_out(|object| self.trees_without(object))?))
-            }
+            "ramps" if self.left_out.is_some() => Ok(Box::new(self.left_out(Ramps::new(seed, trials))?)),
             _ => simulated(name, seed, trials).map_err(Failure::arguments),
         }
+    }
+
+    /// Each object judged by its trees of `--left-out`. Where a detector is asked that sees frames alone, its trees must be fitted without the object,
+    /// too: those that were kept from another table are the same in all of them.
+    fn left_out(&self, ramps: Ramps) -> Result<Ramps, Failure> {
+        let is_alone = |entry: &&Entry| entry.is_ours() && !entry.inputs.has_force();
+        let alone = (self.protocol != "merge").then(|| self.detectors()).transpose()?;
+        let alone = alone.and_then(|detectors| detectors.into_iter().find(is_alone));
+        let mut known: Vec<(String, &str)> = Vec::new();
+        ramps.left_out(|object| {
+            let (text, trees) = self.trees_without(object)?;
+            for lesson in ["alone_used", "alone_stick"] {
+                let (Some(entry), Some(own)) = (alone, kept(&text, lesson)) else { continue };
+                if let Some((_, other)) = known.iter().find(|(trees, _)| *trees == own) {
+                    let what = format!(
+                        "{object}.txt: expected trees of {lesson} fitted without {object}, for the detector {}, got those of {other}.txt",
+                        entry.name
+                    );
+                    return Err(Failure::Arguments(anyhow::Error::msg(what)));
+                }
+                known.push((own, object));
+            }
+            Ok((text, trees))
+        })
     }
 
     /// The table of `--left-out` for an object, and the trees in it.
