@@ -94,7 +94,7 @@ impl Friction {
     ///
     /// and T <= c + m N for q along e is a bound for |q|: mu p (1 + g^2) / (sqrt(1 + g^2 - (g.e)^2) - mu g.e) for Coulomb's
     /// law, which is tan(arctan mu +- the inclination) for a face that slides up or down, less its slope. Where a slope is
-    /// so steep that the gel would jam, the bound stops at 1.25 times that of the flat.
+    /// so steep that the gel would jam, the bound stops at 1.25 sqrt(1 + g^2) times that of the flat: 1.40 times at 27 degrees.
     pub fn bound_on_slope_mpa(&self, pressure_mpa: f64, slipped_mm: f64, slope: Vec2, direction: Vec2) -> f64 {
         if pressure_mpa <= 0.0 {
             return 0.0;
@@ -114,7 +114,7 @@ impl Friction {
     }
 }
 
-/// How much more friction a slope may give than the flat, at most: at mu 0.8 that of a slope of 14 degrees. Beyond, at the
+/// How much more friction a slope may give than its own area on the flat, at most: at mu 0.8 that of a slope of 12.7 degrees. Beyond, at the
 /// rims of a cap, gel would jam, store energy and snap free by turns: at 1.6 a cap pulled along its axis at 20 N and mu 1.2
 /// never slides as a whole, at 1.25 it does.
 const JAM_FACTOR: f64 = 1.25;
@@ -137,5 +137,15 @@ mod tests {
         }
         let steep = friction.bound_on_slope_mpa(0.1, 0.0, Vec2::new(5.0, 0.0), Vec2::new(1.0, 0.0));
         assert!(steep.is_finite() && steep > 0.08, "{steep}");
+        // Up a slope: where it stops, and how high it has come where edges are bevelled.
+        let up = |degrees: f64| {
+            let slope = Vec2::new(libm::tan(degrees.to_radians()), 0.0);
+            friction.bound_on_slope_mpa(0.1, 0.0, slope, Vec2::new(1.0, 0.0)) / 0.08 * libm::cos(degrees.to_radians())
+        };
+        assert!(
+            up(12.6) < JAM_FACTOR && (up(12.7) - JAM_FACTOR).abs() < 1e-12 && (up(27.0) - JAM_FACTOR).abs() < 1e-12
+        );
+        let at_edge = up(27.0) / libm::cos(27f64.to_radians());
+        assert!((at_edge - 1.403).abs() < 5e-4, "{at_edge} times that of the flat");
     }
 }
