@@ -221,6 +221,26 @@ fn a_source_that_is_refused_costs_no_recording() {
 }
 
 #[test]
+fn a_source_that_fails_leaves_no_recording_that_passes_as_whole() {
+    let folder = clip();
+    let path = folder.path().join("r.mcap");
+    let record = |source: &str| slipbound(folder.path(), &["record", source, "-o", "r.mcap"]);
+    let watch = |source: &str| slipbound(folder.path(), &["watch", source, "--record", "r.mcap", "--force"]);
+    assert!(record("clip").status.success());
+    let before = fs::read(&path).expect("there");
+    fs::write(folder.path().join("notes.mp4"), "bring the gel\n").expect("written");
+    for done in [record("notes.mp4"), watch("notes.mp4")] {
+        assert!(matches!(done.status.code(), Some(1 | 2)), "{}", told(&done));
+        assert!(fs::read(&path).expect("there") == before, "what was there is lost: {}", told(&done));
+    }
+    // What came before it is kept, and says that there is no more.
+    let both = slipbound(folder.path(), &["record", "clip", "notes.mp4", "-o", "r.mcap"]);
+    assert!(!both.status.success(), "{}", told(&both));
+    let read = slipbound(folder.path(), &["watch", "r.mcap#left", "--sensor", "clip/sensor.toml"]);
+    assert!(told(&read).contains("the recording is cut off"), "{}", told(&read));
+}
+
+#[test]
 fn a_recording_is_judged_with_the_sensor_file_that_goes_with_it() {
     let folder = clip();
     let sensor = ["--sensor", "clip/sensor.toml"];

@@ -90,11 +90,12 @@ impl Record {
         self.wait(&stop, &recorder, &running, &terminal);
         terminal.clear_bar();
         stop.store(true, Ordering::Relaxed);
-        let mut torn_count = 0;
+        let (mut seen_count, mut torn_count) = (0, 0);
         let mut failed = None;
         for ((thread, tally), name) in running.into_iter().zip(&names) {
             match thread.join() {
                 Ok(Ok((frames, torn))) => {
+                    seen_count += frames + torn;
                     torn_count += torn;
                     let told =
                         tally.map_or(format!("{frames} frames, {torn} torn"), |tally| tally.counts().to_string());
@@ -104,16 +105,21 @@ impl Record {
                 Err(_) => return Err(anyhow!("{name}: the thread that reads it has broken down").into()),
             }
         }
+        // Without its end the recording says that it is cut off; what was there stays if nothing was recorded.
+        if let Some(error) = failed {
+            drop(recorder);
+            return Err(error.into());
+        }
+        if seen_count == 0 {
+            drop(recorder);
+            return Err(anyhow!("no frame came: {} is as it was", self.output.display()).into());
+        }
         let written = recorder.finish().map_err(|e| Failure::Work(e.into()))?;
         terminal.say(&format!("{}: {} frames", self.output.display(), written.frames_count))?;
         if written.lost_count > 0 {
             terminal.note(&format!("{} frames were not recorded: the disk did not keep up", written.lost_count));
         }
-        match failed {
-            Some(error) => Err(error.into()),
-            None if torn_count + written.lost_count > 0 => Ok(Outcome::DataLost),
-            None => Ok(Outcome::Done),
-        }
+        Ok(if torn_count + written.lost_count > 0 { Outcome::DataLost } else { Outcome::Done })
     }
 
     fn wait(

@@ -160,8 +160,9 @@ impl Watch {
         if let Some(camera) = &camera {
             terminal.say(&format!("camera: {}", camera.line()))?;
         }
-        let is_lossless = recorder.map_or(Ok(true), |recorder| finish(recorder, &terminal));
+        // What fails leaves the recording without its end: who reads it is told that it is cut off.
         ended.and(closed)?;
+        let is_lossless = recorder.map_or(Ok(true), |recorder| finish(recorder, &terminal));
         let frames_count = summary.frames_count();
         if frames_count > 0 && summary.count(SlipState::Unjudged) == frames_count {
             let why = summary.lines().split_off(1).join("; ");

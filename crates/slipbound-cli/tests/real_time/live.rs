@@ -108,7 +108,7 @@ const WATCH: [&str; 3] = ["watch", "--sensor", "gelsight_mini_wide"];
 #[test]
 fn what_was_watched_live_is_judged_again_from_its_recording_to_the_same_lines() {
     let scratch = tempfile::tempdir().expect("a folder");
-    let trouble = Trouble { stall: Some((30, Duration::from_millis(700))), tears: Some(40), silent_from: None };
+    let trouble = Trouble { stall: Some((30, Duration::from_millis(700))), tears: Some(40), ..Trouble::default() };
     let url = serve(trouble);
     let live = ["--json", "live.jsonl", "--record", "run.mcap", "--rest", "live:20", &url];
     let child = slipbound(scratch.path(), &[&WATCH[..], &live].concat()).spawn().expect("starts");
@@ -198,6 +198,19 @@ fn record_takes_cameras_as_they_come_and_devices_needs_none() {
     assert!(told(&devices).contains("wsg50://HOST:1000"), "{}", told(&devices));
     let rules = slipbound(scratch.path(), &["devices", "--udev"]).output().expect("runs");
     assert!(told(&rules).contains("SUBSYSTEM==\"video4linux\""), "{}", told(&rules));
+}
+
+#[test]
+fn what_is_judged_in_part_is_recorded_as_cut_off() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let watch = ["watch", "sim:press?hold_s=1000&grid=fast", "--record", "run.mcap", "--json", "lines.jsonl"];
+    let child = slipbound(scratch.path(), &watch).spawn().expect("starts");
+    until_lines(&scratch.path().join("lines.jsonl"), 10);
+    interrupt(&child);
+    let ended = child.wait_with_output().expect("ends");
+    assert_eq!(ended.status.code(), Some(1), "{}", told(&ended));
+    let again = slipbound(scratch.path(), &["watch", "run.mcap"]).output().expect("runs");
+    assert!(told(&again).contains("the recording is cut off"), "{}{}", told(&ended), told(&again));
 }
 
 #[test]
