@@ -221,6 +221,30 @@ fn a_source_that_is_refused_costs_no_recording() {
 }
 
 #[test]
+fn a_hold_that_is_refused_costs_no_recording() {
+    let folder = clip();
+    let path = folder.path().join("r.mcap");
+    assert!(slipbound(folder.path(), &["record", "clip", "-o", "r.mcap"]).status.success());
+    let before = fs::read(&path).expect("there");
+    let hold = |sources: &[&str], gripper: &str| {
+        let more = ["--sensor", "clip/sensor.toml", "--gripper", gripper, "--record=r.mcap"];
+        slipbound(folder.path(), &[&["hold"], sources, &more].concat())
+    };
+    for done in [hold(&["clip"], "wsg50://127.0.0.1:1"), hold(&["clip", "nowhere.avi"], "dry")] {
+        assert!(matches!(done.status.code(), Some(1 | 2)), "{}", told(&done));
+        assert!(fs::read(&path).expect("there") == before, "what was there is lost: {}", told(&done));
+    }
+    // One that begins records the frames that were read before, too.
+    let done = hold(&["clip"], "dry");
+    let after = slipbound(folder.path(), &["watch", "r.mcap", "--csv", "t.csv"]);
+    let is_frame = |name: &std::ffi::OsStr| name.to_string_lossy().ends_with(".jpg");
+    let names = fs::read_dir(folder.path().join("clip")).expect("there");
+    let frames_count = names.filter(|entry| is_frame(&entry.as_ref().expect("read").file_name())).count();
+    let rows_count = fs::read_to_string(folder.path().join("t.csv")).map_or(0, |table| table.lines().count());
+    assert_eq!(rows_count, frames_count + 1, "{}{}", told(&done), told(&after));
+}
+
+#[test]
 fn a_source_that_fails_leaves_no_recording_that_passes_as_whole() {
     let folder = clip();
     let path = folder.path().join("r.mcap");

@@ -149,6 +149,7 @@ fn a_recording_of_ours_has_an_end_whenever_its_program_is_killed_and_says_that_i
     let scratch = tempfile::tempdir().expect("a folder");
     let (path, killed) = (scratch.path().join("run.mcap"), scratch.path().join("killed.mcap"));
     let recorder = Recorder::create(&path, &["left".into()], false).expect("creates");
+    recorder.begin();
     let frames = |seqs: &[u64]| {
         let mut tapped = TappedSource::new(Script { seqs: seqs.to_vec() }, 0, recorder.inlet(), true);
         let mut frame = FrameBuffer::default();
@@ -181,6 +182,7 @@ fn a_recording_that_is_given_up_keeps_what_it_has_and_is_cut_off() {
     let shown = path.to_str().expect("UTF-8");
     let recorder = Recorder::create(&path, &["left".into()], false).expect("creates");
     recorder.metadata("facts", [("name".into(), "value".into())]);
+    recorder.begin();
     let mut tapped = TappedSource::new(Script { seqs: vec![2, 1, 0] }, 0, recorder.inlet(), true);
     let mut frame = FrameBuffer::default();
     while tapped.next(&mut frame).expect("goes on") != Next::End {}
@@ -209,6 +211,33 @@ fn what_was_there_stays_until_something_is_recorded() {
     assert_eq!(begin().finish().expect("closes").frames_count, 0);
     let after = fs::read(&path).expect("reads");
     assert!(after.len() < before.len() && after.ends_with(mcap::MAGIC), "an empty recording, whole");
+}
+
+#[test]
+fn what_comes_before_a_recording_begins_costs_nothing_and_only_a_camera_loses_it() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    record(&path, 3, |_| true);
+    let before = fs::read(&path).expect("reads");
+    let read = |recorder: &Recorder, waits: bool| {
+        let mut tapped = TappedSource::new(Script { seqs: vec![2, 1, 0] }, 0, recorder.inlet(), waits);
+        let mut frame = FrameBuffer::default();
+        (0..3).map(|_| tapped.next(&mut frame).expect("goes on")).collect::<Vec<_>>()
+    };
+    for (waits, expected_count) in [(true, 6), (false, 3)] {
+        let create = || Recorder::create(&path, &["left".into()], false).expect("creates");
+        let refused = create();
+        read(&refused, waits);
+        drop(refused);
+        assert!(fs::read(&path).expect("reads") == before, "what was there is lost");
+        let recorder = create();
+        let early = read(&recorder, waits);
+        assert!(early.iter().all(|next| *next == if waits { Next::Frame } else { Next::Silent }), "{early:?}");
+        recorder.begin();
+        read(&recorder, waits);
+        assert_eq!(recorder.finish().expect("closes").frames_count, expected_count);
+        fs::write(&path, &before).expect("writes");
+    }
 }
 
 #[test]

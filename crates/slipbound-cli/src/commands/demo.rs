@@ -117,6 +117,9 @@ impl Demo {
         });
         let mut output = RunOutput::create(&folder, &info, keeps_frames)?.recording(container);
         let stop = interruption::listen()?;
+        if let Some(recorder) = &recorder {
+            recorder.begin();
+        }
         let began = Instant::now();
         output.say(&info.source_in_words())?;
         if let Some(clamped) = clamped {

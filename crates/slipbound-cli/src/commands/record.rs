@@ -81,6 +81,7 @@ impl Record {
             });
         }
         // None is read before all are there: the first frame replaces the recording that was there.
+        recorder.begin();
         let mut running = Vec::new();
         for (number, (source, tally)) in opened.into_iter().enumerate() {
             let tapped = TappedSource::new(source, number, recorder.inlet(), tally.is_none());

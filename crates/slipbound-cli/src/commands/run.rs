@@ -199,7 +199,11 @@ impl Hardware {
             other => Failure::Work(other.into()),
         })?;
         let keeps_frames = self.keeps_frames();
-        let mut output = RunOutput::create(&folder, &info, keeps_frames)?
+        let output = RunOutput::create(&folder, &info, keeps_frames)?;
+        if let Some(recorder) = &recorder {
+            recorder.begin(); // nothing can be refused any more
+        }
+        let mut output = output
             .recording(inlet.map(|inlet| McapObserver::new(inlet, info.clone(), self.sources.clone())))
             .limited(limits);
         if let Some(clamped) = clamped {

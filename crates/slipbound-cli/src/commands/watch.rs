@@ -114,6 +114,9 @@ impl Watch {
         let recorder = self.record.as_deref().map(|path| Recorder::create(path, &fingers, true));
         let recorder = recorder.transpose().map_err(Failure::arguments)?;
         let (mut recording, camera) = recording::open_watched(&self.source, recorder.as_ref())?;
+        if let (Some(recorder), Some(_)) = (&recorder, &camera) {
+            recorder.begin(); // with the frames that the finger at rest is found in
+        }
         let terminal = Terminal::with_bar(recording.frames_count(), self.json_on_stdout());
         doubtful_rate(&self.source).iter().for_each(|doubt| terminal.note(doubt));
 
@@ -139,6 +142,9 @@ impl Watch {
             self.describe(recorder, &monitor, camera.as_ref())?;
         }
         let mut outputs = Outputs::open(self, origin, &monitor, recorder.as_ref())?;
+        if let (Some(recorder), None) = (&recorder, &camera) {
+            recorder.begin();
+        }
 
         let mut progress = Progress { terminal, summary: ReportSummary::new(), first_slip: None, quiet };
         // Marked as they are judged, not as they are read ahead.

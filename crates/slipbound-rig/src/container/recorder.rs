@@ -9,7 +9,7 @@ use slipbound::port::FrameBuffer;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -106,6 +106,8 @@ pub(super) enum Item {
         name: String,
         facts: BTreeMap<String, String>,
     },
+    /// What was there may be replaced.
+    Begin,
     /// Nothing more comes: all is well.
     End,
     /// Nothing more comes, for something else has failed.
@@ -117,6 +119,7 @@ pub(super) enum Item {
 pub struct Inlet {
     to: SyncSender<Item>,
     lost: Arc<AtomicU64>,
+    begun: Arc<AtomicBool>,
 }
 
 impl Inlet {
@@ -127,6 +130,11 @@ impl Inlet {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
         is_taken
+    }
+
+    /// Whether frames of cameras are recorded yet.
+    pub(super) fn has_begun(&self) -> bool {
+        self.begun.load(Ordering::Acquire)
     }
 
     /// Hands in what must not be lost: waits for room.
@@ -147,15 +155,22 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Begins a recording of these fingers. What is in the file is replaced when the first frame or line is handed in, or by
-    /// [`Recorder::finish`]: facts and files that go with the recording wait for that. `judges`: somebody will say which frames
-    /// are judged ([`MarkedSource`](super::MarkedSource)); otherwise all are just recorded.
+    /// Prepares a recording of these fingers. What is in the file is replaced by the first frame or line after
+    /// [`Recorder::begin`], or by [`Recorder::finish`]: what is handed in earlier waits for that, except frames of cameras,
+    /// which nobody is given then ([`TappedSource`](super::TappedSource)). `judges`: somebody will say which frames are judged ([`MarkedSource`](super::MarkedSource)); otherwise all are just recorded.
     pub fn create(path: &Path, fingers: &[String], judges: bool) -> Result<Self, Error> {
         let file = LateFile::open(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
         let fingers = fingers.to_vec();
         let (to, items) = sync_channel(QUEUE_COUNT);
         let thread = thread::spawn(move || write_all(file, fingers, judges, &items));
-        Ok(Recorder { path: path.to_owned(), inlet: Inlet { to, lost: Arc::default() }, thread: Some(thread) })
+        let inlet = Inlet { to, lost: Arc::default(), begun: Arc::default() };
+        Ok(Recorder { path: path.to_owned(), inlet, thread: Some(thread) })
+    }
+
+    /// All that could be refused is there: from now on the recording replaces what was in the file.
+    pub fn begin(&self) {
+        self.inlet.begun.store(true, Ordering::Release);
+        self.inlet.send(Item::Begin);
     }
 
     /// Where frames and lines are handed in.
@@ -221,7 +236,7 @@ pub(super) fn log_ns() -> u64 {
     offset_ns + now_ns()
 }
 
-/// Waits for the first thing that is recorded, then writes until the end; how many frames.
+/// Waits until the recording has begun, and for the first thing that is recorded, then writes until the end; how many frames.
 fn write_all(
     file: LateFile,
     fingers: Vec<String>,
@@ -229,13 +244,16 @@ fn write_all(
     items: &Receiver<Item>,
 ) -> Result<u64, mcap::McapError> {
     let mut waiting = Vec::new();
-    loop {
+    let (mut has_begun, mut is_recorded) = (false, false);
+    while !(has_begun && is_recorded) {
         match items.recv() {
             Ok(Item::CutOff) | Err(_) => return Ok(0), // nothing was recorded: the file stays as it was
-            Ok(item) => waiting.push(item),
-        }
-        if !matches!(waiting.last(), Some(Item::Attachment { .. } | Item::Metadata { .. })) {
-            break;
+            Ok(Item::Begin) => has_begun = true,
+            Ok(item) => {
+                has_begun |= matches!(item, Item::End);
+                is_recorded |= !matches!(item, Item::Attachment { .. } | Item::Metadata { .. });
+                waiting.push(item);
+            }
         }
     }
     let fingers = fingers.into_iter().map(|name| Finger { name, pending: VecDeque::new() }).collect();
@@ -299,7 +317,7 @@ impl Sheet {
             }
             Item::Attachment { name, media_type, bytes } => self.book.attach(name, media_type, &bytes, log_ns()),
             Item::Metadata { name, facts } => self.book.metadata(name, facts),
-            Item::End | Item::CutOff => Ok(()),
+            Item::Begin | Item::End | Item::CutOff => Ok(()),
         }
     }
 

@@ -14,8 +14,9 @@ pub struct TappedSource<S> {
 }
 
 impl<S> TappedSource<S> {
-    /// The frames of this source are those of the finger with this number. `waits`: for the disk, as a recording can; a
-    /// camera's frame is rather lost, and counted.
+    /// The frames of this source are those of the finger with this number. `waits`: for the disk, as a recording can, and for
+    /// [`Recorder::begin`](super::Recorder::begin). A camera's frame is rather lost, and counted; before the recording begins it
+    /// is read and thrown away, so that nobody judges what is not recorded, and the first that is kept is not an old one.
     pub fn new(source: S, finger: usize, inlet: Inlet, waits: bool) -> Self {
         TappedSource { source, finger, inlet, waits }
     }
@@ -29,6 +30,9 @@ impl<S: FrameSource> FrameSource for TappedSource<S> {
             Next::Torn { reason } => Some(reason.clone()),
             Next::Silent | Next::End => return Ok(next),
         };
+        if !self.waits && !self.inlet.has_begun() {
+            return Ok(Next::Silent);
+        }
         // Pixels are copied only where they are what is recorded.
         let pixels = if into.encoded.is_empty() && torn.is_none() { into.pixels.clone() } else { Vec::new() };
         let frame = FrameBuffer { encoded: into.encoded.clone(), pixels, label: String::new(), ..*into };
