@@ -12,7 +12,7 @@ use slipbound_rig::config::hand::finger_name;
 use slipbound_rig::container::{Recorder, TappedSource};
 use slipbound_rig::link::now_ns;
 use slipbound_rig::sensors;
-use slipbound_rig::source::{self, CameraTally};
+use slipbound_rig::source::{self, Camera, CameraTally};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -67,27 +67,13 @@ impl Record {
         self.sources.iter().filter_map(|uri| source::doubtful_rate(uri)).for_each(|doubt| terminal.note(&doubt));
         let stop = interruption::listen()?;
         let mut opened = Vec::new();
-        for (name, uri) in names.iter().zip(&self.sources) {
-            opened.push(match source::is_live(uri) {
-                true => {
-                    let camera = source::open_camera(uri).map_err(refused)?;
-                    recorder.metadata(&format!("slipbound.camera.{name}"), camera.facts.clone());
-                    let facts: Vec<String> =
-                        camera.facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
-                    terminal.note(&format!("{name}: {}", facts.join(", ")));
-                    (camera.source, Some(camera.tally))
-                }
-                false => (source::open(uri).map_err(refused)?, None),
-            });
+        for (number, (name, uri)) in names.iter().zip(&self.sources).enumerate() {
+            let one = open(uri, name, number, &recorder, &terminal, &stop);
+            // Those that are read already are not read on for a recording that is not made.
+            opened.push(one.inspect_err(|_| stop.store(true, Ordering::Relaxed))?);
         }
-        // None is read before all are there: the first frame replaces the recording that was there.
         recorder.begin();
-        let mut running = Vec::new();
-        for (number, (source, tally)) in opened.into_iter().enumerate() {
-            let tapped = TappedSource::new(source, number, recorder.inlet(), tally.is_none());
-            let theirs = stop.clone();
-            running.push((thread::spawn(move || drain(tapped, &theirs)), tally));
-        }
+        let running: Vec<_> = opened.into_iter().map(|one| one.read(&stop)).collect();
         self.wait(&stop, &recorder, &running, &terminal);
         terminal.clear_bar();
         stop.store(true, Ordering::Relaxed);
@@ -123,13 +109,7 @@ impl Record {
         Ok(if torn_count + written.lost_count > 0 { Outcome::DataLost } else { Outcome::Done })
     }
 
-    fn wait(
-        &self,
-        stop: &AtomicBool,
-        recorder: &Recorder,
-        running: &[(thread::JoinHandle<Counted>, Option<Arc<CameraTally>>)],
-        terminal: &Terminal,
-    ) {
+    fn wait(&self, stop: &AtomicBool, recorder: &Recorder, running: &[Running], terminal: &Terminal) {
         let until_ns = self.for_s.map(|s| now_ns() + (s * 1e9) as u64);
         while !stop.load(Ordering::Relaxed) && running.iter().any(|(thread, _)| !thread.is_finished()) {
             // A full disk: who only records does nothing else meanwhile, so it is told at once.
@@ -158,6 +138,50 @@ impl Record {
         }
         Ok(names)
     }
+}
+
+/// A source on its thread; the tally of a camera.
+type Running = (thread::JoinHandle<Counted>, Option<Arc<CameraTally>>);
+
+/// A source that is there.
+enum Opened {
+    /// A camera is read at once, so that its frames are not old when the last source is there.
+    Camera(Running),
+    /// A recording waits.
+    Recording(TappedSource<Box<dyn FrameSource + Send>>),
+}
+
+impl Opened {
+    fn read(self, stop: &Arc<AtomicBool>) -> Running {
+        match self {
+            Opened::Camera(running) => running,
+            Opened::Recording(tapped) => (spawn(tapped, stop), None),
+        }
+    }
+}
+
+fn open(
+    uri: &str,
+    name: &str,
+    number: usize,
+    recorder: &Recorder,
+    terminal: &Terminal,
+    stop: &Arc<AtomicBool>,
+) -> Result<Opened, Failure> {
+    if !source::is_live(uri) {
+        let recording = source::open(uri).map_err(refused)?;
+        return Ok(Opened::Recording(TappedSource::new(recording, number, recorder.inlet(), true)));
+    }
+    let Camera { source, facts, tally } = source::open_camera(uri).map_err(refused)?;
+    let words: Vec<String> = facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
+    terminal.note(&format!("{name}: {}", words.join(", ")));
+    recorder.metadata(&format!("slipbound.camera.{name}"), facts);
+    Ok(Opened::Camera((spawn(TappedSource::new(source, number, recorder.inlet(), false), stop), Some(tally))))
+}
+
+fn spawn(source: impl FrameSource + Send + 'static, stop: &Arc<AtomicBool>) -> thread::JoinHandle<Counted> {
+    let stop = stop.clone();
+    thread::spawn(move || drain(source, &stop))
 }
 
 fn drain(mut source: impl FrameSource, stop: &AtomicBool) -> Counted {

@@ -38,6 +38,8 @@ struct Trouble {
     tears: Option<usize>,
     /// Is silent for good from this frame.
     silent_from: Option<usize>,
+    /// Answers so long after it was called.
+    answers_after: Duration,
 }
 
 /// Serves a finger's camera to whoever connects; the address.
@@ -54,6 +56,7 @@ fn serve(trouble: Trouble) -> String {
 
 fn play(mut socket: TcpStream, trouble: Trouble) -> std::io::Result<()> {
     assert!(socket.read(&mut [0; 1000])? > 0, "no request");
+    thread::sleep(trouble.answers_after);
     socket.write_all(b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=cam\r\n\r\n")?;
     for frame in 0.. {
         if trouble.silent_from == Some(frame) {
@@ -211,6 +214,23 @@ fn what_is_judged_in_part_is_recorded_as_cut_off() {
     assert_eq!(ended.status.code(), Some(1), "{}", told(&ended));
     let again = slipbound(scratch.path(), &["watch", "run.mcap"]).output().expect("runs");
     assert!(told(&again).contains("the recording is cut off"), "{}{}", told(&ended), told(&again));
+}
+
+/// A picture that waited for the other camera would be the first of the recording, and old.
+#[test]
+fn a_camera_that_is_there_first_is_recorded_from_when_the_last_one_is() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let late = Trouble { answers_after: Duration::from_secs(1), ..Trouble::default() };
+    let (left, right) = (serve(Trouble::default()), serve(late));
+    let record = ["record", &left, &right, "-o", "run.mcap", "--for-s", "1"];
+    let ended = slipbound(scratch.path(), &record).output().expect("runs");
+    assert_eq!(ended.status.code(), Some(0), "{}", told(&ended));
+    let again = ["--json", "left.jsonl", "run.mcap#left"];
+    let watched = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
+    let lines = lines(&scratch.path().join("left.jsonl"));
+    let first: Value = serde_json::from_str(lines.first().expect("a frame")).expect("JSON");
+    assert!(first["seq"].as_u64().is_some_and(|seq| seq > 15), "{first}{}", told(&watched));
+    assert!(lines.len() < 45, "{} frames of one second", lines.len());
 }
 
 #[test]
