@@ -16,8 +16,9 @@
 //! The time of a frame is the driver's, on the system's monotonic clock. A gap in the driver's numbers is a frame that was
 //! lost, and counted.
 //!
-//! A camera that comes back is set to what it was set to first (`settled.rs`). Where it cannot be, its first frame is torn and
-//! says in what it differs: what follows is not as the finger was at rest.
+//! A camera that comes back is set to what it was set to first (`settled.rs`). Where it has another rate or is locked elsewhere,
+//! its first frame is torn and says in what it differs: what follows is not as the finger was at rest. Where it does not have the
+//! format or size any more, it stays away, and one torn frame says why.
 
 mod locks;
 mod nodes;
@@ -62,8 +63,10 @@ pub struct V4l2 {
     options: Options,
     /// What it was set to first.
     first: Settled,
-    /// In what it is set otherwise since it is back, while that has not been told.
-    changed: Option<String>,
+    /// Why it stays away, or in what it is set otherwise since it is back, while that has not been told.
+    news: Option<String>,
+    /// Why it stays away, as it was told last.
+    refused: Option<String>,
     open: Option<Open>,
     retry_at_ns: u64,
     seq: u64,
@@ -85,14 +88,19 @@ impl V4l2 {
     pub fn open(uri: &str) -> Result<Camera, Error> {
         let options = Options::parse(uri).map_err(|expected| Error::Address { uri: uri.into(), expected })?;
         let (open, facts, first) = start(&options).map_err(|problem| match problem {
-            Problem::Asked(expected) => Error::Address { uri: uri.into(), expected },
+            Problem::Missing(expected) | Problem::Asked(expected) => Error::Address { uri: uri.into(), expected },
             Problem::Device(source) => Error::Stream { uri: uri.into(), source },
         })?;
         let tally = Arc::new(CameraTally::default());
         let options = pinned(&options, &first);
-        let (open, tally_of_it) = (Some(open), tally.clone());
-        let source = V4l2 { options, first, changed: None, open, retry_at_ns: 0, seq: 0, tally: tally_of_it };
+        let source = V4l2 { open: Some(open), tally: tally.clone(), ..V4l2::away(options, first) };
         Ok(Camera { source: Box::new(source), facts, tally })
+    }
+
+    /// A camera that is not open.
+    fn away(options: Options, first: Settled) -> Self {
+        let tally = Arc::default();
+        V4l2 { options, first, news: None, refused: None, open: None, retry_at_ns: 0, seq: 0, tally }
     }
 
     /// Looks for the camera when it is time for that; waits for a moment otherwise.
@@ -105,11 +113,23 @@ impl V4l2 {
         match start(&self.options) {
             Ok((open, _, now)) => {
                 self.open = Some(open);
-                self.changed = difference(&self.first, &now);
+                self.refused = None;
+                self.news = difference(&self.first, &now)
+                    .map(|changed| format!("the camera is back, and is set otherwise: {changed}"));
                 self.tally.change(|counts| counts.returns_count += 1);
             }
-            // It is not there (yet): why does not matter, what counts is when it is.
-            Err(_) => self.retry_at_ns = now_ns() + RETRY_NS,
+            Err(problem) => self.stays_away(problem),
+        }
+    }
+
+    /// Looks again later. A camera that is there and cannot be as it was is told of, once.
+    fn stays_away(&mut self, problem: Problem) {
+        self.retry_at_ns = now_ns() + RETRY_NS;
+        // Where it is not there (yet), why does not matter, what counts is when it is.
+        let Problem::Asked(expected) = problem else { return };
+        if self.refused.as_ref() != Some(&expected) {
+            self.news = Some(format!("the camera is back, and cannot be set as at first: expected {expected}"));
+            self.refused = Some(expected);
         }
     }
 
@@ -118,26 +138,26 @@ impl V4l2 {
         self.retry_at_ns = now_ns() + RETRY_NS;
     }
 
-    /// A torn frame that says in what the camera is set otherwise.
-    fn told(&mut self, into: &mut FrameBuffer, changed: &str) -> Next {
+    /// A torn frame that says what is new of the camera.
+    fn told(&mut self, into: &mut FrameBuffer, reason: String) -> Next {
         into.encoded.clear();
         into.label.clear();
         (into.seq, into.time_ns, into.clock) = (self.seq, None, Clock::Unknown);
         self.seq += 1;
         self.tally.change(|counts| counts.torn_count += 1);
-        Next::Torn { reason: format!("the camera is back, and is set otherwise: {changed}") }
+        Next::Torn { reason }
     }
 }
 
 impl FrameSource for V4l2 {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        if let Some(news) = self.news.take() {
+            return Ok(self.told(into, news));
+        }
         let Some(open) = &mut self.open else {
             self.look_for_it();
             return Ok(Next::Silent);
         };
-        if let Some(changed) = self.changed.take() {
-            return Ok(self.told(into, &changed));
-        }
         match open.next(into) {
             Err(_) => {
                 self.give_up();
@@ -227,7 +247,9 @@ fn read(picture: Picture<'_>, kind: PixelKind, layout: &PictureLayout, into: &mu
 
 /// Why a camera cannot be had.
 enum Problem {
-    /// What was asked for cannot be; what was expected.
+    /// No camera, or more than one, is the one that is meant; what was expected.
+    Missing(String),
+    /// The camera does not have what was asked for; what was expected.
     Asked(String),
     /// The device refused.
     Device(io::Error),
@@ -246,8 +268,8 @@ fn start(options: &Options) -> Result<(Open, locks::Facts, Settled), Problem> {
     let path = fs::canonicalize(&options.camera).ok().filter(|_| options.camera.starts_with('/'));
     let wanted = path.map_or(options.camera.clone(), |path| path.display().to_string());
     let node = choose(&cameras, &wanted).map_err(|expected| match refused.as_slice() {
-        [] => Problem::Asked(expected),
-        refused => Problem::Asked(format!("{expected}; not readable: {}", refused.join(", "))),
+        [] => Problem::Missing(expected),
+        refused => Problem::Missing(format!("{expected}; not readable: {}", refused.join(", "))),
     })?;
     let device = Device::open(&node.path)?;
     let kind = options.kind_of(&device.formats()).map_err(Problem::Asked)?;
@@ -291,4 +313,28 @@ fn settle(stream: &mut Stream) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_that_comes_back_without_its_size_says_so_once_and_one_that_is_gone_nothing() {
+        let options = Options::parse("v4l2:Mini?size=640x480").expect("valid");
+        let first = Settled { kind: PixelKind::Yuyv, size: (640, 480), rate_hz: None, locked: [None; 4] };
+        let mut camera = V4l2::away(options, first);
+        let mut told = |problem: Problem| {
+            camera.stays_away(problem);
+            camera.retry_at_ns = u64::MAX;
+            camera.next(&mut FrameBuffer::default()).expect("goes on")
+        };
+        let other = || Problem::Asked("a size that the camera has in YUYV: 320x240; got 640x480".into());
+        assert_eq!(told(Problem::Missing("a camera, got none".into())), Next::Silent);
+        assert_eq!(told(Problem::Device(io::Error::other("busy"))), Next::Silent);
+        let Next::Torn { reason } = told(other()) else { panic!("it says nothing") };
+        assert!(reason.ends_with("expected a size that the camera has in YUYV: 320x240; got 640x480"), "{reason}");
+        assert_eq!(told(other()), Next::Silent, "once");
+        assert_eq!(camera.tally.counts().torn_count, 1);
+    }
 }

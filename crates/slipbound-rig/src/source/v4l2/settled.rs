@@ -2,7 +2,6 @@
 //!
 //! A rest frame is of one exposure and one size: a camera that settles anew after it was unplugged may be brighter than that.
 
-use super::nodes::four_letters;
 use super::options::{LOCKS, Lock, Options, PixelKind};
 
 /// What was negotiated and locked.
@@ -35,15 +34,11 @@ pub fn pinned(options: &Options, first: &Settled) -> Options {
     }
 }
 
-/// In what a camera that is back is set otherwise than at first, in words; None when it is not.
+/// In what a camera that is back is set otherwise than at first, in words; None when it is not. Format and size are the same
+/// where it is back.
 pub fn difference(first: &Settled, now: &Settled) -> Option<String> {
-    let size = |of: &Settled| format!("{}x{} px", of.size.0, of.size.1);
     let rate = |of: &Settled| of.rate_hz.map_or("unknown".into(), |hz| format!("{hz:.2}"));
-    let mut facts = vec![
-        ("format", four_letters(&first.kind.four_cc()), four_letters(&now.kind.four_cc())),
-        ("size", size(first), size(now)),
-        ("rate_hz", rate(first), rate(now)),
-    ];
+    let mut facts = vec![("rate_hz", rate(first), rate(now))];
     let value = |value: Option<i32>| value.map_or("not locked".into(), |value| value.to_string());
     let locks = LOCKS.iter().zip(first.locked).zip(now.locked);
     facts.extend(locks.map(|((name, was), is)| (*name, value(was), value(is))));
