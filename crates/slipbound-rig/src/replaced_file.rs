@@ -42,10 +42,16 @@ impl ReplacedFile {
 
     fn beside(place: &Path) -> io::Result<Self> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let part = place.with_file_name(format!(".slipbound-{}-{number}.part", std::process::id()));
-        let file = OpenOptions::new().write(true).create_new(true).open(&part)?;
-        Ok(ReplacedFile { file, beside: Some((part, place.to_owned())) })
+        loop {
+            let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+            let part = place.with_file_name(format!(".slipbound-{}-{number}.part", std::process::id()));
+            match OpenOptions::new().write(true).create_new(true).open(&part) {
+                Ok(file) => return Ok(ReplacedFile { file, beside: Some((part, place.to_owned())) }),
+                // Left by a program that was killed: in a container its number comes again.
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(e) => return Err(e),
+            }
+        }
     }
 
     /// What is written to.
@@ -75,6 +81,20 @@ impl Drop for ReplacedFile {
 mod tests {
     use super::*;
     use std::io::Write as _;
+
+    #[test]
+    fn what_a_killed_program_has_left_is_in_nobodys_way() {
+        let scratch = tempfile::tempdir().expect("a folder");
+        let path = scratch.path().join("a.bin");
+        for number in 0..100 {
+            let left = format!(".slipbound-{}-{number}.part", std::process::id());
+            fs::write(scratch.path().join(left), "half").expect("writes");
+        }
+        let mut file = ReplacedFile::create(&path).expect("begins");
+        file.file().write_all(b"whole").expect("writes");
+        file.keep().expect("replaces");
+        assert_eq!(fs::read_to_string(&path).expect("reads"), "whole");
+    }
 
     #[test]
     fn a_file_is_replaced_when_it_is_whole_and_left_as_it_was_otherwise() {

@@ -10,7 +10,7 @@ use super::error::Error;
 use super::goal::Goal;
 use super::protocol::Protocol;
 use crate::link::{InFlight, Lines, write_line};
-use slipbound::port::{DriverEvent, GripCommand, Jaws};
+use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 
 /// A command with its number.
 #[derive(Debug, Clone)]
@@ -168,8 +168,10 @@ impl Protocol for LineGripper {
 
     fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
         self.check_ready(driver)?;
-        // Jaws that have forgotten where they are may take no release: only home is left then.
-        if driver.gripper.jaws != Jaws::Unknown && driver.seems_to_hold() {
+        // Jaws that have forgotten where they are may take no release: only home is left then. Those that tell no opening are open when they say so.
+        let GripperState { jaws, opening_mm, .. } = driver.gripper;
+        let says_open = jaws == Jaws::Open && opening_mm.is_none();
+        if jaws != Jaws::Unknown && !says_open && driver.seems_to_hold() {
             return Err(driver.home_while_holding());
         }
         (self.goal, self.done) = (Goal::Home, Goal::Keep);

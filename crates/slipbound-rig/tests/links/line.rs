@@ -183,3 +183,37 @@ fn motions_that_cannot_be_are_refused_here_or_there() {
     assert!(message.contains("expected `TURN rate_rad_per_s 50.000000") && message.contains("too high"), "{message}");
     assert_eq!(arm.plant.angle_rad, 0.0);
 }
+
+/// The protocol leaves it to the other side what it tells of a gripper: here of the jaws alone.
+fn run_terse(bench: &mut Bench, ms: u64) {
+    bench.is_delivering = false;
+    let until_ns = bench.now_ns() + ms * MS;
+    while bench.now_ns() < until_ns {
+        bench.step();
+        let now_ns = bench.now_ns();
+        let ours = std::mem::take(bench.driver.outgoing());
+        bench.emulator.receive(now_ns, &ours);
+        let theirs = String::from_utf8(std::mem::take(bench.emulator.outgoing())).expect("ASCII");
+        let jaws_of = |line: &str| match line.split_once(" force_n") {
+            Some((jaws, _)) if line.starts_with("GRIPPER") => format!("{jaws}\n"),
+            _ => line.into(),
+        };
+        let terse: String = theirs.split_inclusive('\n').map(jaws_of).collect();
+        bench.pair.driver.receive(now_ns, terse.as_bytes());
+    }
+    bench.is_delivering = true;
+}
+
+#[test]
+fn jaws_that_tell_no_opening_are_open_when_they_say_so() {
+    let mut bench = Bench::of("line", "");
+    run_terse(&mut bench, 200);
+    bench.grip(20.0).expect("taken over");
+    run_terse(&mut bench, 3000);
+    let state = bench.state().expect("there");
+    assert_eq!((state.jaws, state.opening_mm, state.force_n), (Jaws::Holding, None, None));
+    assert!(bench.request(Request::Home).is_err(), "it holds");
+    bench.release().expect("taken over");
+    run_terse(&mut bench, 3000);
+    bench.request(Request::Home).expect("nothing is held");
+}
