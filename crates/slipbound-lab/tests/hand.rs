@@ -102,7 +102,7 @@ fn a_blocked_cap_saturates_at_two_mu_p_r_and_then_slides_as_the_wrist_turns() {
 #[test]
 fn a_cap_screws_home_as_far_as_friction_turns_it() {
     // Through run, seal and stop: T = 40 + 600 (phi - 60 deg) + 12000 (phi - 75 deg), which friction carries up to
-    // 2 mu P R, and on the slopes that a round face has in the gel up to a quarter more. The way along the thread is followed by the hand, as by a wrist that knows it.
+    // 2 mu P R. The way along the thread is followed by the hand, as by a wrist that knows it.
     for (mu, force_n) in [(0.6, 20.0), (0.9, 40.0)] {
         let mut bench = Bench::new(&format!("screw?mu={mu}"));
         bench.press(force_n);
@@ -110,12 +110,12 @@ fn a_cap_screws_home_as_far_as_friction_turns_it() {
         let cap = truth.cap.expect("a cap");
         let limit_n_mm = 2.0 * mu * force_n * 14.0;
         let home_rad = |torque_n_mm: f64| 75.0 * DEG + (torque_n_mm - 40.0 - 600.0 * 15.0 * DEG) / 12_600.0;
-        let [least_rad, most_rad] = [1.0, 1.25].map(|share| home_rad(share * limit_n_mm));
+        let [least_rad, most_rad] = [1.0, 1.2].map(|share| home_rad(share * limit_n_mm));
         assert!((least_rad..most_rad).contains(&cap.angle_rad), "{} of {least_rad}", cap.angle_rad);
         assert!(truth.gross, "{:?} {:?}", truth.friction_used_fraction, truth.stick_ratio);
-        assert!(cap.torque_n_mm <= 1.25 * limit_n_mm, "{cap:?}");
-        // The pads push through its middle, within 0.06 mm of 50 N, however far its skin has walked.
-        assert!(truth.wrench[0].torque_n_mm.abs() < 3.0 && truth.wrench[0].force_n.x < -0.3, "{:?}", truth.wrench);
+        assert!(cap.torque_n_mm <= 1.2 * limit_n_mm, "{cap:?}");
+        // The pads push through its middle, however far its skin has walked.
+        assert!(truth.wrench[0].torque_n_mm.abs() < 1.0 && truth.wrench[0].force_n.x < -0.3, "{:?}", truth.wrench);
         // It comes down in its thread, the hand goes down by itself; the difference is over the pads.
         let down_mm = 3.0 / 360.0 * (cap.angle_rad / DEG - 120.0);
         assert!((truth.pose.position_mm.x - down_mm).abs() < 1e-9, "{:?} {down_mm}", truth.pose);

@@ -90,7 +90,7 @@ impl FingerSettings {
             shape_in_object: Pose::default(),
             substep_s: 1.0 / 120.0,
             normal_stop: Stop { tolerance_fraction: 1e-4, most_iterations_count: 200 },
-            tangential_stop: Stop { tolerance_fraction: 3e-4, most_iterations_count: 400 },
+            tangential_stop: Stop { tolerance_fraction: 1e-4, most_iterations_count: 400 },
         }
     }
 
