@@ -29,6 +29,7 @@
 //! ```
 
 mod grasp;
+mod ground;
 mod lift;
 mod place;
 mod screw;

@@ -372,6 +372,80 @@ fn settings_that_are_no_numbers_or_out_of_range_are_refused_by_name() {
     }
 }
 
+/// What slides below 20 N is held with 32; then nothing is seen, or the gripper is not linked, for so long; then a single frame tells
+/// that hardly anything is used, and from there on frames tell the truth, or that the load is only 12 N.
+#[test]
+fn after_a_gap_no_frame_alone_lets_go_and_what_is_let_go_is_let_go_slowly() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    for (gap_ms, blind) in [(0u64, false), (300, true), (600, true), (5000, true), (5000, false)] {
+        let law = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
+        let mut guard = Guard::new(Box::new(law), GripLimits::default());
+        let (mut now_ns, mut force_n) = (0, 30.0);
+        let step = |guard: &mut Guard, now_ns: &mut u64, hand: HandReport, force_n: f64| {
+            *now_ns += FRAME_NS;
+            guard.decide(*now_ns, &hand, &gripper(force_n)).force_n
+        };
+        let of_load = |load_n: f64, force_n: f64| HandReport {
+            margin: Some(1.0 - load_n / force_n),
+            friction: Some(0.55),
+            ..hand(SlipState::Stick)
+        };
+        for _ in 0..120 {
+            force_n = step(&mut guard, &mut now_ns, of_load(20.0, force_n), force_n);
+        }
+        let before_n = force_n;
+        for _ in 0..gap_ms * 1_000_000 / FRAME_NS {
+            now_ns += FRAME_NS;
+            if blind {
+                let told = guard.decide(now_ns, &hand(SlipState::Unjudged), &gripper(force_n));
+                assert_eq!(told.force_n, before_n);
+            }
+        }
+        let at = format!("{gap_ms} ms, blind {blind}: {before_n} N before");
+        let light = HandReport { margin: Some(0.9), ..hand(SlipState::Stick) };
+        force_n = step(&mut guard, &mut now_ns, light, force_n);
+        assert!(force_n > before_n - 0.6, "{at}, {force_n} N by one frame");
+        let after_n = force_n;
+        for _ in 0..15 {
+            force_n = step(&mut guard, &mut now_ns, of_load(12.0, force_n), force_n);
+        }
+        assert!(force_n > after_n - 0.55 * 5.0, "{at}, from {after_n} to {force_n} N within half a second");
+        for _ in 0..240 {
+            force_n = step(&mut guard, &mut now_ns, of_load(12.0, force_n), force_n);
+        }
+        assert!(force_n < 22.0, "{at}, {force_n} N in the end: it is let go");
+    }
+}
+
+/// A loop whose gripper is not linked does not step its task.
+#[test]
+fn a_force_that_was_raised_while_blind_comes_down_slowly_after_a_gap_too() {
+    let limits = GripLimits::default().with_blind_force_n(Some(50.0));
+    let mut guard = Guard::new(Box::new(Mad(vec![10.0; 90].into_iter())), limits);
+    let mut force_n = 10.0;
+    for ms in (0..400u64).step_by(33).chain([9000, 9033, 9066]) {
+        let state = if ms < 400 { SlipState::Unjudged } else { SlipState::Stick };
+        force_n = guard.decide(ms * 1_000_000, &hand(state), &gripper(force_n)).force_n;
+    }
+    assert!((48.9..50.0).contains(&force_n), "5 N/s for three cycles: {force_n}");
+}
+
+#[test]
+fn a_reading_that_is_no_number_leaves_no_trace() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    for reading_n in [f64::INFINITY, f64::NAN, f64::NEG_INFINITY] {
+        let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
+        let mut force_n = 30.0;
+        for frame in 0..60 {
+            let hand = HandReport { margin: Some(0.4), ..hand(SlipState::Stick) };
+            let state =
+                GripperState { force_n: Some(if frame == 30 { reading_n } else { force_n }), ..gripper(force_n) };
+            force_n = controller.decide(frame * FRAME_NS, &hand, &state).force_n;
+        }
+        assert!(controller.margin().is_some_and(|margin| margin.is_finite()), "{reading_n}: {:?}", controller.margin());
+    }
+}
+
 /// Any hands, grippers, controllers and wishes of tasks.
 mod guarded {
     use super::*;

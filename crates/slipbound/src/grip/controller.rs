@@ -99,6 +99,15 @@ impl GripLimits {
     }
 }
 
+/// Most time that counts as passed between two decisions, s. After a gap (blind fingers, a lost link) a force goes on from where
+/// it was as fast as ever: it does not catch up in one step, on the word of one frame.
+const LONGEST_STEP_S: f64 = 0.1;
+
+/// Time since the last decision that rates are multiplied with, s: 0 for the first one, at most 0.1.
+pub(super) fn step_s(last_ns: Option<u64>, now_ns: u64) -> f64 {
+    (now_ns.saturating_sub(last_ns.unwrap_or(now_ns)) as f64 * 1e-9).min(LONGEST_STEP_S)
+}
+
 /// Whether a commanded force has arrived at the object: within half a newton or a twentieth.
 pub(crate) fn arrived(target_n: f64, gripper: &GripperState) -> bool {
     gripper.pressed_n().is_some_and(|n| (n - target_n).abs() <= 0.5f64.max(0.05 * target_n))

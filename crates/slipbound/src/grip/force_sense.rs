@@ -100,7 +100,8 @@ impl ForceSense {
         if !may_touch {
             self.learn_idle(state);
         }
-        GripperState { force_n: state.force_n.map(|n| (n - self.idle_n).max(0.0)), ..*state }
+        let reading_n = state.force_n.filter(|n| n.is_finite());
+        GripperState { force_n: reading_n.map(|n| (n - self.idle_n).max(0.0)), ..*state }
     }
 
     /// The idle reading, N per finger.
@@ -116,7 +117,9 @@ impl ForceSense {
     /// The state with its force corrected. `may_touch`: something may be between the fingers, so nothing is learned of
     /// the idle reading.
     pub fn see(&mut self, now_ns: u64, state: &GripperState, may_touch: bool) -> GripperState {
-        let Some(reading_n) = state.force_n.filter(|n| n.is_finite()) else { return *state };
+        let Some(reading_n) = state.force_n.filter(|n| n.is_finite()) else {
+            return GripperState { force_n: None, ..*state };
+        };
         if self.last != Some((state.time_ns, reading_n)) {
             self.last = Some((state.time_ns, reading_n));
             if !may_touch {

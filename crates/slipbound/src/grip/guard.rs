@@ -1,7 +1,7 @@
 //! Limits that no controller and no task can bypass: forces stay in range, and a blind hand does not let go. Every
 //! commanded force comes from here.
 
-use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
+use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, step_s};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::{GripperState, Jaws};
@@ -111,12 +111,12 @@ impl Guard {
 
 impl GripController for Guard {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
-        let last_ns = self.last_ns.replace(now_ns).unwrap_or(now_ns);
+        let seconds = step_s(self.last_ns.replace(now_ns), now_ns);
         if let Some(kept) = self.kept(now_ns, hand, gripper) {
             return kept;
         }
         let wanted = self.inner.decide(now_ns, hand, gripper);
-        let wanted = self.come_down(wanted, now_ns.saturating_sub(last_ns) as f64 * 1e-9, hand);
+        let wanted = self.come_down(wanted, seconds, hand);
         self.limited(wanted)
     }
 

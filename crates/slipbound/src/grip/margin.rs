@@ -24,7 +24,7 @@
 //! stiffness of the gel (see [`Shear`](crate::sensor::Shear)) and the grip force; without the first the controller is
 //! refused, without the second the grip stays constant.
 
-use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived};
+use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::GripperState;
@@ -39,6 +39,10 @@ const LOADED_MARGIN: f64 = 0.8;
 const STANDS_S: f64 = 0.5;
 const GROWN_FRACTION: f64 = 0.03;
 const GROWN_N: f64 = 0.1;
+
+/// After so long without a decision, ns, the means of before are of another time: they begin anew, and nothing is let go until the
+/// load has stood again.
+const LONGEST_GAP_NS: u64 = 250_000_000;
 
 /// Beyond so many times the wanted force what is held is an excess.
 const EXCESS: f64 = 1.5;
@@ -248,10 +252,12 @@ impl Margin {
 
 impl GripController for Margin {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
-        let seconds = now_ns.saturating_sub(self.last_ns.unwrap_or(now_ns)) as f64 * 1e-9;
-        self.last_ns = Some(now_ns);
+        if self.last_ns.is_some_and(|last_ns| now_ns.saturating_sub(last_ns) > LONGEST_GAP_NS) {
+            (self.least_n, self.before_n) = (None, 0.0);
+        }
+        let seconds = step_s(self.last_ns.replace(now_ns), now_ns);
         self.count_alarm(hand, gripper);
-        let pressed_n = gripper.pressed_n().filter(|n| *n > 0.0);
+        let pressed_n = gripper.pressed_n().filter(|n| n.is_finite() && *n > 0.0);
         let gross = hand.state == SlipState::Gross;
         // An object that slides uses all there is, whatever the load says.
         let used = hand.margin.map(|margin| 1.0 - margin).map(|used| if gross { used.max(1.0) } else { used });

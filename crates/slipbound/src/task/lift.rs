@@ -10,6 +10,9 @@ use crate::port::{Jaws, WristMotion};
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
+/// Most of the time between two steps that counts as held, ns.
+const LONGEST_STEP_NS: u64 = 250_000_000;
+
 /// Settings of [`Lift`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -19,7 +22,7 @@ pub struct LiftSettings {
     pub lift_mm: f64,
     /// Rate, mm/s.
     pub rate_mm_per_s: f64,
-    /// How long to hold it after that, ns. Time in which no finger saw that it was held does not count.
+    /// How long to hold it after that, ns. Time in which no finger felt it, or the gripper did not say that it holds, does not count.
     pub hold_ns: u64,
     /// Where the object may slide: nowhere.
     pub allowed: Allowed,
@@ -82,15 +85,16 @@ impl Lift {
         let seen = self.tare.correct(&self.settings.allowed.filter(observation.hand), observation.gripper.pressed_n());
         self.last = self.grip.decide(observation.now_ns, &seen, observation.gripper);
         let since_ns = self.worked_ns.replace(observation.now_ns).unwrap_or(observation.now_ns);
-        // What was not seen to be held was not held.
-        let sees = observation.hand.state != SlipState::Unjudged;
-        if self.is_up && sees {
-            self.held_ns += observation.now_ns.saturating_sub(since_ns);
+        // What was not felt to be held was not held, and what was between two steps far apart is not known.
+        let feels = !matches!(observation.hand.state, SlipState::Unjudged | SlipState::NoContact)
+            && observation.gripper.jaws == Jaws::Holding;
+        if self.is_up && feels {
+            self.held_ns += observation.now_ns.saturating_sub(since_ns).min(LONGEST_STEP_NS);
         }
         self.is_up |= start_mm - observation.wrist.lowered_mm >= self.settings.lift_mm - 0.01;
         self.phase = match () {
-            _ if observation.gripper.jaws == Jaws::Lost => Phase::Ended(Ending::Lost),
-            _ if self.is_up && sees && self.held_ns >= self.settings.hold_ns => Phase::Ended(Ending::Held),
+            _ if observation.is_lost() => Phase::Ended(Ending::Lost),
+            _ if self.is_up && feels && self.held_ns >= self.settings.hold_ns => Phase::Ended(Ending::Held),
             _ if self.is_up || self.last.arm == ArmMotion::Pause => Phase::Waiting,
             _ => Phase::Working,
         };

@@ -9,9 +9,10 @@
 //! ```
 
 use super::grasp::{Grasp, Grasped};
+use super::ground::Ground;
 use super::step::{Ending, Missing, Observation, PAUSE, Phase, Task, TaskStep, lower};
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
-use crate::hand::{Allowed, FINGERS_MOST, HandReport, Health};
+use crate::hand::{Allowed, HandReport};
 use crate::port::{GripCommand, Jaws};
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
@@ -75,27 +76,11 @@ impl PlaceSettings {
 /// Longest time for the looser grip to arrive, ns.
 const LATE_NS: u64 = 3_000_000_000;
 
-/// The push of the ground counts against its mean over this time, s: on one edge the object still hangs in the fingers, and turning
-/// and the creep of the gel push slowly.
-const CREEP_S: f64 = 1.0;
-
 /// What the fingers feel of the ground must last for so many cycles to be believed: it opens the hand.
 const SURE_CYCLES_COUNT: u32 = 3;
 
-/// What is known when the way down begins.
-#[derive(Debug, Clone, Copy)]
-struct Hanging {
-    lowered_mm: f64,
-    pivot_rad: f64,
-}
-
-/// Means over the fingers that feel the object, and which fingers those are.
-#[derive(Debug, Clone, Copy)]
-struct Felt {
-    fingers: ([Health; FINGERS_MOST], bool),
-    pivot_rad: f64,
-    along_mm: f64,
-}
+/// Cycles that are further apart do not follow each other, ns.
+const APART_NS: u64 = 250_000_000;
 
 /// Laying down.
 #[derive(Debug)]
@@ -104,13 +89,13 @@ pub struct Place {
     grip: Guard,
     grasp: Grasp,
     phase: Phase,
-    hanging: Option<Hanging>,
+    /// How far the wrist had been lowered when the way down began, mm.
+    start_mm: Option<f64>,
     stiffness_mpa_per_mm: Option<f64>,
     touched_ns: Option<u64>,
-    /// Shear along since the looser grip stands: the mean over [`CREEP_S`], mm, and when it was last seen, ns.
-    laying: Option<(f64, u64)>,
-    /// Of the last cycle in which both were known.
-    felt: Option<Felt>,
+    ground: Ground,
+    /// When the fingers last felt the object, ns.
+    felt_ns: Option<u64>,
     /// For how many cycles it has turned in the fingers, and the ground has carried it.
     turned_cycles_count: u32,
     carried_cycles_count: u32,
@@ -128,11 +113,11 @@ impl Place {
             grip,
             grasp: Grasp::default(),
             phase: Phase::Grasping,
-            hanging: None,
+            start_mm: None,
             stiffness_mpa_per_mm,
             touched_ns: None,
-            laying: None,
-            felt: None,
+            ground: Ground::default(),
+            felt_ns: None,
             turned_cycles_count: 0,
             carried_cycles_count: 0,
             last,
@@ -145,32 +130,31 @@ impl Place {
             None => self.grip.decide(observation.now_ns, &self.settings.allowed.filter(hand), observation.gripper),
             Some(_) => self.loosen(observation),
         };
-        if observation.gripper.jaws == Jaws::Lost {
+        if observation.is_lost() {
             self.phase = Phase::Ended(Ending::Lost);
             return;
         }
+        let lowered_mm = observation.wrist.lowered_mm;
+        if lowered_mm - *self.start_mm.get_or_insert(lowered_mm) >= self.settings.most_mm {
+            self.phase = Phase::Ended(Ending::Limit);
+            return;
+        }
         self.phase = if self.last.arm == ArmMotion::Go { Phase::Working } else { Phase::Waiting };
-        let (Some(shear), Some(pivot_rad)) = (hand.shear_mm, hand.pivot_rad) else {
-            if self.touched_ns.is_some() {
-                self.phase = Phase::Waiting; // nothing is lowered onto ground whose answer is not felt
-            }
+        let Some(turned_rad) = self.ground.turned_rad(observation.now_ns, hand) else {
+            self.phase = Phase::Waiting; // nothing is lowered onto ground whose answer is not felt
             return;
         };
-        self.go_on_with(Felt { fingers: (hand.health, hand.separated), pivot_rad, along_mm: shear.along });
-        let hanging = *self.hanging.get_or_insert(Hanging { lowered_mm: observation.wrist.lowered_mm, pivot_rad });
-        let turned = (pivot_rad - hanging.pivot_rad).abs() >= self.settings.touch_rad;
-        self.turned_cycles_count = if turned { self.turned_cycles_count + 1 } else { 0 };
-        let pivots = self.turned_cycles_count >= SURE_CYCLES_COUNT;
-        if self.touched_ns.is_none() && (pivots || hand.slip.is_some_and(|slip| slip.pivots)) {
+        let felt_ns = self.felt_ns.replace(observation.now_ns).unwrap_or(observation.now_ns);
+        if observation.now_ns.saturating_sub(felt_ns) > APART_NS {
+            (self.turned_cycles_count, self.carried_cycles_count) = (0, 0);
+        }
+        let turns = turned_rad.abs() >= self.settings.touch_rad || hand.slip.is_some_and(|slip| slip.pivots);
+        self.turned_cycles_count = if turns { self.turned_cycles_count + 1 } else { 0 };
+        if self.touched_ns.is_none() && self.turned_cycles_count >= SURE_CYCLES_COUNT {
             self.touched_ns = Some(observation.now_ns);
             self.last = self.loosen(observation);
         }
-        let Some(touched_ns) = self.touched_ns else {
-            if observation.wrist.lowered_mm - hanging.lowered_mm >= self.settings.most_mm {
-                self.phase = Phase::Ended(Ending::Limit);
-            }
-            return;
-        };
+        let Some(touched_ns) = self.touched_ns else { return };
         if observation.now_ns.saturating_sub(touched_ns) < self.settings.loosen_ns {
             self.phase = Phase::Waiting;
             return;
@@ -185,36 +169,16 @@ impl Place {
             return;
         }
         self.phase = Phase::Working;
-        let push_mm = self.push_mm(shear.along, observation.now_ns);
+        let push_mm = self.ground.push_mm(observation.now_ns);
         self.carried_cycles_count = if self.carried(hand, push_mm) { self.carried_cycles_count + 1 } else { 0 };
         if self.carried_cycles_count >= SURE_CYCLES_COUNT {
             self.phase = Phase::Releasing;
         }
     }
 
-    /// Where a finger is lost, or comes back, the means are of other fingers: what they jump by is no motion of the object.
-    fn go_on_with(&mut self, now: Felt) {
-        let Some(last) = self.felt.replace(now).filter(|last| last.fingers != now.fingers) else { return };
-        if let Some(hanging) = &mut self.hanging {
-            hanging.pivot_rad += now.pivot_rad - last.pivot_rad;
-        }
-        if let Some((mean_mm, _)) = &mut self.laying {
-            *mean_mm += now.along_mm - last.along_mm;
-        }
-    }
-
     /// It rests on one end and turns; a loose grip keeps the ground's answer small.
     fn loosen(&mut self, observation: &Observation<'_>) -> GripDecision {
         self.grip.hold(observation.now_ns, observation.hand, observation.gripper, self.settings.laying_n)
-    }
-
-    /// How far the ground has pushed the object against the fingers within about [`CREEP_S`], mm.
-    fn push_mm(&mut self, along_mm: f64, now_ns: u64) -> f64 {
-        let (mean_mm, seen_ns) = self.laying.unwrap_or((along_mm, now_ns));
-        let seconds = now_ns.saturating_sub(seen_ns) as f64 * 1e-9;
-        let next_mm = mean_mm + (1.0 - libm::exp(-seconds / CREEP_S)) * (along_mm - mean_mm);
-        self.laying = Some((next_mm, now_ns));
-        mean_mm - along_mm
     }
 
     /// Whether the ground pushes the object against the fingers.

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ScrewEnd {
-    /// At the largest force, slip was seen and then the shear stayed flat over `flat_window_rad` of turning.
+    /// At the largest force the fingers slip, and go on slipping, and the shear stays flat over `flat_window_rad` of turning.
     Evidence,
     /// At the first incipient slip at the largest force: the paper's literal law.
     SlipAtMost,
@@ -96,7 +96,9 @@ impl Task for Screw {
         self.turning.step(observation, |seen| match end {
             _ if !seen.slip_at_most => None,
             ScrewEnd::SlipAtMost => Some(Ending::SlipAtMost),
-            ScrewEnd::Evidence => seen.shear.is_flat(flat_window_rad, flat_fraction).then_some(Ending::Tight),
+            ScrewEnd::Evidence => (seen.slips_over(flat_window_rad)
+                && seen.shear.is_flat(flat_window_rad, flat_fraction))
+            .then_some(Ending::Tight),
         })
     }
 

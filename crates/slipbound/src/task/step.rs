@@ -2,7 +2,7 @@
 
 use crate::grip::Guard;
 use crate::hand::HandReport;
-use crate::port::{GripCommand, GripperState, WristCommand, WristMotion, WristState};
+use crate::port::{GripCommand, GripperState, Jaws, WristCommand, WristMotion, WristState};
 use serde::{Deserialize, Serialize};
 
 /// The input of a task in one cycle.
@@ -16,6 +16,13 @@ pub struct Observation<'a> {
     pub gripper: &'a GripperState,
     /// State of the wrist.
     pub wrist: &'a WristState,
+}
+
+impl Observation<'_> {
+    /// Whether the gripper says that what was held is gone.
+    pub(super) fn is_lost(&self) -> bool {
+        matches!(self.gripper.jaws, Jaws::Lost | Jaws::Nothing)
+    }
 }
 
 /// The output of a task in one cycle.

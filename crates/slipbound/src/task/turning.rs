@@ -7,7 +7,6 @@ use super::tare::Tare;
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
 use crate::monitor::SlipState;
-use crate::port::Jaws;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
@@ -54,6 +53,9 @@ pub(super) struct Turning {
     phase: Phase,
     start_rad: Option<f64>,
     shear: ShearWatch,
+    longest_window_rad: f64,
+    /// Where slip under the largest force was seen first and last, rad of the turn.
+    slips_rad: Option<(f64, f64)>,
     last: GripDecision,
 }
 
@@ -65,6 +67,19 @@ pub(super) struct Evidence<'a> {
     pub turned_rad: f64,
     /// Slip was seen while the gripper pressed with the largest force.
     pub slip_at_most: bool,
+    /// Where it was seen first and last, rad of the turn; None before.
+    slips_rad: Option<(f64, f64)>,
+}
+
+impl Evidence<'_> {
+    /// Whether slip under the largest force goes on over such a turn: it began in its first half and was seen in its second one. A
+    /// single alarm is none.
+    pub fn slips_over(&self, window_rad: f64) -> bool {
+        let half_rad = 0.5 * window_rad;
+        self.slips_rad.is_some_and(|(first_rad, last_rad)| {
+            self.turned_rad - first_rad > half_rad && self.turned_rad - last_rad < half_rad
+        })
+    }
 }
 
 impl Turning {
@@ -89,6 +104,8 @@ impl Turning {
             phase: Phase::Grasping,
             start_rad: None,
             shear: ShearWatch::new(longest_window_rad.max(slide.window_rad)),
+            longest_window_rad,
+            slips_rad: None,
             last,
         }
     }
@@ -132,12 +149,19 @@ impl Turning {
         // A gripper that was told the largest force but does not press with it proves nothing.
         let at_most = self.last.force_n >= self.grip.limits().most_n && arrived(self.last.force_n, observation.gripper);
         let slip_at_most = at_most && self.grip.wants_more();
-        let ending = if observation.gripper.jaws == Jaws::Lost {
+        if slip_at_most && matches!(seen.state, SlipState::Incipient | SlipState::Gross) {
+            let goes_on = |(_, last_rad): &(f64, f64)| turned_rad - last_rad <= self.longest_window_rad;
+            let (first_rad, _) = self.slips_rad.filter(goes_on).unwrap_or((turned_rad, turned_rad));
+            self.slips_rad = Some((first_rad, turned_rad));
+        }
+        let ending = if observation.is_lost() {
             Some(Ending::Lost)
         } else {
             // What was seen before the fingers went blind says nothing of the turn since.
             let sees = seen.state != SlipState::Unjudged;
-            let seen_ending = sees.then(|| end(Evidence { shear: &self.shear, turned_rad, slip_at_most })).flatten();
+            let seen_ending = sees
+                .then(|| end(Evidence { shear: &self.shear, turned_rad, slip_at_most, slips_rad: self.slips_rad }))
+                .flatten();
             seen_ending.or((turned_rad >= self.most_rad).then_some(Ending::Limit))
         };
         self.phase = match (ending, self.last.arm) {

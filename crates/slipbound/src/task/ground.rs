@@ -1,0 +1,91 @@
+//! What the fingers feel of the ground: how far it has turned the object in them, and how far it pushes it against them.
+//!
+//! ```text
+//!   both   --o--o-----o--o--     Each set of fingers is a mean of its own. A set that was away for a moment goes on from what it
+//!   left   -------o-----------   felt itself; a new one, or one that was away for long, from what the last one had felt: what
+//!   right  ----------o--------   the means jump by is no motion of the object.
+//! ```
+
+use crate::hand::{FINGERS_MOST, HandReport, Health};
+
+/// The push of the ground counts against its mean over this time, s: on one edge the object still hangs in the fingers, and turning
+/// and the creep of the gel push slowly.
+const CREEP_S: f64 = 1.0;
+
+/// Longest time after which a set of fingers goes on from what it felt itself, ns.
+const AWAY_NS: u64 = 300_000_000;
+
+/// Sets that are known at a time: both fingers, either, and one to spare.
+const SETS_COUNT: usize = 4;
+
+/// Which fingers the means are of, and whether they could be separated.
+type Fingers = ([Health; FINGERS_MOST], bool);
+
+/// What some fingers felt last, and what it counts from.
+#[derive(Debug, Clone, Copy)]
+struct Felt {
+    fingers: Fingers,
+    seen_ns: u64,
+    pivot_rad: f64,
+    along_mm: f64,
+    /// Rotation of the object that hung, rad.
+    hanging_rad: f64,
+    /// Mean shear along over [`CREEP_S`], mm, and when it was seen last, ns; None before the push is asked for.
+    mean: Option<(f64, u64)>,
+}
+
+impl Felt {
+    fn turned_rad(&self) -> f64 {
+        self.pivot_rad - self.hanging_rad
+    }
+
+    fn push_mm(&self) -> Option<f64> {
+        self.mean.map(|(mean_mm, _)| mean_mm - self.along_mm)
+    }
+}
+
+/// What the fingers feel of the ground.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Ground {
+    /// The newest first.
+    felt: [Option<Felt>; SETS_COUNT],
+}
+
+impl Ground {
+    /// How far the object has turned in the fingers since it hung, rad; None where they do not feel it.
+    pub fn turned_rad(&mut self, now_ns: u64, hand: &HandReport) -> Option<f64> {
+        let (along_mm, pivot_rad) = (hand.shear_mm?.along, hand.pivot_rad?);
+        let fingers = (hand.health, hand.separated);
+        let last = self.felt[0];
+        let of_these = self.felt.iter().position(|felt| felt.is_some_and(|felt| felt.fingers == fingers));
+        self.felt[..=of_these.unwrap_or(SETS_COUNT - 1)].rotate_right(1);
+        let own = self.felt[0].filter(|felt| {
+            let is_last = last.is_some_and(|last| last.fingers == fingers);
+            felt.fingers == fingers && (is_last || now_ns.saturating_sub(felt.seen_ns) <= AWAY_NS)
+        });
+        // A set whose push was not asked for yet takes over that of the last one.
+        let mean = last
+            .and_then(|last| last.mean.zip(last.push_mm()))
+            .map(|((_, seen_ns), push_mm)| (along_mm + push_mm, seen_ns));
+        let felt = Felt {
+            fingers,
+            seen_ns: now_ns,
+            pivot_rad,
+            along_mm,
+            hanging_rad: own.map_or(pivot_rad - last.map_or(0.0, |last| last.turned_rad()), |own| own.hanging_rad),
+            mean: own.and_then(|own| own.mean).or(mean),
+        };
+        self.felt[0] = Some(felt);
+        Some(felt.turned_rad())
+    }
+
+    /// How far the ground has pushed the object against the fingers within about [`CREEP_S`], mm, by what they felt last.
+    pub fn push_mm(&mut self, now_ns: u64) -> f64 {
+        let Some(felt) = &mut self.felt[0] else { return 0.0 };
+        let (mean_mm, seen_ns) = felt.mean.unwrap_or((felt.along_mm, now_ns));
+        let seconds = now_ns.saturating_sub(seen_ns) as f64 * 1e-9;
+        let next_mm = mean_mm + (1.0 - libm::exp(-seconds / CREEP_S)) * (felt.along_mm - mean_mm);
+        felt.mean = Some((next_mm, now_ns));
+        mean_mm - felt.along_mm
+    }
+}
