@@ -31,6 +31,7 @@ fn task_of(
     raised: &Raised,
 ) -> PyResult<Box<dyn Task + Send>> {
     let stiffness_mpa_per_mm = sensor.shear_stiffness_mpa_per_mm();
+    settings.check_finger(kind, sensor).map_err(setting)?;
     let task = if let Ok(name) = controller.extract::<&str>() {
         settings.controller = name.parse::<ControllerKind>().map_err(setting)?;
         settings.task(kind, stiffness_mpa_per_mm)

@@ -102,7 +102,7 @@ impl SlipMonitor {
         let extra = imprint::Extra { flat: settings.markers.finder_needs_flat(), cells: false };
         let imprint = imprint::Imprint::new(&sensor, &settings.imprint, extra);
         rest.check(&sensor, extra.flat)?;
-        let markers = markers::Markers::new(&sensor, &settings.markers, &rest);
+        let markers = markers::Markers::new(&sensor, &settings.markers, &rest, imprint.view());
         Ok(SlipMonitor {
             contact: contact::Contact::new(&sensor, &settings.contact, &imprint, &rest),
             estimator: estimate::Estimator::new(&sensor, &markers.all, rest.kind == RestKind::InContact),

@@ -219,14 +219,15 @@ impl Sensor {
     }
 
     /// The same finger seen by a camera set to another resolution: lengths go in proportion, edge thresholds rise with the root of the
-    /// scale where the picture is smaller. The shape of the image must be the same (to 1 px in the height), else the error says what
-    /// was expected.
+    /// scale where the picture is smaller. The shape of the image must be the same (to 1 px in the height of the smaller of the two), else
+    /// the error says what was expected.
     pub fn at_size(&self, size: SizePx) -> Result<Sensor, SettingError> {
         if size == self.image_px {
             return Ok(self.clone());
         }
         let scale = size.width as f64 / self.image_px.width as f64;
-        if (self.image_px.height as f64 * scale - size.height as f64).abs() > 1.0 {
+        // 427x320 is 4 to 3, rounded to whole pixels: what that makes grows with the scale.
+        if (self.image_px.height as f64 * scale - size.height as f64).abs() > scale.max(1.0) {
             return Err(SettingError {
                 key: "image_px".into(),
                 got: format!("frames of {size}"),
@@ -364,6 +365,12 @@ pub(crate) mod tests {
         let half = thin.at_size(SizePx::new(160, 120)).expect("same shape");
         half.check().expect("a thin defect is still one");
         assert_eq!(half.defects_px, [[5, 10, 6, 30], [109, 119, 110, 120]]);
+        let rounded =
+            Sensor { image_px: SizePx::new(427, 320), rectification: None, defects_px: Vec::new(), ..smooth() };
+        for (width, height) in [(1600, 1200), (1920, 1440), (2592, 1944), (320, 240)] {
+            rounded.at_size(SizePx::new(width, height)).expect("4 to 3");
+        }
+        rounded.at_size(SizePx::new(1920, 1430)).expect_err("another shape");
         let error = small.at_size(SizePx::new(640, 640)).expect_err("another shape");
         assert_eq!(
             error.to_string(),

@@ -157,12 +157,12 @@ fn a_tool_is_laid_down_only_as_far_as_the_ground_is_felt() {
         laying_picture(&settings, stiffness, 42, |frame, n| (Some(push(frame)), touches(frame), jaws(frame, 40), n))
     };
     // Touch at 12, believed when it has lasted for three frames; half a second for the loose grip to stand, then down until it is carried,
-    // for three frames, too.
+    // for three frames, in which it is lowered no further.
     let touched = "G".repeat(7) + "vvvvvvv" + &"-".repeat(16);
-    let after = touched.clone() + "vvvvvvvv";
+    let after = touched.clone() + "vvvvvv--";
     assert_eq!(told(Some(0.05)), after.clone() + "RRPP");
     assert_eq!(told(None), after.clone() + "RRPP", "by the displacement alone");
-    assert_eq!(told(Some(0.1)), after[..after.len() - 3].to_owned() + "RRRRRPP", "twice as stiff: 0.025 mm");
+    assert_eq!(told(Some(0.1)), touched.clone() + "vvv--RRRRRPP", "twice as stiff: 0.025 mm");
 
     // What the gels were sheared by when the loose grip stood is no push of the ground.
     let picture = laying_picture(&settings, None, 36, |frame, n| (Some(-0.3), touches(frame), Jaws::Holding, n));

@@ -6,6 +6,7 @@ use made_up::{FRAME_NS, gripper, hand};
 use slipbound::hand::{HandReport, HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
+use slipbound::sensor::Sensor;
 use slipbound::task::{Ending, Missing, Observation, Phase, Task, TaskKind, TaskSettings};
 
 /// A cap, a gripper and a wrist that follow at once; the shear is what the test says it is at each angle.
@@ -426,7 +427,7 @@ fn nothing_is_lowered_further_than_it_may_be() {
     let hanging = hand(SlipState::Stick);
     let blind_to_shear = HandReport { shear_mm: None, ..hanging };
     let (ending, mm) = lowered(|_, _| blind_to_shear);
-    assert!(ending.is_none() && mm < 0.2, "it waits: {ending:?} after {mm} mm");
+    assert!(ending.is_none() && mm < 1.0, "it waits: {ending:?} after {mm} mm");
     let feels_nothing = HandReport { shear_mm: None, pivot_rad: None, ..hand(SlipState::NoContact) };
     let (ending, mm) = lowered(|cycle, _| if cycle < 60 { hanging } else { feels_nothing });
     assert!(ending.is_none() && mm < 6.0, "{ending:?} after {mm} mm");
@@ -474,10 +475,10 @@ fn one_frame_in_which_it_pivots_is_no_ground_and_a_push_counts_in_a_row_only() {
     step(&pushed, FRAME_NS);
     step(&pushed, FRAME_NS);
     let (phase, _) = step(&pushed, 5_000_000_000);
-    assert_eq!(phase, Phase::Working, "the first of a new row");
+    assert_eq!(phase, Phase::Waiting, "the first of a new row");
     let further = HandReport { shear_mm: Some(HandVector { along: -1.5, ..HandVector::default() }), ..turned };
     let phases = [0; 2].map(|_| step(&further, FRAME_NS).0);
-    assert_eq!(phases, [Phase::Working, Phase::Releasing]);
+    assert_eq!(phases, [Phase::Waiting, Phase::Releasing], "and it is not pressed onto the ground meanwhile");
 }
 
 /// While a tool hangs, and while it is laid down, a finger drops out for some frames and comes back; what the two feel differs. Then the ground
@@ -536,7 +537,7 @@ fn a_finger_that_is_lost_for_some_frames_is_no_ground() {
     }
     let carried = |(mm, rad): (f64, f64)| (mm - 0.15, rad);
     let phases: Vec<Phase> = (0..4).map(|_| step(&felt(carried(left), carried(right), both)).0).collect();
-    assert_eq!(phases[1..], [Phase::Working, Phase::Releasing, Phase::Releasing], "{phases:?}");
+    assert_eq!(phases[1..], [Phase::Waiting, Phase::Releasing, Phase::Releasing], "{phases:?}");
 }
 
 /// The loop's rate and the wrist's speed do not decide how a task ends.
@@ -580,4 +581,23 @@ fn windows_that_can_never_fill_are_refused() {
         change(&mut settings);
         assert_eq!(settings.check().expect_err(key).key, key);
     }
+}
+
+/// What a task goes by, a finger must tell; a lift goes by slip.
+#[test]
+fn a_task_that_goes_by_shear_wants_a_finger_that_tells_it_in_mm() {
+    let settings = TaskSettings::default();
+    let mut sensor: Sensor = serde_json::from_value(serde_json::json!({
+        "name": "bare", "description": "", "image_px": [320, 240], "flip": "none", "grey_weights_rgb": [0.3, 0.4, 0.3],
+        "polarity": "dark", "pitch_px": 20.0, "marker_diameter_px": 6.0, "skin": "smooth"
+    }))
+    .expect("a sensor");
+    for kind in [TaskKind::Screw, TaskKind::Unscrew, TaskKind::Place] {
+        let error = settings.check_finger(kind, &sensor).expect_err("no pitch_mm");
+        assert!(error.to_string().contains("pitch_mm") && error.to_string().contains(kind.name()), "{error}");
+    }
+    settings.check_finger(TaskKind::Lift, &sensor).expect("by slip");
+    settings.with_controller(ControllerKind::Paper).check_finger(TaskKind::Screw, &sensor).expect("by slip");
+    sensor.pitch_mm = Some(1.5);
+    settings.check_finger(TaskKind::Place, &sensor).expect("it tells mm");
 }

@@ -375,6 +375,9 @@ impl Hardware {
             });
         }
         let stiffness = fingers.first().and_then(|finger| finger.sensor.shear_stiffness_mpa_per_mm());
+        for finger in fingers {
+            settings.check_finger(task, &finger.sensor).map_err(Failure::arguments)?;
+        }
         let task = settings.task(task, stiffness).map_err(Failure::arguments)?;
         let control = ControlLoop::new(pipelines, task).map_err(Failure::arguments)?;
         Ok((control.with_runner(Box::new(MonitorWorkers::new())), cameras))

@@ -41,6 +41,12 @@ pub enum Error {
         /// Silence so far, ms.
         got_ms: u64,
     },
+    /// The link is up, and the wrist has not said yet where it is.
+    #[error("{address}: expected a WRIST line that says where the wrist is, got none on this link yet")]
+    Unstated {
+        /// Where.
+        address: String,
+    },
     /// An impossible motion: not a number, a negative bound, or a time to live beyond what is allowed.
     #[error("{address}: expected {key} {expected}, got {got}")]
     Motion {
@@ -78,9 +84,11 @@ impl Error {
     pub fn kind(&self) -> WristErrorKind {
         match self {
             Error::Address { .. } => WristErrorKind::Settings,
-            Error::Connect { .. } | Error::Lost { .. } | Error::Silent { .. } | Error::Unanswered { .. } => {
-                WristErrorKind::Link
-            }
+            Error::Connect { .. }
+            | Error::Lost { .. }
+            | Error::Silent { .. }
+            | Error::Unanswered { .. }
+            | Error::Unstated { .. } => WristErrorKind::Link,
             Error::Motion { .. } | Error::Refused { .. } => WristErrorKind::Refused,
         }
     }

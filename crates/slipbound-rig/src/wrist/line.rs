@@ -91,14 +91,14 @@ impl LineWrist {
         Ok(())
     }
 
-    /// The newest state, or what is wrong; a refusal is reported once.
+    /// The newest state since the link is up, or what is wrong; a refusal is reported once. Where it was before a new link says nothing
+    /// of where it is.
     pub fn report(&mut self, now_ns: u64) -> Result<WristState, Error> {
         self.check_link(now_ns)?;
         if let Some(fault) = self.fault.take() {
             return Err(fault);
         }
-        let start = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
-        Ok(self.state.unwrap_or(start))
+        self.state.ok_or_else(|| Error::Unstated { address: self.address.clone() })
     }
 
     fn cannot(&self, key: &'static str, expected: &'static str, got: f64) -> Error {

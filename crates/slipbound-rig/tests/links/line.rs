@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, MS};
 use slipbound::plant::Plant;
-use slipbound::port::{Jaws, WristCommand, WristMotion};
+use slipbound::port::{Jaws, WristCommand, WristErrorKind, WristMotion};
 use slipbound_rig::emulator::{Block, Emulator, Faults, by_name};
 use slipbound_rig::gripper::Request;
 use slipbound_rig::link::Endpoint;
@@ -109,6 +109,24 @@ impl Arm {
     fn command(&mut self, motion: WristMotion) -> Result<(), Error> {
         self.wrist.command(self.now_ns, WristCommand::new(motion))
     }
+}
+
+/// A new link to a wrist that stands at 0.06 rad and has not said so yet.
+#[test]
+fn a_wrist_on_a_new_link_is_nowhere_until_it_says_where() {
+    let mut arm = Arm::new("");
+    arm.command(turn(0.3, 1.0)).expect("taken over");
+    arm.run(1000);
+    let before_rad = arm.wrist.report(arm.now_ns).expect("there").angle_rad;
+    assert!(before_rad > 0.05);
+    arm.wrist.unlinked(arm.now_ns, "cut");
+    arm.wrist.linked(arm.now_ns);
+    arm.wrist.receive(arm.now_ns, b"HELLO slipbound-line 1\n");
+    let error = arm.wrist.report(arm.now_ns).expect_err("not 0");
+    assert!(matches!(error, Error::Unstated { .. }), "{error}");
+    assert_eq!(error.kind(), WristErrorKind::Link);
+    arm.run(200);
+    assert_eq!(arm.wrist.report(arm.now_ns).expect("there").angle_rad, before_rad);
 }
 
 fn turn(rate_rad_per_s: f64, most_rad: f64) -> WristMotion {

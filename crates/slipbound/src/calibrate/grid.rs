@@ -242,6 +242,22 @@ impl Grid {
         are_many
     }
 
+    /// Leaves dots further than so many pitches off the map out of the grid and of its size: housing, writing, light beside the gel.
+    pub fn leave_out(&mut self, beyond_pitch: f64) -> Option<()> {
+        for _ in 0..ROUNDS_COUNT {
+            let is_off = |(node, dot): &(&(i32, i32), &Dot)| self.residual_pitch(**node, dot) > beyond_pitch;
+            let off: Vec<(i32, i32)> = self.dots.iter().filter(is_off).map(|(node, _)| *node).collect();
+            if off.is_empty() {
+                break;
+            }
+            for node in off {
+                self.off_grid.extend(self.dots.remove_entry(&node));
+            }
+            self.fit()?;
+        }
+        Some(())
+    }
+
     /// What the map leaves of every dot, in plane px.
     fn offsets_px(&self) -> BTreeMap<(i32, i32), Vec2> {
         let first = node_bounds(&self.dots).0;

@@ -116,7 +116,7 @@ impl Imprint {
         };
         let warp = sensor.rectification.as_ref().map(|r| {
             let (to_upright, crop) = (r.to_upright(), Vec2::new(r.crop_px[0] as f64, r.crop_px[1] as f64));
-            let table = WarpTable::new(size, camera_px, |p| to_upright(p + crop));
+            let table = WarpTable::held_at_border(size, camera_px, |p| to_upright(p + crop));
             (table, vec![0; camera_px.area()])
         });
         Imprint {
@@ -218,6 +218,11 @@ impl Imprint {
     /// Size of the rectified image.
     pub(super) fn size(&self) -> SizePx {
         self.size
+    }
+
+    /// Which rectified pixels the camera sees; None when it sees all of them.
+    pub(super) fn view(&self) -> Option<&Mask> {
+        self.warp.as_ref().map(|(table, _)| table.valid())
     }
 
     /// Which rectified pixels show undamaged skin; None when all of them do.

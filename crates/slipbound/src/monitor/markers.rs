@@ -17,12 +17,13 @@ mod plane_fit;
 mod settings;
 mod spot_index;
 mod threshold;
+mod view;
 
 pub(super) use detect::{Detector, RestMarker};
 pub use settings::{Finder, MarkerSettings};
 pub(super) use threshold::THRESHOLD_REACH_PITCH;
 
-use crate::image::SizePx;
+use crate::image::{Mask, SizePx};
 use crate::monitor::imprint::Imprint;
 use crate::monitor::report::Marker;
 use crate::monitor::rest::Rest;
@@ -91,7 +92,7 @@ pub(super) struct Markers {
 }
 
 impl Markers {
-    pub(super) fn new(sensor: &Sensor, settings: &MarkerSettings, rest: &Rest) -> Self {
+    pub(super) fn new(sensor: &Sensor, settings: &MarkerSettings, rest: &Rest, view: Option<&Mask>) -> Self {
         let at_rest = &rest.markers;
         let mut detector = Detector::new(sensor, settings);
         detector.learn(&rest.flat);
@@ -102,7 +103,7 @@ impl Markers {
         Markers {
             settings: settings.clone(),
             detector,
-            matching: Matching::new(sensor, &all),
+            matching: Matching::new(sensor, &all, view),
             looks: looked_at.then(|| Looks::new(sensor, &rest.grey, at_rest)),
             before: vec![Vec2::ZERO; all.len()],
             followed: vec![Vec2::ZERO; all.len()],
@@ -252,8 +253,10 @@ impl Markers {
                 }
             };
             let whole = match seen {
-                Seen::At(fit) => Some(self.settle(imprint, i, &fit, spot.as_ref())),
-                Seen::Doubtful => None,
+                Seen::At(fit) if self.detector.in_view(imprint, fit.place) => {
+                    Some(self.settle(imprint, i, &fit, spot.as_ref()))
+                }
+                Seen::At(_) | Seen::Doubtful => None,
                 Seen::Unknown => spot.and_then(|spot| self.detector.refine(imprint, &spot, &self.tracks[i].rest)),
             };
             let cut = || if seen == Seen::Doubtful { None } else { self.matching.cut(&self.all, i) };

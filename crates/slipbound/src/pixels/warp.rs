@@ -51,6 +51,24 @@ impl WarpTable {
     /// Tabulates `map`, which gives for an output pixel the place in the source, both in px with pixel centres at
     /// whole numbers. The source needs at least 2 x 2 pixels and fewer than 2^32, else a panic.
     pub fn new(out_size: SizePx, src_size: SizePx, map: impl Fn(Vec2) -> Vec2) -> Self {
+        Self::tabulate(out_size, src_size, |p| (map(p), true))
+    }
+
+    /// The same, but beyond the border the source's own outermost pixels go on: black would be an edge. Those output pixels are
+    /// not [`valid`](Self::valid) either.
+    pub fn held_at_border(out_size: SizePx, src_size: SizePx, map: impl Fn(Vec2) -> Vec2) -> Self {
+        let last = Vec2::new((src_size.width - 1) as f64, (src_size.height - 1) as f64);
+        let is_inside = |v: f64, size: usize| whole_and_fraction(v, size).is_some();
+        Self::tabulate(out_size, src_size, |p| {
+            let p = map(p);
+            let inside = is_inside(p.x, src_size.width) && is_inside(p.y, src_size.height);
+            let held = Vec2::new(p.x.clamp(0.0, last.x), p.y.clamp(0.0, last.y));
+            if inside { (p, true) } else { (held, false) }
+        })
+    }
+
+    /// `map` gives whether a place is valid, too.
+    fn tabulate(out_size: SizePx, src_size: SizePx, map: impl Fn(Vec2) -> (Vec2, bool)) -> Self {
         assert!(src_size.width >= 2 && src_size.height >= 2, "source of {src_size}: expected 2x2 or more");
         assert!(src_size.area() <= u32::MAX as usize, "source of {src_size}: too many pixels for the table");
         let area = out_size.area();
@@ -58,7 +76,7 @@ impl WarpTable {
         let mut valid = Mask::new(out_size);
         for y in 0..out_size.height {
             for x in 0..out_size.width {
-                let p = map(Vec2::new(x as f64, y as f64));
+                let (p, is_valid) = map(Vec2::new(x as f64, y as f64));
                 let (Some((column, fx)), Some((row, fy))) =
                     (whole_and_fraction(p.x, src_size.width), whole_and_fraction(p.y, src_size.height))
                 else {
@@ -68,7 +86,7 @@ impl WarpTable {
                 from[i] = (row * src_size.width + column) as u32;
                 fraction_x[i] = fx;
                 fraction_y[i] = fy;
-                valid.set(x, y, true);
+                valid.set(x, y, is_valid);
             }
         }
         // A pixel from outside may be fetched from anywhere inside: beside its neighbours, where they have room.

@@ -79,7 +79,7 @@ const LATE_NS: u64 = 3_000_000_000;
 /// What the fingers feel of the ground must last for so many cycles to be believed: it opens the hand.
 const SURE_CYCLES_COUNT: u32 = 3;
 
-/// Cycles that are further apart do not follow each other, ns.
+/// Cycles that are further apart do not follow each other; fingers that have felt nothing for so long feel nothing, ns.
 const APART_NS: u64 = 250_000_000;
 
 /// Laying down.
@@ -94,7 +94,7 @@ pub struct Place {
     stiffness_mpa_per_mm: Option<f64>,
     touched_ns: Option<u64>,
     ground: Ground,
-    /// When the fingers last felt the object, ns.
+    /// When the fingers last felt the object, or the way down began, ns.
     felt_ns: Option<u64>,
     /// For how many cycles it has turned in the fingers, and the ground has carried it.
     turned_cycles_count: u32,
@@ -140,12 +140,17 @@ impl Place {
             return;
         }
         self.phase = if self.last.arm == ArmMotion::Go { Phase::Working } else { Phase::Waiting };
+        let felt_ns = *self.felt_ns.get_or_insert(observation.now_ns);
+        let is_long_ago = observation.now_ns.saturating_sub(felt_ns) > APART_NS;
         let Some(turned_rad) = self.ground.turned_rad(observation.now_ns, hand) else {
-            self.phase = Phase::Waiting; // nothing is lowered onto ground whose answer is not felt
+            // Nothing is lowered onto ground whose answer is not felt; in the air a frame may be missing.
+            if self.touched_ns.is_some() || is_long_ago {
+                self.phase = Phase::Waiting;
+            }
             return;
         };
-        let felt_ns = self.felt_ns.replace(observation.now_ns).unwrap_or(observation.now_ns);
-        if observation.now_ns.saturating_sub(felt_ns) > APART_NS {
+        self.felt_ns = Some(observation.now_ns);
+        if is_long_ago {
             (self.turned_cycles_count, self.carried_cycles_count) = (0, 0);
         }
         let turns = turned_rad.abs() >= self.settings.touch_rad || hand.slip.is_some_and(|slip| slip.pivots);
@@ -168,12 +173,14 @@ impl Place {
         if self.last.arm == ArmMotion::Pause {
             return;
         }
-        self.phase = Phase::Working;
         let push_mm = self.ground.push_mm(observation.now_ns);
         self.carried_cycles_count = if self.carried(hand, push_mm) { self.carried_cycles_count + 1 } else { 0 };
-        if self.carried_cycles_count >= SURE_CYCLES_COUNT {
-            self.phase = Phase::Releasing;
-        }
+        self.phase = match self.carried_cycles_count {
+            0 => Phase::Working,
+            // Lowered on meanwhile it would be pressed onto the ground.
+            1..SURE_CYCLES_COUNT => Phase::Waiting,
+            _ => Phase::Releasing,
+        };
     }
 
     /// It rests on one end and turns; a loose grip keeps the ground's answer small.

@@ -6,6 +6,7 @@ use super::screw::{Screw, ScrewEnd, ScrewSettings};
 use super::step::Task;
 use super::unscrew::{Unscrew, UnscrewSettings};
 use crate::grip::{GripLimits, Guard, Law, MarginSettings, OnSlipSettings};
+use crate::sensor::Sensor;
 use crate::setting::{SettingError, named};
 use serde::{Deserialize, Serialize};
 
@@ -96,6 +97,25 @@ impl TaskSettings {
         self.unscrew.check()?;
         self.place.check()?;
         self.lift.check()
+    }
+
+    /// Whether a finger tells what a task goes by: a cap that is turned and the ground are felt by the shear of the gel in mm. The error says
+    /// what is missing. With the literal law of the paper screwing ends on slip alone.
+    pub fn check_finger(&self, kind: TaskKind, sensor: &Sensor) -> Result<(), SettingError> {
+        let ends_on_slip = self.controller == ControllerKind::Paper || self.screw.end == ScrewEnd::SlipAtMost;
+        let goes_by_shear = match kind {
+            TaskKind::Lift => false,
+            TaskKind::Screw => !ends_on_slip,
+            TaskKind::Unscrew | TaskKind::Place => true,
+        };
+        if !goes_by_shear || sensor.pitch_mm.is_some() {
+            return Ok(());
+        }
+        Err(SettingError {
+            key: "pitch_mm".into(),
+            got: format!("no pitch_mm in the sensor file of {}", sensor.name),
+            expected: format!("the distance of the markers in mm: task {kind} goes by the shear of the gel"),
+        })
     }
 
     /// A task, ready to be stepped. `stiffness_mpa_per_mm` is that of the

@@ -2,6 +2,7 @@
 //! they run side by side.
 #![allow(clippy::disallowed_macros)] // tests print what they measured
 
+mod borders;
 mod evidence;
 mod exactness;
 mod in_turns;

@@ -114,10 +114,10 @@ impl Load {
         self.patches.iter_mut().for_each(|patch| patch.joined_fraction = 0.0);
     }
 
-    /// Markers with the area of each. One that is not found counts where its neighbours expect it, one that the border
-    /// cuts says nothing.
-    fn seen<'a>(&'a self, markers: &'a [Marker]) -> impl Iterator<Item = (&'a Marker, f64)> {
-        markers.iter().zip(self.patches.iter().map(Patch::area_px2)).filter(|(m, _)| m.whole || !m.matched)
+    /// Markers with the area of each. One that is not found counts where its neighbours expect it, and so does, across the border, one that
+    /// the border cuts: left out, a column of them would be missing from the load until the last of it is out of view.
+    fn weighed<'a>(&'a self, markers: &'a [Marker]) -> impl Iterator<Item = (&'a Marker, f64)> {
+        markers.iter().zip(self.patches.iter().map(Patch::area_px2))
     }
 
     /// Takes the sum of a frame, so many seconds after the last.
@@ -127,7 +127,7 @@ impl Load {
             let joined_fraction = if m.in_contact { 1.0 } else { 0.0 };
             patch.joined_fraction += share * (joined_fraction - patch.joined_fraction);
         }
-        self.sum_px3 = self.seen(markers).fold(Vec2::ZERO, |sum, (m, area)| sum + m.now_from_rest() * area);
+        self.sum_px3 = self.weighed(markers).fold(Vec2::ZERO, |sum, (m, area)| sum + m.now_from_rest() * area);
     }
 
     /// Nothing pulled when the markers were moved so from rest: that sum comes from the squeeze alone.
@@ -140,7 +140,7 @@ impl Load {
     ) {
         self.per_newton = grip_n.is_some_and(|n| n > 0.0);
         let most = stiffness_over_grip.map_or(f64::MAX, |k| MOST_TARE_FRACTION / k);
-        let sum_px3 = self.seen(markers).fold(Vec2::ZERO, |sum, (m, area)| sum + from_rest(m) * area);
+        let sum_px3 = self.weighed(markers).fold(Vec2::ZERO, |sum, (m, area)| sum + from_rest(m) * area);
         let length = sum_px3.length();
         let kept = if length > most { most / length } else { 1.0 };
         self.tare_px3 = sum_px3 * kept / grip_n.filter(|n| *n > 0.0).unwrap_or(1.0);
@@ -172,7 +172,7 @@ impl Load {
 
     /// Moment about a point with the gel as it is at rest, positive from x to y, px4: of the features, whose trees were fitted with it.
     pub fn moment_px4(&self, markers: &[Marker], about: Vec2, under_load: impl Fn(&Marker) -> Vec2) -> f64 {
-        self.seen(markers).map(|(m, area)| area * (m.rest - about).cross(under_load(m))).sum()
+        self.weighed(markers).map(|(m, area)| area * (m.rest - about).cross(under_load(m))).sum()
     }
 
     /// Torque about a point of the squeezed gel, positive from x to y, px4. A press spreads the gel under it, by a twentieth of the lever
@@ -182,6 +182,6 @@ impl Load {
             let moved = under_load(m);
             area * (m.now - moved - about).cross(moved)
         };
-        self.seen(markers).map(of).sum()
+        self.weighed(markers).map(of).sum()
     }
 }

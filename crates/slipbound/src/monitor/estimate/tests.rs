@@ -217,6 +217,28 @@ fn a_contact_that_the_view_cuts_goes_on_to_where_the_gel_ends() {
     assert!(small.hidden_px2 == 0.0 && small.load_n <= free.load_n, "{} {}", small.load_n, small.hidden_px2);
 }
 
+/// All markers are carried alike; those of the right column are whole, then cut by the border, then lost.
+#[test]
+fn a_column_that_leaves_the_view_is_not_missing_from_the_load() {
+    for gel_mm in [None, Some([25.0, 20.0])] {
+        let (mut sensor, mut markers) = finger(1.0);
+        (sensor.image_px, sensor.gel_mm) = (SizePx::new(360, 270), gel_mm);
+        let mut estimator = Estimator::new(&sensor, &markers, true);
+        let mut told_n = Vec::new();
+        for frame in 0..90u64 {
+            for m in &mut markers {
+                let leaves = m.id % 12 == 11;
+                (m.in_contact, m.now) = (true, m.rest + Vec2::new(12.0, 0.0));
+                (m.whole, m.matched) = (!leaves || frame < 30, !leaves || frame < 60);
+            }
+            estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 20.0 }), AREA_PX2, None, &markers);
+            told_n.push(estimator.estimates.shear_n.expect("stiffness known").value);
+        }
+        assert!((told_n[59] / told_n[29] - 1.0).abs() < 0.01, "{gel_mm:?}: {} N of {} N", told_n[59], told_n[29]);
+        assert!((told_n[89] / told_n[59] - 1.0).abs() < 0.01, "{gel_mm:?}: {} N of {} N", told_n[89], told_n[59]);
+    }
+}
+
 #[test]
 fn a_load_that_begins_before_the_reading_of_the_grip_has_settled_is_no_squeeze() {
     let (sensor, mut markers) = finger(1.0);

@@ -51,6 +51,14 @@ fn share(fit: &Fit) -> f64 {
     ((fit.weave - BARE_WEAVE) / 1.5).clamp(0.0, 1.0)
 }
 
+/// Eight places on a circle around a centre, from there.
+pub(super) fn rim(radius_px: f64) -> [Vec2; 8] {
+    std::array::from_fn(|k| {
+        let angle = k as f64 * std::f64::consts::FRAC_PI_4;
+        Vec2::new(libm::cos(angle), libm::sin(angle)) * radius_px
+    })
+}
+
 /// Grey levels of the 3 x 3 pixels around a place together; None at the border.
 pub(super) fn core_levels(grey: &[u8], size: SizePx, place: Vec2) -> Option<i32> {
     let (x, y) = (nearest_px(place.x), nearest_px(place.y));
@@ -73,6 +81,8 @@ pub(crate) struct Detector {
     wide: EdgeKernel,
     ragged_below_ratio: f64,
     radius_px: f64,
+    /// Places just outside a marker's edge, all around it, from its centre.
+    rim: [Vec2; 8],
     expected_count: usize,
 }
 
@@ -91,6 +101,7 @@ impl Detector {
             sharp,
             wide,
             radius_px: diameter_px / 2.0,
+            rim: rim(diameter_px / 2.0 + 1.0),
             expected_count: (size.area() as f64 / (pitch_px * pitch_px)).round() as usize,
         }
     }
@@ -111,14 +122,14 @@ impl Detector {
         }
     }
 
-    /// The sub-pixel place of a marker whose spot was found; None where the border of the image cuts it: what is
-    /// left of its rim would pull it inwards.
+    /// The sub-pixel place of a marker whose spot was found; None where the border of the image, or of what the camera sees, cuts it: what
+    /// is left of its rim would pull it inwards.
     pub(crate) fn refine(&self, imprint: &Imprint, spot: &Spot, rest: &RestMarker) -> Option<Vec2> {
         let coarse = spot.position + rest.offset;
         if self.threshold.is_some() {
             return Some(coarse);
         }
-        if !self.sharp.holds(imprint.size(), coarse) {
+        if !self.sharp.holds(imprint.size(), coarse) || !self.in_view(imprint, coarse) {
             return None;
         }
         if rest.stiffness == 0.0 {
@@ -130,7 +141,7 @@ impl Detector {
 
     /// The place of a marker near where it is expected, by its edge alone; None at the border and where no edge pulls.
     pub(super) fn follow(&self, imprint: &Imprint, start: Vec2, contrast: f64, rest: &RestMarker) -> Option<Vec2> {
-        if rest.stiffness == 0.0 || !self.sharp.holds(imprint.size(), start) {
+        if rest.stiffness == 0.0 || !self.sharp.holds(imprint.size(), start) || !self.in_view(imprint, start) {
             return None;
         }
         self.pulled(self.kernel(rest), imprint, start, rest.stiffness * contrast.clamp(0.4, 2.5))
@@ -228,15 +239,17 @@ impl Detector {
         Some((self.pulled(kernel, imprint, centre, fine).unwrap_or(centre), fine))
     }
 
-    /// Whether a marker there lies whole in the part of the image that the camera sees.
+    /// Whether a marker there lies whole in the part of the image that the camera sees, on undamaged skin.
     fn whole(&self, imprint: &Imprint, centre: Vec2) -> bool {
-        let seen = |seen: &Mask| {
-            (0..8).all(|k| {
-                let angle = f64::from(k) * std::f64::consts::FRAC_PI_4;
-                let p = centre + Vec2::new(libm::cos(angle), libm::sin(angle)) * (self.radius_px + 1.0);
-                seen.get(nearest_px(p.x), nearest_px(p.y))
-            })
-        };
-        self.sharp.holds(imprint.size(), centre) && imprint.seen().is_none_or(seen)
+        self.sharp.holds(imprint.size(), centre) && imprint.seen().is_none_or(|seen| self.is_within(seen, centre))
+    }
+
+    /// Whether the camera sees all of a marker there.
+    pub(super) fn in_view(&self, imprint: &Imprint, centre: Vec2) -> bool {
+        imprint.view().is_none_or(|view| self.is_within(view, centre))
+    }
+
+    fn is_within(&self, mask: &Mask, centre: Vec2) -> bool {
+        self.rim.iter().all(|&by| mask.get(nearest_px(centre.x + by.x), nearest_px(centre.y + by.y)))
     }
 }

@@ -50,8 +50,10 @@ impl Markers {
         if let Some(looks) = self.looks.as_mut().filter(|looks| !is_plain(looks)) {
             let stretch = self.matching.stretch(&self.all, &self.before, i);
             match looks.look(imprint, i, None, Some(start), stretch) {
-                Seen::At(fit) => return Some(self.settle(imprint, i, &fit, None)),
-                Seen::Doubtful => return None,
+                Seen::At(fit) if self.detector.in_view(imprint, fit.place) => {
+                    return Some(self.settle(imprint, i, &fit, None));
+                }
+                Seen::At(_) | Seen::Doubtful => return None,
                 Seen::Unknown => {}
             }
         }

@@ -7,7 +7,8 @@
 use super::median::middle_of;
 use super::plane_fit::{Around, NEIGHBOURS, slopes};
 use super::spot_index::SpotIndex;
-use crate::image::SizePx;
+use super::view::View;
+use crate::image::Mask;
 use crate::monitor::report::Marker;
 use crate::pixels::dots::Spot;
 use crate::plane::Vec2;
@@ -49,8 +50,7 @@ struct Pair {
 #[derive(Debug, Clone)]
 pub(super) struct Matching {
     pitch_px: f64,
-    radius_px: f64,
-    size: SizePx,
+    view: View,
     spots: SpotIndex,
     spot_taken: Vec<bool>,
     least_response: Vec<f32>,
@@ -73,7 +73,8 @@ pub(super) struct Matching {
 }
 
 impl Matching {
-    pub(super) fn new(sensor: &Sensor, markers: &[Marker]) -> Self {
+    /// `view`: which pixels the camera sees, where that is not all of them.
+    pub(super) fn new(sensor: &Sensor, markers: &[Marker], view: Option<&Mask>) -> Self {
         let (size, pitch_px) = (sensor.rectified_px(), sensor.pitch_px);
         let mut neighbours = vec![[0; NEIGHBOURS]; markers.len()];
         let mut neighbours_count = vec![0; markers.len()];
@@ -90,8 +91,7 @@ impl Matching {
         let around = markers.iter().zip(&neighbours).map(arms).map(|arms| Around::new(arms, pitch_px)).collect();
         Matching {
             pitch_px,
-            radius_px: sensor.marker_diameter_px / 2.0,
-            size,
+            view: View::new(sensor, view),
             disagreement_pitch: 0.0,
             spots: SpotIndex::new(size, 0.5 * pitch_px),
             spot_taken: Vec::with_capacity(SpotIndex::most_spots(size)),
@@ -158,11 +158,9 @@ impl Matching {
         sum / f64::from(count.max(1))
     }
 
-    /// Whether a marker there lies whole in the image.
+    /// Whether a marker there lies whole in the view.
     pub(super) fn in_view(&self, p: Vec2) -> bool {
-        let margin = self.radius_px + 0.5;
-        let inside = |v: f64, end: usize| v >= margin && v <= end as f64 - 1.0 - margin;
-        inside(p.x, self.size.width) && inside(p.y, self.size.height)
+        self.view.holds(p)
     }
 
     /// Whether the field is torn so much that it may be a pitch off somewhere.
@@ -329,9 +327,9 @@ impl Matching {
     pub(super) fn cut(&self, markers: &[Marker], marker: usize) -> Option<Vec2> {
         let own = self.spot_of(marker)?.position;
         let predicted = self.predicted_by_neighbours(markers, marker)?;
-        let near = |v: f64, end: usize| v < self.radius_px + 0.5 || v > end as f64 - 1.5 - self.radius_px;
-        let x = if near(own.x, self.size.width) { predicted.x } else { own.x };
-        let y = if near(own.y, self.size.height) { predicted.y } else { own.y };
+        let [is_cut_x, is_cut_y] = self.view.cuts(own);
+        let x = if is_cut_x { predicted.x } else { own.x };
+        let y = if is_cut_y { predicted.y } else { own.y };
         Some(Vec2::new(x, y))
     }
 

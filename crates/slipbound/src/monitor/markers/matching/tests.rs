@@ -13,7 +13,7 @@ fn markers() -> Vec<Marker> {
 
 /// A frame whose spots are where each marker is said to be, None for none; spot `i` is that of the `i`-th that has one.
 fn frame(markers: &[Marker], place: impl Fn(&Marker) -> Option<Vec2>) -> Matching {
-    let mut matching = Matching::new(&smooth(), markers);
+    let mut matching = Matching::new(&smooth(), markers, None);
     let spots: Vec<Spot> =
         markers.iter().filter_map(place).map(|position| Spot { position, response_levels: 50.0 }).collect();
     matching.take_spots(&spots);
