@@ -489,6 +489,30 @@ fn a_simulated_finger_is_calibrated_among_its_surroundings() {
     assert!(100 * refused <= count, "{refused} of {count} refused");
 }
 
+/// The grid that is drawn begins at its first markers: rows of the housing that lie off it, here told without the flip, are none of it.
+#[test]
+fn the_grid_begins_where_its_markers_do() {
+    for (seed, flip) in [(0, Flip::None), (1, Flip::None), (2, Flip::Vertical), (3, Flip::None)] {
+        let (_, nodes, picture, size) = photograph(seed);
+        let frame =
+            Frame { pixels: Pixels::Rgb(Rgb::new(&picture.pixels, size).expect("whole")), seq: 0, time_ns: None };
+        let found = calibrate(&[frame], &KnownFacts { flip, skin: Skin::Fabric, ..known() }).expect("calibrated");
+        let first = [0, 1].map(|axis| found.markers.iter().map(|m| m.node[axis]).min().expect("markers"));
+        let pitch_px = found.sensor.pitch_px;
+        for m in &found.markers {
+            let at = Vec2::new(f64::from(m.node[0] - first[0]), f64::from(m.node[1] - first[1])) * pitch_px;
+            let drawn = found.sensor.camera_from_rectified(at + found.origin_px());
+            let off_pitch = (drawn - m.camera_px).length() / pitch_px;
+            assert!(off_pitch < 0.3, "seed {seed}, {flip:?}: node {:?} is drawn {off_pitch} pitch off", m.node);
+        }
+        // As many rows as there are, and a few of what mirrors them.
+        let rows_px = found.sensor.rectified_px().height as f64;
+        let true_rows =
+            nodes.iter().map(|n| n.y).fold(f64::MIN, f64::max) - nodes.iter().map(|n| n.y).fold(f64::MAX, f64::min);
+        println!("seed {seed}, {flip:?}: {} rows of {}", rows_px / pitch_px - 1.5, true_rows);
+    }
+}
+
 /// How a finger came out; errors in pitches, RMS.
 enum Tally {
     Refused,

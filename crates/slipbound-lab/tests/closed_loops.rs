@@ -21,8 +21,8 @@ const HEAD: &str = "# Closed loops in simulation\n\n\
     four seconds then, but for a `lift` whose camera is lost. The tool to `place` is tilted by 6 deg. Written by\n\
     `REGENERATE=1 cargo test -p slipbound-lab --test closed_loops`. *least* and\n\
     *most*: commanded force from the end of grasping on, N per finger, until a release. `constant` reacts to no camera and `paper`\n\
-    as `on_slip` does: one fault each.\n\n\
-    | task | controller | fault | ended | least N | most N | slid mm | slips | alarms |\n|---|---|---|---|---|---|---|---|---|\n";
+    as `on_slip` does: one fault each. *well*: in truth it did what the task is for.\n\n\
+    | task | controller | fault | ended | least N | most N | slid mm | slips | alarms | well |\n|---|---|---|---|---|---|---|---|---|---|\n";
 
 /// The range of what was commanded after grasping, and the slips.
 #[derive(Default)]
@@ -71,8 +71,12 @@ fn line(task: TaskKind, controller: ControllerKind, fault: &str) -> String {
     );
     let least = watch.least_n.map_or("-".into(), |n| format!("{n:.0}"));
     format!(
-        "| {task} | {controller} | {fault} | {ended} | {least} | {:.0} | {:.1} | {} | {} |",
-        watch.most_n, score.slid_mm, watch.slips_count, score.alarms_count
+        "| {task} | {controller} | {fault} | {ended} | {least} | {:.0} | {:.1} | {} | {} | {} |",
+        watch.most_n,
+        score.slid_mm,
+        watch.slips_count,
+        score.alarms_count,
+        if score.succeeded(task) { "yes" } else { "-" }
     )
 }
 
@@ -136,4 +140,15 @@ fn no_fault_of_a_camera_lowers_the_grip() {
         let least_n: f64 = row[5].parse().unwrap_or(10.0);
         assert!(least_n >= 10.0, "{row:?}");
     }
+}
+
+/// A tool that is laid down stands on the ground, and is not pressed onto it.
+#[test]
+fn without_a_fault_every_tool_is_laid_down_softly() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/closed_loops.md");
+    let table = std::fs::read_to_string(path).expect("testdata/closed_loops.md is there");
+    let laid_down: Vec<&str> =
+        table.lines().filter(|line| line.starts_with("| place") && line.contains("| none |")).collect();
+    assert_eq!(laid_down.len(), 4);
+    assert!(laid_down.iter().all(|line| line.ends_with("| yes |")), "{laid_down:#?}");
 }

@@ -7,7 +7,7 @@ use slipbound::hand::{HandReport, HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
 use slipbound::sensor::Sensor;
-use slipbound::task::{Ending, Missing, Observation, Phase, Task, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, Ending, Missing, Observation, Phase, Task, TaskKind, TaskSettings};
 
 /// A cap, a gripper and a wrist that follow at once; the shear is what the test says it is at each angle.
 struct Bench {
