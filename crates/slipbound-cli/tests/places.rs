@@ -1,0 +1,42 @@
+//! Where commands write: what is there of somebody else stays, and what cannot be written is a failure (exit code 1) told by its path.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn slipbound(folder: &Path, line: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
+    command.current_dir(folder).args(line.split(' ')).output().expect("runs")
+}
+
+fn told(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// A folder with a short press of a finger, `clip`, and a file of somebody else, `notes`.
+fn clip() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = "press?rest_frames=3&press_s=0.1&settle_s=0.1&hold_s=0.1&grid=fast";
+    let done = slipbound(folder.path(), &format!("simulate {scene} -o clip"));
+    assert!(done.status.success(), "{}", told(&done));
+    fs::write(folder.path().join("notes"), "mine").expect("written");
+    folder
+}
+
+/// Sources are told by their ending: under another name a recording is never found again.
+#[test]
+fn a_recording_has_the_name_of_one() {
+    let folder = clip();
+    let hold = "hold clip --sensor clip/sensor.toml --gripper dry --for-s 0";
+    for (line, said) in [
+        ("record clip -o r.txt", "--output r.txt: expected a FILE.mcap, got a name that ends in .txt"),
+        ("record clip -o r.MCAP", "--output r.MCAP: expected a FILE.mcap, got a name that ends in .MCAP"),
+        ("watch clip --record r", "--record r: expected a FILE.mcap, got a name without an ending"),
+        ("demo --task lift --record=r.bag", "--record r.bag: expected a FILE.mcap"),
+        (&format!("{hold} --record=r.jsonl"), "--record r.jsonl: expected a FILE.mcap"),
+    ] {
+        let done = slipbound(folder.path(), line);
+        assert!(done.status.code() == Some(2) && told(&done).contains(said), "{line}: {}", told(&done));
+    }
+    assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 2, "nothing was written");
+}
