@@ -40,3 +40,48 @@ fn a_recording_has_the_name_of_one() {
     }
     assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 2, "nothing was written");
 }
+
+#[test]
+fn what_cannot_be_written_is_a_failure_told_by_its_path() {
+    let folder = clip();
+    let hold = "hold clip --sensor clip/sensor.toml --gripper dry --for-s 0";
+    for (line, place) in [
+        ("record clip -o notes/r.mcap", "notes/r.mcap"),
+        ("watch clip --record notes/r.mcap", "notes/r.mcap"),
+        (&format!("{hold} --record=notes/r.mcap"), "notes/r.mcap"),
+        (&format!("{hold} -o notes/run"), "notes/run"),
+        ("demo --task lift --record=notes/r.mcap", "notes/r.mcap"),
+        ("demo --task lift -o notes/run", "notes/run"),
+        ("eval table1 --trials 1 --detector paper -o notes/ev", "notes/ev"),
+        ("paper --trials 1 -o notes/paper", "notes/paper"),
+    ] {
+        let done = slipbound(folder.path(), line);
+        let said = format!("{place}: cannot write: ");
+        assert!(done.status.code() == Some(1) && told(&done).contains(&said), "{line}: {}", told(&done));
+    }
+}
+
+#[test]
+fn files_and_folders_of_somebody_else_stay() {
+    let folder = clip();
+    for name in ["notes", "mine/report.html", "mine/paper.html"] {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+        fs::write(&path, "mine").expect("written");
+    }
+    for (line, said) in [
+        (
+            "eval table1 --trials 1 --detector paper -o mine",
+            "mine: expected a new or empty folder, or one with sweep.json",
+        ),
+        ("paper --trials 1 -o mine", "mine: expected a new or empty folder, or one with table1/sweep.json"),
+        ("emulate wsg50 --log notes", "--log: expected a new file, or one that slipbound wrote, got notes"),
+    ] {
+        let done = slipbound(folder.path(), line);
+        assert!(done.status.code() == Some(2) && told(&done).contains(said), "{line}: {}", told(&done));
+    }
+    for name in ["notes", "mine/report.html", "mine/paper.html"] {
+        assert_eq!(fs::read_to_string(folder.path().join(name)).expect("there"), "mine", "{name}");
+    }
+    assert_eq!(fs::read_dir(folder.path().join("mine")).expect("there").count(), 2, "nothing beside them");
+}
