@@ -61,6 +61,23 @@ fn what_cannot_be_written_is_a_failure_told_by_its_path() {
     }
 }
 
+/// Not after an hour of frames.
+#[test]
+fn a_page_that_cannot_be_written_is_told_of_before_the_first_frame() {
+    let folder = clip();
+    let done = slipbound(folder.path(), "watch clip --report nowhere/page.html --json lines.jsonl");
+    assert!(done.status.code() == Some(1), "{}", told(&done));
+    assert!(
+        told(&done).contains("nowhere/page.html: cannot write: ") && !told(&done).contains("frames"),
+        "{}",
+        told(&done)
+    );
+    let lines = fs::read_to_string(folder.path().join("lines.jsonl")).unwrap_or_default();
+    assert!(lines.lines().count() <= 1, "{lines}");
+    let done = slipbound(folder.path(), "watch clip --report page.html");
+    assert!(done.status.success(), "{}", told(&done));
+}
+
 #[test]
 fn files_and_folders_of_somebody_else_stay() {
     let folder = clip();
