@@ -102,3 +102,23 @@ fn files_and_folders_of_somebody_else_stay() {
     }
     assert_eq!(fs::read_dir(folder.path().join("mine")).expect("there").count(), 2, "nothing beside them");
 }
+
+/// What is named is no camera to be plugged in, and no folder of a run.
+#[test]
+fn a_name_that_leads_nowhere_is_told_what_to_do() {
+    let folder = clip();
+    fs::write(folder.path().join("run.mcap"), "").expect("written");
+    for (line, said) in [
+        ("doctor nowhere", "nowhere: expected a folder, an image, a video"),
+        (
+            "replay run.mcap",
+            "run.mcap: expected the folder of a run, got a file; `slipbound convert run.mcap -o FOLDER`",
+        ),
+        ("replay notes", "notes: expected the folder of a run, got a file"),
+    ] {
+        let done = slipbound(folder.path(), line);
+        assert!(done.status.code() == Some(2) && told(&done).contains(said), "{line}: {}", told(&done));
+    }
+    let done = slipbound(folder.path(), "scenes ramp");
+    assert!(told(&done).contains("see `slipbound scenes`") && !told(&done).contains("see below"), "{}", told(&done));
+}
