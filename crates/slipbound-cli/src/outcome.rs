@@ -1,7 +1,9 @@
 //! How a command can end.
 
 use slipbound::port::SourceError;
+use slipbound_lab::eval::FolderError;
 use slipbound_rig::gripper::{self, SessionError};
+use slipbound_rig::{container, run};
 use std::error::Error;
 use std::fmt::Display;
 
@@ -47,6 +49,33 @@ impl From<anyhow::Error> for Failure {
 impl From<SourceError> for Failure {
     fn from(e: SourceError) -> Self {
         Failure::Work(e.into())
+    }
+}
+
+/// The folder of a run that cannot be written to; what it holds, or the name of a finger, was a wrong argument.
+impl From<run::Error> for Failure {
+    fn from(e: run::Error) -> Self {
+        match e {
+            run::Error::Write { .. } | run::Error::Encode { .. } => Failure::Work(e.into()),
+            other => Failure::arguments(other),
+        }
+    }
+}
+
+/// A recording that cannot be written.
+impl From<container::Error> for Failure {
+    fn from(e: container::Error) -> Self {
+        Failure::Work(e.into())
+    }
+}
+
+/// The folder of a sweep that cannot be written to; one that cannot be read, or holds something else, was a wrong argument.
+impl From<FolderError> for Failure {
+    fn from(e: FolderError) -> Self {
+        match e {
+            FolderError::Write { .. } => Failure::Work(e.into()),
+            other => Failure::arguments(other),
+        }
     }
 }
 

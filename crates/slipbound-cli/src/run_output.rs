@@ -39,7 +39,7 @@ pub struct RunOutput {
 impl RunOutput {
     /// Begins a run in a folder that is new or empty.
     pub fn create(folder: &Path, info: &RunInfo, keeps_frames: bool) -> Result<Self, Failure> {
-        let recorder = RunRecorder::create(folder, info, keeps_frames).map_err(Failure::arguments)?;
+        let recorder = RunRecorder::create(folder, info, keeps_frames)?;
         Ok(RunOutput {
             recorder: Some(recorder),
             container: None,

@@ -132,6 +132,31 @@ fn what_cannot_be_done_is_refused_with_the_reason_and_leaves_no_file() {
     }
 }
 
+/// The picture with the grid may be somebody's photo; --weight-g writes none.
+#[test]
+fn a_picture_that_is_there_stays() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let photo = folder.path().join("a.png");
+    let done = slipbound(folder.path(), &["simulate", "twist?grid=fast", "--seed", "3", "-o", "twist"]);
+    assert!(done.status.success(), "{done:?}");
+    std::fs::write(&photo, "mine").expect("writes");
+    let told = |words: &[&str]| {
+        let done = slipbound(folder.path(), words);
+        (done.status.code(), String::from_utf8_lossy(&done.stderr).into_owned())
+    };
+    let words = ["calibrate", "twist", "-o", "a.toml", "--flip", "vertical", "--skin", "fabric"];
+    let (code, message) = told(&words);
+    let expected = "expected a new file, or --force to overwrite it, got a.png, which is there";
+    assert!(code == Some(2) && message.contains(expected), "{message}");
+    assert!(!folder.path().join("a.toml").exists());
+    let (_, message) = told(&[&words[..4], &["--weight-g", "100", "--sensor", "gelslim"]].concat());
+    assert!(!message.contains("a.png") && !message.is_empty(), "{message}");
+    assert_eq!(std::fs::read_to_string(&photo).expect("there"), "mine");
+    let (code, message) = told(&[&words[..], &["--force"]].concat());
+    assert_eq!(code, Some(0), "{message}");
+    assert!(std::fs::read(&photo).expect("there").starts_with(b"\x89PNG"));
+}
+
 /// Two simulated fingers hold 300 g that first stand and then hang. What comes out is the stiffness that the simulated
 /// gel has, shear modulus over thickness, to 15 %: markers under a pressed weave are not all found.
 #[test]
@@ -164,6 +189,13 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
     assert!((ratio - 1.0).abs() < 0.15, "{ratio} of the gel's; {}", shear.provenance);
 
     std::fs::remove_file(&path).expect("written");
+    // In kilograms.
+    let light = words("duck", "duck/sensor.toml").map(|word| if word == "300" { "0.3" } else { word });
+    let done = slipbound(folder.path(), &light);
+    let message = String::from_utf8_lossy(&done.stderr);
+    assert!(done.status.code() == Some(2) && message.contains("--weight-g 0.3: expected grams that give"), "{message}");
+    assert!(message.contains("got 0.000") && !path.exists(), "{message}");
+
     simulate(&format!("{held}&object=water_bottle&camera=gelsight_mini"), "bottle");
     let done = slipbound(folder.path(), &words("bottle", "bottle/sensor.toml"));
     let message = String::from_utf8_lossy(&done.stderr);

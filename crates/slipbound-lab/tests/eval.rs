@@ -150,6 +150,23 @@ fn records_in_a_folder_outlive_a_resumed_sweep_that_is_killed() {
 }
 
 #[test]
+fn a_folder_of_something_else_is_refused_and_stays_as_it_is() {
+    let (root, protocol) =
+        (tempfile::tempdir().expect("a folder"), simulated("slides", 5, Some(2)).expect("a protocol"));
+    let open = |path: &Path| SweepFolder::open(path, &sweep(&*protocol), &["ours"], Shard::WHOLE);
+    fs::write(root.path().join("report.html"), "mine").expect("writes");
+    let error = open(root.path()).expect_err("mine").to_string();
+    let expected = "expected a new or empty folder, or one with sweep.json, got one that holds `report.html`";
+    assert!(error.contains(expected), "{error}");
+    assert_eq!(fs::read_dir(root.path()).expect("a folder").count(), 1);
+    // Killed before it had begun.
+    let killed = root.path().join("killed");
+    fs::create_dir(&killed).expect("made");
+    ["trials.jsonl", "sweep.json.unfinished"].iter().for_each(|name| fs::write(killed.join(name), "").expect("writes"));
+    drop(open(&killed).expect("goes on"));
+}
+
+#[test]
 fn a_sweep_that_is_stopped_says_so_and_keeps_what_it_has() {
     let protocol = simulated("ramps", SEED, Some(3)).expect("there is one");
     let stop = std::sync::atomic::AtomicBool::new(false);

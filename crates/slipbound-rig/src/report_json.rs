@@ -7,7 +7,8 @@
 //!  "contact":{"area_px2":22786,"area_mm2":128.1,"quality":0.93},
 //!  "markers":{"detected":224,"matched":224,"lost":0,"inner":24},"reference_seq":0,"grip_n":null,
 //!  "motion":{"translation_px":[5.1,0.2],"rotation_rad":0.01,"icr_px":null},
-//!  "slip":{"markers_over":9,"markers_needed":2,"max_px":7.2,"max_mm":0.54,"kind":"translation","direction_rad":0.05},
+//!  "slip":{"markers_over":9,"markers_needed":2,"threshold_pitch":0.296,"max_pitch":0.36,"max_mm":0.54,"kind":"translation",
+//!  "direction_rad":0.05},
 //!  "stick_ratio":{"value":0.52,"sd":0.1,"age_frames":0},"margin":{"value":0.46,"sd":0.08,"age_frames":0},
 //!  "shear_n":null,"torque_nmm":null,"friction":null}
 //! ```

@@ -5,6 +5,7 @@
 //! | report | its first line begins with `{"format":"slipbound-report"` |
 //! | finger at rest | it begins with `{"format":"slipbound-rest"` |
 //! | timings | its first line begins with `{"seq":` and names a time in microseconds |
+//! | log of an emulator | its first line begins with `{"unix_ns":` and tells whether the block is carried |
 //! | table | its first line begins with `finger,frame,seq,time_ns,state,reason,contact_area_px2` |
 //! | slips | its first line begins with `{"slip":` |
 //! | page | `<meta name="generator" content="slipbound"/>` |
@@ -33,11 +34,14 @@ fn has_our_start(start: &[u8]) -> bool {
     let is_report = start.starts_with(b"{\"format\":\"slipbound-report\"");
     let is_rest = start.starts_with(rest_file::START);
     let is_timings = first_line.starts_with(b"{\"seq\":") && first_line.windows(5).any(|part| part == b"_us\":");
+    let is_block_log =
+        first_line.starts_with(b"{\"unix_ns\":") && first_line.ends_with(b"}") && holds(b",\"is_carried\":");
     let is_picture = start.starts_with(b"\x89PNG") && holds(b"tEXtSoftware\0slipbound");
     let is_table = start.starts_with(b"finger,frame,seq,time_ns,state,reason,contact_area_px2");
     let is_slips = start.starts_with(b"{\"slip\":");
     let is_page = start.starts_with(b"<!DOCTYPE html>") && holds(b"<meta name=\"generator\" content=\"slipbound\"/>");
-    is_report || is_rest || is_table || is_slips || is_page || is_timings || is_picture || avi_writer::is_ours(start)
+    let is_lines = is_report || is_rest || is_table || is_slips || is_timings || is_block_log;
+    is_lines || is_page || is_picture || avi_writer::is_ours(start)
 }
 
 #[cfg(test)]
@@ -50,6 +54,8 @@ mod tests {
             (&b"{\"format\":\"slipbound-report\",\"format_version\":1"[..], true),
             (b"{\"format\":\"slipbound-rest\",\"format_version\":1", true),
             (b"{\"seq\":0,\"imprint_us\":12.0,\"all_us\":13.0}\n", true),
+            (b"{\"unix_ns\":1,\"force_n\":0.000,\"is_carried\":false}\n{", true),
+            (b"{\"unix_ns\":1}\n{\"is_carried\":false}\n", true),
             (b"finger,frame,seq,time_ns,state,reason,contact_area_px2,contact_area_mm2\n", true),
             (b"{\"slip\":1,\"finger\":\"left\"}\n", true),
             (b"<!DOCTYPE html>\n<html><meta name=\"generator\" content=\"slipbound\"/>", true),

@@ -10,7 +10,7 @@ use slipbound::image::{Rgb, SizePx};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, WristMotion};
 use slipbound::task::Ending;
-use slipbound_rig::run::{self, Event, RunFolder, RunInfo, TimedEvent};
+use slipbound_rig::run::{self, Event, Row, RunFolder, RunInfo, TimedEvent};
 use std::fs;
 use std::path::Path;
 
@@ -220,6 +220,26 @@ fn a_run_that_held_to_its_end_is_not_called_broken_off() {
     let (held, left) = (ends(Some(Ending::Held)), ends(None));
     assert!(held.contains("</b> in all") && !held.contains("until it broke off"), "{held}");
     assert!(left.contains("</b> until it broke off"), "{left}");
+}
+
+/// A tool can stand, and have been put down too hard.
+#[test]
+fn a_missed_target_is_told_beside_the_ending() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ends = |oks: &[Option<bool>]| {
+        let scratch = tempfile::tempdir_in(folder.path()).expect("a folder");
+        let run = written(scratch.path(), &screw::info(), &screw::cycles()[..20]);
+        let row = |ok: &Option<bool>| Row { name: format!("force {ok:?}"), ok: *ok, ..Row::default() };
+        let rows: Vec<Row> = oks.iter().map(row).collect();
+        fs::read_to_string(run.finish(&rows, Some(Ending::Placed)).expect("finishes")).expect("reads")
+    };
+    let (met, missed) = (ends(&[None, Some(true)]), ends(&[Some(true), Some(false)]));
+    assert!(
+        met.contains("<p class=\"ending good\"><strong>Placed</strong>") && !met.contains("target missed"),
+        "{met}"
+    );
+    assert!(missed.contains("<p class=\"ending bad\"><strong>Placed</strong>"), "{missed}");
+    assert!(missed.contains("; target missed: force Some(false).</p>"), "{missed}");
 }
 
 #[test]

@@ -186,7 +186,7 @@ impl Demo {
     fn recorder(&self, info: &RunInfo) -> Result<Option<Recorder>, Failure> {
         let Some(Some(path)) = &self.record else { return Ok(None) };
         inputs::refuse_recording("--record", path, &[], &[self.settings.as_deref()])?;
-        let recorder = Recorder::create(path, &info.finger_names(), true).map_err(Failure::arguments)?;
+        let recorder = Recorder::create(path, &info.finger_names(), true)?;
         describe(&recorder, info)?;
         Ok(Some(recorder))
     }

@@ -15,7 +15,7 @@ use slipbound_rig::gripper::{Device, Session, describe};
 use slipbound_rig::link::now_ns;
 use slipbound_rig::rest_file::{RestFileError, SavedRest};
 use slipbound_rig::sensors;
-use slipbound_rig::source::most_common_size;
+use slipbound_rig::source::{self, most_common_size};
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::thread;
@@ -96,6 +96,8 @@ impl Doctor {
     fn look(&self) -> Result<Looked, Failure> {
         let (mut source, camera) = match recording::open_watched(&self.source, None) {
             Ok(opened) => opened,
+            // A file or a folder that is not there is no camera to be plugged in.
+            Err(refused @ Failure::Arguments(_)) if !source::is_live(&self.source) => return Err(refused),
             Err(Failure::Work(e) | Failure::Arguments(e)) => {
                 let advice = "plug it in and look at `slipbound devices`; of a stream, open its address in a browser";
                 return Ok(Err(bad("camera", format!("{e:#}"), advice)));

@@ -3,6 +3,7 @@
 mod hand;
 
 use self::hand::Hand;
+use super::inputs;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -39,6 +40,9 @@ pub struct Emulate {
     /// Log force and motion of the block, one JSON object every 10 ms
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Overwrite a log that this program did not write
+    #[arg(long, requires = "log")]
+    force: bool,
     /// Faults, joined by commas; see below
     #[arg(long, value_name = "FAULTS", default_value = "")]
     fail: Faults,
@@ -77,6 +81,9 @@ impl Emulate {
         if let (Some(port), "robotiq-rtu") = (self.port, name) {
             let expected = "expected none for robotiq-rtu, which makes a serial device of its own";
             return Err(Failure::Arguments(anyhow::anyhow!("--port: {expected}, got {port}")));
+        }
+        if let (Some(log), false) = (&self.log, self.force) {
+            inputs::refuse_foreign("--log", log)?;
         }
         let interrupted = interruption::listen()?;
         let emulator = by_name(name).ok_or_else(|| anyhow::anyhow!("no emulator is called {name}"))?;

@@ -101,7 +101,7 @@ impl Eval {
         };
         let names: Vec<&str> = detectors.iter().map(|entry| entry.name).collect();
         let path = self.output.clone().unwrap_or_else(|| format!("eval-{}", self.protocol).into());
-        let mut folder = SweepFolder::open(&path, &sweep, &names, self.shard).map_err(Failure::arguments)?;
+        let mut folder = SweepFolder::open(&path, &sweep, &names, self.shard)?;
         self.judge(&*protocol, &detectors, &mut folder)?;
         self.finish(&*protocol, &folder)
     }
@@ -238,8 +238,8 @@ impl Eval {
         let first = self.folders.first().ok_or_else(|| {
             Failure::Arguments(anyhow::Error::msg("merge: expected the folders of all shards, got none"))
         })?;
-        let protocol = self.protocol_again(&SweepFolder::sweep_of(first).map_err(Failure::arguments)?)?;
-        let folder = SweepFolder::merge(&self.folders, &into).map_err(Failure::arguments)?;
+        let protocol = self.protocol_again(&SweepFolder::sweep_of(first)?)?;
+        let folder = SweepFolder::merge(&self.folders, &into)?;
         self.finish(&*protocol, &folder)
     }
 
@@ -274,12 +274,11 @@ impl Eval {
         let tables = protocol.tables(folder.records());
         let json = serde_json::to_string_pretty(&table::json(folder.sweep(), &tables));
         let json = json.map_err(|error| Failure::work("table.json", error))?;
-        let failed = |error| Failure::Work(anyhow::Error::new(error));
-        folder.write("table.md", table::markdown(folder.sweep(), &tables).as_bytes()).map_err(failed)?;
-        folder.write("table.json", (json + "\n").as_bytes()).map_err(failed)?;
+        folder.write("table.md", table::markdown(folder.sweep(), &tables).as_bytes())?;
+        folder.write("table.json", (json + "\n").as_bytes())?;
         let pictures = pictures::of_worst(protocol, folder.records(), self.pictures)?;
         let page = page::of(folder.sweep(), folder.records(), &tables, pictures);
-        folder.write("report.html", page.to_string().as_bytes()).map_err(failed)?;
+        folder.write("report.html", page.to_string().as_bytes())?;
         let mut terminal = Terminal::plain();
         for table in tables.iter().take(1) {
             terminal.say(&table.markdown())?;

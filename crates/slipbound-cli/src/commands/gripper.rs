@@ -91,7 +91,10 @@ impl Gripper {
             }
         };
         terminal.say(&describe(&state))?;
-        Ok(Outcome::Done)
+        match self.action {
+            Action::Grasp { force_n } if state.jaws != Jaws::Holding => Err(not_held(force_n, state.jaws)),
+            _ => Ok(Outcome::Done),
+        }
     }
 }
 
@@ -113,6 +116,19 @@ impl Gripper {
             }
         }
     }
+}
+
+/// A grasp that ended without an object, and why where the jaws tell.
+fn not_held(force_n: f64, jaws: Jaws) -> Failure {
+    let got = match jaws {
+        Jaws::Nothing => "jaws that closed on nothing",
+        Jaws::Lost => "jaws that have lost it",
+        Jaws::Stopped => "jaws that have stopped: find out why, then `slipbound gripper ADDRESS acknowledge`",
+        Jaws::Open => "open jaws",
+        Jaws::Closing => "jaws that are still closing",
+        Jaws::Unknown | Jaws::Holding => "jaws that do not tell",
+    };
+    Failure::Work(anyhow!("expected an object held with {force_n} N per finger, got {got}"))
 }
 
 fn say_verdict(terminal: &mut Terminal, verdict: &Verdict) -> Result<Outcome, Failure> {

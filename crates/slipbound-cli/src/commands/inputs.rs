@@ -1,8 +1,9 @@
-//! A recording that is written must not destroy what is read.
+//! What is written must not destroy what is read, nor a file of somebody else.
 
 use crate::outcome::Failure;
 use anyhow::anyhow;
 use slipbound_rig::source::{image_files, mcap_file};
+use slipbound_rig::written;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
@@ -40,8 +41,33 @@ pub fn refuse_within(option: &str, path: &Path, folder: &Path) -> Result<(), Fai
     }
 }
 
+/// Refuses a file that is there and was not written by us.
+pub fn refuse_foreign(option: &str, file: &Path) -> Result<(), Failure> {
+    match file.is_file() && !written::is_ours(file).unwrap_or(false) {
+        false => Ok(()),
+        true => {
+            let file = file.display();
+            let expected = "expected a new file, or one that slipbound wrote";
+            Err(Failure::Arguments(anyhow!("{option}: {expected}, got {file} (--force overwrites it)")))
+        }
+    }
+}
+
+/// Refuses a recording that no reader would take for one, for sources are told by their ending; pipes and devices have none.
+pub fn refuse_ending(option: &str, path: &Path) -> Result<(), Failure> {
+    let is_special = fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir());
+    if is_special || path.extension().is_some_and(|ending| ending == "mcap") {
+        return Ok(());
+    }
+    let got = match path.extension() {
+        Some(ending) => format!("a name that ends in .{}", ending.display()),
+        None => "a name without an ending".into(),
+    };
+    Err(Failure::Arguments(anyhow!("{option} {}: expected a FILE.mcap, got {got}", path.display())))
+}
+
 /// Refuses a recording that would fall on a source, on one of its pictures, on another file that is read, or on a file that
-/// is no recording. `option`: what names the recording.
+/// is no recording, and one whose name is not that of a recording. `option`: what names the recording.
 pub fn refuse_recording(
     option: &str,
     path: &Path,
@@ -49,7 +75,7 @@ pub fn refuse_recording(
     others: &[Option<&Path>],
 ) -> Result<(), Failure> {
     if !path.is_file() {
-        return Ok(());
+        return refuse_ending(option, path);
     }
     let is_read = sources.iter().any(|source| {
         let file = mcap_file(source).map_or(source.as_str(), |(file, _)| file);
@@ -62,7 +88,7 @@ pub fn refuse_recording(
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(MCAP.len() as u64).read_to_end(&mut start));
     match read.is_ok() && (start.is_empty() || start == MCAP) {
-        true => Ok(()),
+        true => refuse_ending(option, path),
         false => Err(Failure::Arguments(anyhow!("{option}: expected a new file or a recording, got {shown}"))),
     }
 }

@@ -13,11 +13,12 @@ mod tasks;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
-use slipbound_lab::eval::folder::{Shard, SweepFolder};
+use slipbound_lab::eval::folder::{self, Shard, SweepFolder};
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, simulated, table};
 use slipbound_lab::rivals::{DETECTORS, Entry};
 use slipbound_rig::sheet::{Part, Sheet};
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -41,7 +42,8 @@ pub struct Paper {
 impl Paper {
     /// Makes every figure and table.
     pub fn run(&self) -> Result<Outcome, Failure> {
-        fs::create_dir_all(&self.output).map_err(|error| Failure::work(self.output.display().to_string(), error))?;
+        folder::refuse_used(&self.output, "table1/sweep.json", &["table1"])?;
+        fs::create_dir_all(&self.output).map_err(|error| cannot_write(&self.output, error))?;
         let stop = interruption::listen()?;
         let mut parts = vec![Part::Heading("The steps of the method".into())];
         parts.extend(steps::method()?);
@@ -63,7 +65,7 @@ impl Paper {
             parts,
         };
         let page = self.output.join("paper.html");
-        write(&page, sheet.to_string().as_bytes())?;
+        fs::write(&page, sheet.to_string()).map_err(|error| cannot_write(&page, error))?;
         Terminal::plain().say(&format!("page: {}", page.display()))?;
         Ok(Outcome::Done)
     }
@@ -81,7 +83,7 @@ impl Paper {
         };
         let names = DETECTORS.map(|entry| entry.name);
         let path = self.output.join("table1");
-        let mut folder = SweepFolder::open(&path, &sweep, &names, Shard::WHOLE).map_err(Failure::arguments)?;
+        let mut folder = SweepFolder::open(&path, &sweep, &names, Shard::WHOLE)?;
         let missing = folder.missing();
         let bar = Terminal::with_bar_of(missing.len() as u64, "trials");
         let jobs = self.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
@@ -100,8 +102,7 @@ impl Paper {
         bar.clear_bar();
         ran.map_err(|error: SweepError| Failure::Work(error.into()))?;
         let tables = protocol.tables(folder.records());
-        let written = folder.write("table.md", table::markdown(&sweep, &tables).as_bytes());
-        written.map_err(|error| Failure::Work(error.into()))?;
+        folder.write("table.md", table::markdown(&sweep, &tables).as_bytes())?;
         let mut parts = Vec::new();
         for table in tables.iter().take(3) {
             parts.push(Part::Text(format!("{}. {}", table.title, table.note)));
@@ -111,6 +112,6 @@ impl Paper {
     }
 }
 
-fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    fs::write(path, bytes).map_err(|error| Failure::work(path.display().to_string(), error))
+fn cannot_write(path: &Path, error: io::Error) -> Failure {
+    Failure::work(format!("{}: cannot write", path.display()), error)
 }

@@ -56,7 +56,7 @@ impl Record {
         }
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
         inputs::refuse_recording("--output", &self.output, &self.sources, &[self.sensor.as_deref().map(Path::new)])?;
-        let recorder = Recorder::create(&self.output, &names, false).map_err(Failure::arguments)?;
+        let recorder = Recorder::create(&self.output, &names, false)?;
         if let Some(sensor) = sensor {
             let text = toml::to_string(&sensor).map_err(|e| Failure::work("sensor", e))?;
             names

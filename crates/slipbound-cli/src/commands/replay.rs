@@ -2,6 +2,7 @@
 
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
+use anyhow::anyhow;
 use slipbound_rig::run::{self, ReplayError};
 use std::path::PathBuf;
 
@@ -15,6 +16,14 @@ pub struct Replay {
 impl Replay {
     /// Runs the loop over what was recorded; fails at the first command that differs.
     pub fn run(&self) -> Result<Outcome, Failure> {
+        if self.folder.is_file() {
+            let file = self.folder.display();
+            let advice = match self.folder.extension().is_some_and(|ending| ending == "mcap") {
+                true => format!("; `slipbound convert {file} -o FOLDER` makes one of a recorded run"),
+                false => String::new(),
+            };
+            return Err(Failure::Arguments(anyhow!("{file}: expected the folder of a run, got a file{advice}")));
+        }
         let failed = |error| match error {
             ReplayError::Folder(_) | ReplayError::Sensor(_) | ReplayError::Rest(_) | ReplayError::Setting(_) => {
                 Failure::arguments(error)

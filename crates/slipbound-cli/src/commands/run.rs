@@ -191,7 +191,7 @@ impl Hardware {
             describe(recorder, &info)?;
         }
         // Before the gripper is looked for, and nothing is made before it is found.
-        run::refuse_used_folder(&folder).map_err(Failure::arguments)?;
+        run::refuse_used_folder(&folder)?;
         let stop = interruption::listen()?;
         let mut gripper = gripper::Device::open(&self.gripper, self.gripper_config.as_deref())?;
         let mut wrist = wrist::open(wrist).map_err(|error| match error {
@@ -399,7 +399,7 @@ impl Hardware {
             &others.into_iter().chain(rests).collect::<Vec<_>>(),
         )?;
         let names: Vec<String> = fingers.iter().map(|finger| finger.name.clone()).collect();
-        Recorder::create(path, &names, true).map(Some).map_err(Failure::arguments)
+        Ok(Some(Recorder::create(path, &names, true)?))
     }
 
     /// What else decides how it goes: the gripper, and what every camera was set to.

@@ -15,7 +15,7 @@ pub fn run(name: Option<&str>) -> Result<Outcome, Failure> {
         let mut rows = vec![["PARAMETER", "RANGE", "DEFAULT", "WHAT"].map(str::to_owned)];
         rows.extend(scene.keys().map(|key| {
             let own = scene.defaults.iter().find(|(own, _)| *own == key.name).map(|(_, value)| *value);
-            [key.name, &range(key), own.unwrap_or(key.default), key.what].map(str::to_owned)
+            [key.name, &range(key, "see `slipbound scenes`"), own.unwrap_or(key.default), key.what].map(str::to_owned)
         }));
         table(&mut terminal, &rows)?;
         terminal.say("")?;
@@ -34,7 +34,7 @@ pub fn run(name: Option<&str>) -> Result<Outcome, Failure> {
     rows.push(["seed", "a whole number", "0", "what noise and faults are drawn from"].map(str::to_owned));
     rows.extend(COMMON_KEYS.iter().chain(SCENE_KEYS).map(|key| {
         let default = if key.default.is_empty() { "by scene" } else { key.default };
-        [key.name.to_owned(), range(key), default.to_owned(), key.what.to_owned()]
+        [key.name.to_owned(), range(key, "see below"), default.to_owned(), key.what.to_owned()]
     }));
     table(&mut terminal, &rows)?;
 
@@ -50,13 +50,14 @@ pub fn run(name: Option<&str>) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
-fn range(key: &Key) -> String {
+/// `objects`: where these are.
+fn range(key: &Key, objects: &str) -> String {
     match key.kind {
         Kind::Number(low, high) => format!("{low} to {high}"),
         Kind::Count(low, high) => format!("{low} to {high}"),
         Kind::OfObject(low, high) => format!("{low} to {high}, object"),
         Kind::Word(words) => words.join(", "),
-        Kind::Object => "see below".into(),
+        Kind::Object => objects.to_owned(),
         Kind::Faults => "drop late stale torn blur dead drift flicker".into(),
     }
 }

@@ -111,8 +111,7 @@ impl Watch {
         overwriting::refuse_endings(self)?;
         overwriting::refuse(self)?;
         let fingers = [self.finger.clone()];
-        let recorder = self.record.as_deref().map(|path| Recorder::create(path, &fingers, true));
-        let recorder = recorder.transpose().map_err(Failure::arguments)?;
+        let recorder = self.record.as_deref().map(|path| Recorder::create(path, &fingers, true)).transpose()?;
         let (mut recording, camera) = recording::open_watched(&self.source, recorder.as_ref())?;
         if let (Some(recorder), Some(_)) = (&recorder, &camera) {
             recorder.begin(); // with the frames that the finger at rest is found in

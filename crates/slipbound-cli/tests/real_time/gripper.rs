@@ -120,9 +120,6 @@ fn the_other_protocols_grasp_too() {
 
 #[test]
 fn what_a_gripper_cannot_do_is_told() {
-    let emulator = Emulator::new(&["wsg50", "--width", "0"]);
-    let (code, out, _) = emulator.gripper(WIDE, &["grasp", "30"]);
-    assert!(code == Some(0) && out.contains("jaws nothing"), "{out}");
     let emulator = Emulator::new(&["wsg50", "--fail", "refuse-force"]);
     let (code, _, err) = emulator.gripper(WIDE, &["grasp", "30"]);
     assert!(code == Some(1) && err.contains("got status 28, out of range"), "{err}");
@@ -131,6 +128,24 @@ fn what_a_gripper_cannot_do_is_told() {
     let (code, _, err) = emulator.gripper(WIDE, &["status"]);
     assert!(code == Some(1) && err.contains("expected a sign of life every 500 ms"), "{err}");
     assert!(from.elapsed() < Duration::from_secs(6));
+}
+
+/// A script that goes on after `grasp` believes that it holds something.
+#[test]
+fn a_grasp_of_nothing_is_a_failure() {
+    let grasps = |arguments: &[&str], state: &str, got: &str| {
+        let (code, out, err) = Emulator::new(arguments).gripper(WIDE, &["grasp", "30"]);
+        assert!(out.contains(state), "{arguments:?}: {out} {err}");
+        let expected = "expected an object held with 30 N per finger, got ";
+        assert!(code == Some(1) && err.contains(&format!("{expected}{got}")), "{arguments:?}: {code:?} {err}");
+    };
+    // All at the same time: most of it is waiting for jaws.
+    thread::scope(|scope| {
+        for name in ["wsg50", "gcl", "robotiq", "line"] {
+            scope.spawn(move || grasps(&[name, "--width", "0"], "jaws nothing", "jaws that closed on nothing"));
+        }
+        scope.spawn(|| grasps(&["wsg50", "--fail", "fast-stop@1500"], "jaws stopped", "jaws that have stopped"));
+    });
 }
 
 #[test]

@@ -3,5 +3,6 @@
 
 mod full_disk;
 mod gripper;
+mod latency;
 mod link_faults;
 mod live;

@@ -54,3 +54,23 @@ fn the_report_fits_the_published_schema_and_has_nothing_of_our_clock() {
         assert!(faults.is_empty(), "{line}: {faults:?}");
     }
 }
+
+/// The example in the source, which is what rustdoc shows, has no key that a report does not have.
+#[test]
+fn the_line_that_the_documentation_shows_has_the_keys_of_the_schema() {
+    fn keys<'a>(value: &'a serde_json::Value, of: &mut Vec<&'a str>) {
+        for (key, value) in value.as_object().into_iter().flatten() {
+            of.push(key);
+            keys(value, of);
+        }
+    }
+    let source = include_str!("../../../slipbound-rig/src/report_json.rs");
+    let shown = source.split("//! ```").nth(1).and_then(|shown| shown.strip_prefix("json")).expect("an example");
+    let line: serde_json::Value = serde_json::from_str(&shown.replace("//!", "")).expect("JSON");
+    let mut shown = Vec::new();
+    keys(&line, &mut shown);
+    assert!(shown.contains(&"max_pitch"), "{shown:?}");
+    let schema = include_str!("../../../../docs/report.schema.json");
+    let unknown: Vec<&&str> = shown.iter().filter(|key| !schema.contains(&format!("\"{key}\""))).collect();
+    assert!(unknown.is_empty(), "{unknown:?}");
+}

@@ -27,13 +27,31 @@ pub enum EvalError {
 /// Why a folder cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
-    /// A file cannot be read or written.
-    #[error("{path}: {source}", path = .path.display())]
-    File {
+    /// A file or the folder cannot be written.
+    #[error("{path}: cannot write: {source}", path = .path.display())]
+    Write {
         /// The file.
         path: PathBuf,
         /// Why.
         source: io::Error,
+    },
+    /// A file cannot be read.
+    #[error("{path}: cannot read: {source}", path = .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// It holds something that is of no sweep.
+    #[error("{folder}: expected a new or empty folder, or one with {expected}, got one that holds `{found}`", folder = .folder.display())]
+    NotEmpty {
+        /// The folder.
+        folder: PathBuf,
+        /// The file by which it is known.
+        expected: String,
+        /// One of the names in it.
+        found: String,
     },
     /// Another program writes to it.
     #[error("{path}: expected a folder that no other `slipbound eval` writes to, got one that is in use", path = .path.display())]

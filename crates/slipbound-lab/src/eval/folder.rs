@@ -47,8 +47,28 @@ struct SweepFile {
 
 const FORMAT: &str = "slipbound-eval-1";
 
+/// Names of which the first is there from the moment a sweep has begun; the others may be left by one that was killed before.
+const SWEEP_FILE: &str = "sweep.json";
+const BEFORE_IT: [&str; 2] = ["trials.jsonl", "sweep.json.unfinished"];
+
 fn file(path: &Path) -> impl FnOnce(io::Error) -> FolderError + '_ {
-    move |source| FolderError::File { path: path.to_owned(), source }
+    move |source| FolderError::Write { path: path.to_owned(), source }
+}
+
+fn unread(path: &Path) -> impl FnOnce(io::Error) -> FolderError + '_ {
+    move |source| FolderError::Read { path: path.to_owned(), source }
+}
+
+/// Refuses a folder that holds something and not the file `mark`, by which it is known as ours; names `before_it` may be there
+/// without it. Makes none.
+pub fn refuse_used(folder: &Path, mark: &str, before_it: &[&str]) -> Result<(), FolderError> {
+    // What is wrong with it otherwise is told when it is made.
+    let names = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
+    let found = names.map(|name| name.to_string_lossy().into_owned()).find(|name| !before_it.contains(&name.as_str()));
+    match found.filter(|_| !folder.join(mark).exists()) {
+        None => Ok(()),
+        Some(found) => Err(FolderError::NotEmpty { folder: folder.to_owned(), expected: mark.to_owned(), found }),
+    }
 }
 
 /// The folder of a sweep or of a shard of one.
@@ -62,11 +82,11 @@ pub struct SweepFolder {
 
 impl SweepFolder {
     /// Makes a folder, or goes on with one of the same sweep: its whole trials are kept as they are, a line or a trial at the end that was
-    /// half written is cut off. Refuses records of which nothing says what sweep they are of, and detectors that are not there once each.
+    /// half written is cut off. Refuses a folder of something else, records of which nothing says what sweep they are of, and detectors that are not there once each.
     pub fn open(path: &Path, sweep: &Sweep, detectors: &[&str], shard: Shard) -> Result<Self, FolderError> {
         let detectors = detectors.iter().map(|&name| name.to_owned()).collect();
         let about = SweepFile { format: FORMAT.into(), sweep: sweep.clone(), detectors, shard };
-        let about_path = path.join("sweep.json");
+        let about_path = path.join(SWEEP_FILE);
         let is_twice = |(n, name): (usize, &String)| about.detectors[..n].contains(name);
         if about.detectors.is_empty() || about.detectors.iter().enumerate().any(is_twice) {
             return Err(FolderError::Value {
@@ -76,6 +96,7 @@ impl SweepFolder {
                 got: format!("`{}`", about.detectors.join(", ")),
             });
         }
+        refuse_used(path, SWEEP_FILE, &BEFORE_IT)?;
         fs::create_dir_all(path).map_err(file(path))?;
         let lines_path = path.join("trials.jsonl");
         // Held until the folder is dropped; the lock of a program that was killed goes with it.
@@ -232,7 +253,7 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), FolderError> {
 }
 
 fn read_about(path: &Path) -> Result<SweepFile, FolderError> {
-    let text = fs::read_to_string(path).map_err(file(path))?;
+    let text = fs::read_to_string(path).map_err(unread(path))?;
     serde_json::from_str(&text).map_err(|error| FolderError::Value {
         path: path.to_owned(),
         key: "sweep.json".into(),
@@ -283,7 +304,7 @@ fn whole_trials(path: &Path, about: &SweepFile) -> Result<(Vec<TrialRecord>, u64
     let bytes = match fs::read(path) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok((Vec::new(), 0)),
-        Err(error) => return Err(file(path)(error)),
+        Err(error) => return Err(unread(path)(error)),
     };
     let broken = |n: usize, expected: String, got: String| FolderError::Value {
         path: path.to_owned(),

@@ -12,6 +12,13 @@ use slipbound::sensor::{Sensor, Shear};
 use slipbound::setting::SettingError;
 use std::ops::Range;
 
+/// Shear modulus over thickness that a gel can have, MPa/mm: gels of tactile fingers have a modulus of 0.05 to 0.2 MPa and
+/// are 1 to 6 mm thick, 0.008 to 0.2 MPa/mm; ten times more either way for what the model leaves out.
+const GEL_MPA_PER_MM: [f64; 2] = [0.0008, 2.0];
+
+/// Pitch of a grid of which it is not known, mm; that of the GelSlim is 1.5.
+const PITCHES_MM: [f64; 2] = [1.0, 3.0];
+
 /// What hangs on the finger, and when.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HangingMass {
@@ -60,6 +67,21 @@ pub enum HangingMassError {
     /// The held and the hanging frames give no stiffness.
     #[error(transparent)]
     Shear(#[from] ShearError),
+    /// No gel is that soft or stiff: the mass is not the one that hangs there.
+    #[error(
+        "--weight-g {mass_g}: expected grams that give a stiffness from {low:.2} to {high:.2} N per marker and pitch, got {got:.6} \
+         (is it the mass in grams, and are the --fingers those that share it?)",
+        low = expected_n_per_pitch[0],
+        high = expected_n_per_pitch[1]
+    )]
+    Implausible {
+        /// The mass, g.
+        mass_g: f64,
+        /// What a gel can have, N per marker and pitch.
+        expected_n_per_pitch: [f64; 2],
+        /// What it would have.
+        got: f64,
+    },
 }
 
 impl HangingMass {
@@ -89,8 +111,18 @@ impl HangingMass {
         let held = self.held.as_ref().map_or_else(|| stationary_held(&before, &hanging).to_vec(), within);
         let (mass_g, fingers_count) = (self.mass_g, self.fingers_count);
         let shear = shear_stiffness(monitor.sensor(), &held, &hanging, mass_g, fingers_count, &self.recording)?;
+        let (expected_n_per_pitch, got) = (plausible_n_per_pitch(sensor), shear.stiffness_n_per_pitch);
+        if !(expected_n_per_pitch[0]..=expected_n_per_pitch[1]).contains(&got) {
+            return Err(HangingMassError::Implausible { mass_g, expected_n_per_pitch, got });
+        }
         Ok(MeasuredShear { shear, torn_count })
     }
+}
+
+/// The stiffness that a gel can have, N per marker and pitch.
+fn plausible_n_per_pitch(sensor: &Sensor) -> [f64; 2] {
+    let pitches_mm = sensor.pitch_mm.map_or(PITCHES_MM, |pitch_mm| [pitch_mm; 2]);
+    [0, 1].map(|i| GEL_MPA_PER_MM[i] * pitches_mm[i].powi(3))
 }
 
 /// A monitor whose rest frame is the start of the recording, untouched.

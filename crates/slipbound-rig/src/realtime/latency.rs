@@ -59,7 +59,7 @@ pub enum Blocks {
     Disk,
     /// Two of them: the folder and the terminal.
     DiskAndTerminal,
-    /// The camera of the last finger, for seconds at a time, from a frame after the grasp on.
+    /// The camera of the last finger of several, for seconds at a time, from a frame after the grasp on.
     Camera,
 }
 
@@ -116,6 +116,9 @@ pub enum LatencyError {
     /// The loop failed.
     #[error(transparent)]
     Control(#[from] ControlError),
+    /// It was interrupted before every cycle was measured.
+    #[error("interrupted")]
+    Interrupted,
     /// The gripper held nothing, or the loop ended before every cycle was measured.
     #[error("the gripper never held anything")]
     NothingHeld,
@@ -135,14 +138,20 @@ impl Latency {
 }
 
 impl LatencyTrial {
-    /// Runs the loop over the frames in real time; the gripper is left holding.
-    pub fn run(&self, hand: &HandFrames, gripper: &mut dyn Gripper) -> Result<Latency, LatencyError> {
+    /// Runs the loop over the frames in real time until it is `interrupted`; the gripper is left holding.
+    pub fn run(
+        &self,
+        hand: &HandFrames,
+        gripper: &mut dyn Gripper,
+        interrupted: &AtomicBool,
+    ) -> Result<Latency, LatencyError> {
         let (mut control, cameras) = self.control(hand)?;
         let Cameras { ticks, mut due } = cameras;
         let (due_ns, stop) = (Cell::new(now_ns()), AtomicBool::new(false));
         let period_ns = 1_000_000_000 / u64::from(self.rate_hz.max(1));
         let mut next_ns = now_ns();
         let mut is_due = || {
+            stop.fetch_or(interrupted.load(Ordering::Relaxed), Ordering::Relaxed);
             if now_ns() >= next_ns {
                 due_ns.set(now_ns());
                 next_ns = (next_ns + period_ns).max(now_ns());
@@ -175,6 +184,7 @@ impl LatencyTrial {
                 took_ns.sort_unstable();
                 Ok(Latency { took_ns, confirmed_count })
             }
+            Err(ControlError::Interrupted) if interrupted.load(Ordering::Relaxed) => Err(LatencyError::Interrupted),
             Ok(()) | Err(ControlError::Interrupted) => Err(LatencyError::NothingHeld),
             Err(error) => Err(error.into()),
         }

@@ -94,12 +94,20 @@ impl Page<'_> {
     fn head(&self, f: &mut fmt::Formatter<'_>, title: &str) -> fmt::Result {
         writeln!(f, "<header>\n<p class=\"above\">Slipbound run</p>\n<h1>{}</h1>", Escaped(title))?;
         writeln!(f, "<p class=\"below\">{}</p>", Escaped(&self.info.source_in_words()))?;
-        let (class, name, why) = match self.ending {
-            Some(ending) if ending.is_success() => ("good", ending_name(ending), ending.evidence()),
-            Some(ending) => ("bad", ending_name(ending), ending.evidence()),
-            None => ("bad", "Broken off".to_owned(), "the loop stopped before the task was over"),
+        let (name, why) = match self.ending {
+            Some(ending) => (ending_name(ending), ending.evidence()),
+            None => ("Broken off".to_owned(), "the loop stopped before the task was over"),
         };
-        writeln!(f, "<p class=\"ending {class}\"><strong>{}</strong>: {}.</p>", Escaped(&name), Escaped(why))?;
+        // A task can end as it should with a target missed on the way.
+        let missed = self.results.iter().filter(|row| row.ok == Some(false)).map(|row| row.name.as_str());
+        let missed: Vec<&str> = missed.collect();
+        let is_good = missed.is_empty() && self.ending.is_some_and(Ending::is_success);
+        let class = if is_good { "good" } else { "bad" };
+        write!(f, "<p class=\"ending {class}\"><strong>{}</strong>: {}", Escaped(&name), Escaped(why))?;
+        if !missed.is_empty() {
+            write!(f, "; target missed: {}", Escaped(&missed.join(", ")))?;
+        }
+        writeln!(f, ".</p>")?;
         let commanded_n = self.cycles.iter().filter_map(|c| c.grip_command.force_n());
         let most_n = commanded_n.filter(|n| n.is_finite()).fold(0.0, f64::max);
         let last = self.cycles.last();

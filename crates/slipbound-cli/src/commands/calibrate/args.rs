@@ -18,7 +18,7 @@ pub struct Calibrate {
     /// The sensor file to write; a picture with the grid drawn in goes beside it
     #[arg(short, long, value_name = "FILE.toml", value_parser = toml_name)]
     pub(super) output: PathBuf,
-    /// Overwrite a sensor file that is there
+    /// Overwrite a sensor file or a picture that is there
     #[arg(long)]
     pub(super) force: bool,
     /// Distance between neighbouring markers on the gel, measured by you; without it no millimetre is reported
@@ -130,8 +130,8 @@ impl Calibrate {
         self.output.with_extension("png")
     }
 
-    /// Neither the file nor the picture may fall on the source; a sensor file that is there stays, for somebody may have
-    /// edited it. Adding the stiffness to the file of `--sensor` itself changes nothing else in it.
+    /// Neither the file nor the picture may fall on the source; either stays where it is there, for somebody may have edited
+    /// the file, and the picture may be another. A weight leaves no picture. Adding the stiffness to the file of `--sensor` itself changes nothing else in it.
     pub(super) fn refuse_overwriting(&self) -> Result<(), Failure> {
         let is = |path: &Path, other: &str| {
             fs::canonicalize(path).is_ok_and(|path| fs::canonicalize(other).is_ok_and(|other| other == path))
@@ -141,12 +141,16 @@ impl Calibrate {
             return Err(Failure::Arguments(anyhow!("--output: expected a place of its own, got {path}, the source")));
         }
         let is_amended = self.weight_g.is_some() && self.sensor.as_deref().is_some_and(|s| is(&self.output, s));
-        if self.output.is_file() && !self.force && !is_amended {
-            let path = self.output.display();
-            let expected = "expected a new file, or --force to overwrite it";
-            return Err(Failure::Arguments(anyhow!("--output: {expected}, got {path}, which is there")));
+        let file = Some(self.output.clone()).filter(|_| !is_amended);
+        let picture = Some(self.picture()).filter(|_| self.weight_g.is_none());
+        match file.into_iter().chain(picture).find(|path| path.is_file()) {
+            Some(path) if !self.force => {
+                let expected = "expected a new file, or --force to overwrite it";
+                let path = path.display();
+                Err(Failure::Arguments(anyhow!("--output: {expected}, got {path}, which is there")))
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// Writes the sensor file.

@@ -14,9 +14,9 @@ use slipbound_rig::report_summary::ReportSummary;
 use slipbound_rig::run::RecordingPage;
 use slipbound_rig::timings::{Stopwatch, Timings};
 use slipbound_rig::whole_lines::WholeLines;
-use std::fs;
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What the report's header says beyond arguments, finger and settings.
 pub struct Origin {
@@ -59,6 +59,8 @@ impl Outputs {
         monitor: &SlipMonitor,
         recorder: Option<&Recorder>,
     ) -> Result<Self, Failure> {
+        // The page is written at the end: that it cannot be is told before the first frame.
+        args.report.iter().try_for_each(|path| refuse_unwritable(path).map_err(|e| cannot_write(path, e)))?;
         let page = args.report.as_ref().map(|path| {
             (path.clone(), RecordingPage::new(&args.source, &args.finger, origin.note.as_deref(), monitor))
         });
@@ -175,11 +177,23 @@ impl Outputs {
     }
 }
 
+/// Fails where a file could not be written; makes none, and leaves one that is there as it is.
+fn refuse_unwritable(path: &Path) -> io::Result<()> {
+    match fs::metadata(path) {
+        Ok(there) if !there.is_file() && !there.is_dir() => Ok(()), // a pipe: who reads it would see its end
+        Ok(_) => OpenOptions::new().write(true).open(path).map(drop),
+        Err(_) => {
+            drop(File::create_new(path)?);
+            fs::remove_file(path)
+        }
+    }
+}
+
 fn cannot_draw(e: overlay::Error) -> Failure {
     Failure::Work(e.into())
 }
 
-fn cannot_write(path: &std::path::Path, e: io::Error) -> Failure {
+fn cannot_write(path: &Path, e: io::Error) -> Failure {
     if path.as_os_str() == "-" && e.kind() == ErrorKind::BrokenPipe {
         return Failure::ReaderLeft;
     }

@@ -1,10 +1,10 @@
 //! What is written must not destroy what is read, nor what else is written.
 
 use super::args::{RestArgument, Watch};
-use crate::commands::inputs::is_same;
+use crate::commands::inputs::{self, is_same};
 use crate::outcome::Failure;
 use anyhow::anyhow;
-use slipbound_rig::{overlay::is_numbered, source::image_files, written};
+use slipbound_rig::{overlay::is_numbered, source::image_files};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,6 @@ pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
         ),
         ("--slips", &args.slips, &["csv", "html", "xlsx", "parquet", "pkl"], "a file of JSON lines"),
         ("--report", &args.report, &["pdf", "md", "json", "jsonl", "csv", "png"], "a page, FILE.html"),
-        ("--record", &args.record, &["avi", "bag", "db3", "mp4", "json", "jsonl"], "a FILE.mcap"),
     ] {
         let Some(path) = path else { continue };
         if path.as_os_str() == "-" && name != "--json" {
@@ -39,7 +38,7 @@ pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
             )));
         }
     }
-    Ok(())
+    args.record.as_deref().map_or(Ok(()), |path| inputs::refuse_ending("--record", path))
 }
 
 /// Refuses outputs that would fall on an input or on each other.
@@ -105,14 +104,7 @@ fn refuse_foreign(name: &str, place: &Path) -> Result<(), Failure> {
         Ok(entries) => entries.flatten().map(|entry| entry.path()).filter(|path| is_numbered(path)).collect(),
         Err(_) => vec![place.to_owned()],
     };
-    match files.iter().find(|file| file.is_file() && !written::is_ours(file).unwrap_or(false)) {
-        None => Ok(()),
-        Some(file) => {
-            let file = file.display();
-            let expected = "expected a new file, or one that slipbound wrote";
-            Err(Failure::Arguments(anyhow!("{name}: {expected}, got {file} (--force overwrites it)")))
-        }
-    }
+    files.iter().try_for_each(|file| inputs::refuse_foreign(name, file))
 }
 
 /// Where a file is or would be; None for devices and pipes, which hold nothing, and for folders that are not there.

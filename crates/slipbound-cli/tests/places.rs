@@ -1,0 +1,124 @@
+//! Where commands write: what is there of somebody else stays, and what cannot be written is a failure (exit code 1) told by its path.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn slipbound(folder: &Path, line: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
+    command.current_dir(folder).args(line.split(' ')).output().expect("runs")
+}
+
+fn told(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// A folder with a short press of a finger, `clip`, and a file of somebody else, `notes`.
+fn clip() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = "press?rest_frames=3&press_s=0.1&settle_s=0.1&hold_s=0.1&grid=fast";
+    let done = slipbound(folder.path(), &format!("simulate {scene} -o clip"));
+    assert!(done.status.success(), "{}", told(&done));
+    fs::write(folder.path().join("notes"), "mine").expect("written");
+    folder
+}
+
+/// Sources are told by their ending: under another name a recording is never found again.
+#[test]
+fn a_recording_has_the_name_of_one() {
+    let folder = clip();
+    let hold = "hold clip --sensor clip/sensor.toml --gripper dry --for-s 0";
+    for (line, said) in [
+        ("record clip -o r.txt", "--output r.txt: expected a FILE.mcap, got a name that ends in .txt"),
+        ("record clip -o r.MCAP", "--output r.MCAP: expected a FILE.mcap, got a name that ends in .MCAP"),
+        ("watch clip --record r", "--record r: expected a FILE.mcap, got a name without an ending"),
+        ("demo --task lift --record=r.bag", "--record r.bag: expected a FILE.mcap"),
+        (&format!("{hold} --record=r.jsonl"), "--record r.jsonl: expected a FILE.mcap"),
+    ] {
+        let done = slipbound(folder.path(), line);
+        assert!(done.status.code() == Some(2) && told(&done).contains(said), "{line}: {}", told(&done));
+    }
+    assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 2, "nothing was written");
+}
+
+#[test]
+fn what_cannot_be_written_is_a_failure_told_by_its_path() {
+    let folder = clip();
+    let hold = "hold clip --sensor clip/sensor.toml --gripper dry --for-s 0";
+    for (line, place) in [
+        ("record clip -o notes/r.mcap", "notes/r.mcap"),
+        ("watch clip --record notes/r.mcap", "notes/r.mcap"),
+        (&format!("{hold} --record=notes/r.mcap"), "notes/r.mcap"),
+        (&format!("{hold} -o notes/run"), "notes/run"),
+        ("demo --task lift --record=notes/r.mcap", "notes/r.mcap"),
+        ("demo --task lift -o notes/run", "notes/run"),
+        ("eval table1 --trials 1 --detector paper -o notes/ev", "notes/ev"),
+        ("paper --trials 1 -o notes/paper", "notes/paper"),
+    ] {
+        let done = slipbound(folder.path(), line);
+        let said = format!("{place}: cannot write: ");
+        assert!(done.status.code() == Some(1) && told(&done).contains(&said), "{line}: {}", told(&done));
+    }
+}
+
+/// Not after an hour of frames.
+#[test]
+fn a_page_that_cannot_be_written_is_told_of_before_the_first_frame() {
+    let folder = clip();
+    let done = slipbound(folder.path(), "watch clip --report nowhere/page.html --json lines.jsonl");
+    assert!(done.status.code() == Some(1), "{}", told(&done));
+    assert!(
+        told(&done).contains("nowhere/page.html: cannot write: ") && !told(&done).contains("frames"),
+        "{}",
+        told(&done)
+    );
+    let lines = fs::read_to_string(folder.path().join("lines.jsonl")).unwrap_or_default();
+    assert!(lines.lines().count() <= 1, "{lines}");
+    let done = slipbound(folder.path(), "watch clip --report page.html");
+    assert!(done.status.success(), "{}", told(&done));
+}
+
+#[test]
+fn files_and_folders_of_somebody_else_stay() {
+    let folder = clip();
+    for name in ["notes", "mine/report.html", "mine/paper.html"] {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+        fs::write(&path, "mine").expect("written");
+    }
+    for (line, said) in [
+        (
+            "eval table1 --trials 1 --detector paper -o mine",
+            "mine: expected a new or empty folder, or one with sweep.json",
+        ),
+        ("paper --trials 1 -o mine", "mine: expected a new or empty folder, or one with table1/sweep.json"),
+        ("emulate wsg50 --log notes", "--log: expected a new file, or one that slipbound wrote, got notes"),
+    ] {
+        let done = slipbound(folder.path(), line);
+        assert!(done.status.code() == Some(2) && told(&done).contains(said), "{line}: {}", told(&done));
+    }
+    for name in ["notes", "mine/report.html", "mine/paper.html"] {
+        assert_eq!(fs::read_to_string(folder.path().join(name)).expect("there"), "mine", "{name}");
+    }
+    assert_eq!(fs::read_dir(folder.path().join("mine")).expect("there").count(), 2, "nothing beside them");
+}
+
+/// What is named is no camera to be plugged in, and no folder of a run.
+#[test]
+fn a_name_that_leads_nowhere_is_told_what_to_do() {
+    let folder = clip();
+    fs::write(folder.path().join("run.mcap"), "").expect("written");
+    for (line, said) in [
+        ("doctor nowhere", "nowhere: expected a folder, an image, a video"),
+        (
+            "replay run.mcap",
+            "run.mcap: expected the folder of a run, got a file; `slipbound convert run.mcap -o FOLDER`",
+        ),
+        ("replay notes", "notes: expected the folder of a run, got a file"),
+    ] {
+        let done = slipbound(folder.path(), line);
+        assert!(done.status.code() == Some(2) && told(&done).contains(said), "{line}: {}", told(&done));
+    }
+    let done = slipbound(folder.path(), "scenes ramp");
+    assert!(told(&done).contains("see `slipbound scenes`") && !told(&done).contains("see below"), "{}", told(&done));
+}
