@@ -85,9 +85,10 @@ pub fn pictures_of<'py>(pictures: &Bound<'py, PyAny>, order: ByteOrder) -> PyRes
     pictures.try_iter()?.map(|picture| Picture::new(&picture?, order)).collect()
 }
 
-/// Whether an array of this shape is one picture, or no picture at all; N x H x W is N grey ones.
+/// Whether an array of this shape is one picture, or no picture at all; N x H x W is N grey ones, unless so few columns can only
+/// be channels.
 fn is_one(shape: &[usize]) -> bool {
-    matches!(shape, [] | [_] | [_, _] | [_, _, 1 | 3 | 4])
+    matches!(shape, [] | [_] | [_, _] | [_, _, 0..=4])
 }
 
 /// The view with its third axis, of one channel or three.
