@@ -167,7 +167,7 @@ def calibrate(
     Parameters
     ----------
     image : array or sequence of arrays
-        One picture or several, uint8, H x W x 3 or H x W.
+        One picture or several, uint8, H x W x 3 or H x W; also one array of several, N x H x W x 3 or N x H x W.
     name : str
         What this kind of finger is called.
     skin : {"smooth", "fabric"}
@@ -202,5 +202,4 @@ def calibrate(
     >>> slipbound.Sensor.from_toml(mine.to_toml()) == mine
     True
     """
-    images = [image] if isinstance(image, np.ndarray) and image.ndim < 4 else list(image)
-    return _native.calibrate(images, name, skin, flip, polarity, pitch_mm, serial, description, order)
+    return _native.calibrate(image, name, skin, flip, polarity, pitch_mm, serial, description, order)

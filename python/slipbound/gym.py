@@ -45,8 +45,9 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """The grip force is the action, one number in N per finger and cycle (1/30 s); the task moves the wrist.
 
     An observation is the left finger's picture (uint8, H x W x 3, RGB) and :data:`NUMBERS`. The reward of a cycle is minus
-    the part of the largest force that is used, minus a tenth of a point for every mm that the object slid; 100 when the
-    task ends well, minus 100 when it does not.
+    the part of the largest force that was commanded, minus a tenth of a point for every mm that the object slid; 100 when
+    the task ends well, minus 100 when it does not. While the jaws close, the task commands a force of its own and the action
+    is not asked for; once it releases, none is commanded.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 30}
@@ -98,7 +99,8 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         slid_mm = truth["slid_mm"] - self._slid_mm
         self._slid_mm = truth["slid_mm"]
         ended, over = self._cycle.has_ended, self._cycle.outcome == "source_ended"
-        reward = -self._told.force_n / FORCES_N[1] - 0.1 * slid_mm
+        # What was commanded: while the jaws close the action is not asked for.
+        reward = -(self._cycle.force_n or 0.0) / FORCES_N[1] - 0.1 * slid_mm
         if ended or over:
             reward += 100.0 if self._hand.score["succeeded"] else -100.0
         return self._observation(), reward, ended, over and not ended, {"slid_mm": self._slid_mm}

@@ -4,8 +4,9 @@ use crate::cycle::Cycle;
 use crate::errors::{config as config_error, data, exclusive, guarded, setting};
 use crate::monitor::rest_given;
 use crate::picture::byte_order;
-use crate::ports::{PythonController, PythonGripper, PythonObserver, PythonSource, PythonWrist, Raised};
+use crate::ports::{Held, PythonController, PythonGripper, PythonObserver, PythonSource, PythonWrist, Raised};
 use crate::sensor::{Sensor, sensor_of, settings_of};
+use pyo3::gc::{PyTraverseError, PyVisit};
 use pyo3::prelude::*;
 use slipbound::control::{ControlError as CoreControlError, ControlLoop as CoreLoop, CycleOutcome};
 use slipbound::finger_pipeline::FingerPipeline;
@@ -22,13 +23,14 @@ use std::sync::Mutex;
 
 pyo3::import_exception!(slipbound._errors, ControlError);
 
-/// A task with a controller of the settings, or one written in Python.
+/// A task with a controller of the settings, or one written in Python, which is told to `held`.
 fn task_of(
     kind: TaskKind,
     controller: &Bound<'_, PyAny>,
     mut settings: TaskSettings,
     sensor: &CoreSensor,
     raised: &Raised,
+    held: &mut Vec<Held>,
 ) -> PyResult<Box<dyn Task + Send>> {
     let stiffness_mpa_per_mm = sensor.shear_stiffness_mpa_per_mm();
     settings.check_finger(kind, sensor).map_err(setting)?;
@@ -36,7 +38,9 @@ fn task_of(
         settings.controller = name.parse::<ControllerKind>().map_err(setting)?;
         settings.task(kind, stiffness_mpa_per_mm)
     } else {
-        let controller = Box::new(PythonController::new(controller.clone().unbind(), raised.clone()));
+        let object = Held::new(controller.clone().unbind());
+        held.push(object.clone());
+        let controller = Box::new(PythonController::new(object, raised.clone()));
         settings.check().map_err(setting)?;
         settings.task_with(kind, Guard::new(controller, settings.grip), stiffness_mpa_per_mm)
     };
@@ -108,6 +112,8 @@ fn finished<E: std::fmt::Display>(
 #[pyclass(frozen, module = "slipbound.control")]
 pub struct Loop {
     raised: Raised,
+    /// What the sources and the controller of `control` call.
+    held: Vec<Held>,
     control: Mutex<Running>,
 }
 
@@ -143,7 +149,7 @@ impl Loop {
         settings: Option<&Bound<'_, PyAny>>,
         order: &str,
     ) -> PyResult<Self> {
-        let raised = Raised::default();
+        let (raised, mut held) = (Raised::default(), Vec::new());
         let order = byte_order(order)?;
         let mut pipelines: Vec<FingerPipeline> = Vec::new();
         for finger in fingers {
@@ -156,6 +162,8 @@ impl Loop {
             let sensor = sensor_of(&finger.sensor)?;
             let monitor = settings_of(finger.settings.as_ref())?;
             let rest = rest_given(py, &rest, order, &sensor, &monitor)?;
+            let object = Held::new(object);
+            held.push(object.clone());
             let source = Box::new(PythonSource { object, order, raised: raised.clone(), frames_count: 0 });
             let (sensor, monitor) = ((*sensor).clone(), (*monitor).clone());
             let finger = FingerPipeline::new(&name, Mounting { side, turn_rad }, sensor, monitor, source);
@@ -172,10 +180,10 @@ impl Loop {
                 expected: "one to four".into(),
             }));
         };
-        let task =
-            task_of(task.parse().map_err(setting)?, controller, task_settings(settings)?, first.sensor(), &raised)?;
+        let (kind, settings) = (task.parse().map_err(setting)?, task_settings(settings)?);
+        let task = task_of(kind, controller, settings, first.sensor(), &raised, &mut held)?;
         let control = CoreLoop::new(pipelines, task).map_err(setting)?;
-        Ok(Loop { raised, control: Mutex::new(Running { control, last_ns: 0 }) })
+        Ok(Loop { raised, held, control: Mutex::new(Running { control, last_ns: 0 }) })
     }
 
     /// One cycle.
@@ -229,6 +237,14 @@ impl Loop {
         })?;
         raised.take().map_or(Ok(()), Err)
     }
+
+    fn __traverse__(&self, visit: PyVisit<'_>) -> Result<(), PyTraverseError> {
+        self.held.iter().try_for_each(|object| object.traverse(&visit))
+    }
+
+    fn __clear__(&self) {
+        self.held.iter().for_each(Held::clear);
+    }
 }
 
 /// A simulated hand at its task, cycle by cycle. See `slipbound.lab.hand`.
@@ -237,6 +253,8 @@ pub struct HandRun {
     scene: HandScene,
     task: TaskKind,
     raised: Raised,
+    /// What the controller of `run` calls.
+    held: Vec<Held>,
     run: Mutex<LockStep>,
 }
 
@@ -256,11 +274,12 @@ impl HandRun {
         let separator = if scene.contains('?') { "&" } else { "?" };
         let scene = HandScene::parse(&format!("{scene}{separator}{}", joined.join("&"))).map_err(setting)?;
         let task = scene.task();
-        let (settings, monitor, raised) = (task_settings(settings)?, settings_of(monitor)?, Raised::default());
+        let (settings, monitor) = (task_settings(settings)?, settings_of(monitor)?);
+        let (raised, mut held) = (Raised::default(), Vec::new());
         let hand = py.detach(|| guarded(|| SimHand::new(&scene).map_err(setting)))?;
-        let at_work = task_of(task, controller, settings, &hand.sensor(0), &raised)?;
+        let at_work = task_of(task, controller, settings, &hand.sensor(0), &raised, &mut held)?;
         let run = LockStep::around(&scene, hand, at_work, &monitor, None).map_err(setting)?;
-        Ok(HandRun { scene, task, raised, run: Mutex::new(run) })
+        Ok(HandRun { scene, task, raised, held, run: Mutex::new(run) })
     }
 
     /// One cycle of the loop, then 1/30 s of the world.
@@ -341,5 +360,13 @@ impl HandRun {
     #[getter]
     fn task(&self) -> String {
         self.task.to_string()
+    }
+
+    fn __traverse__(&self, visit: PyVisit<'_>) -> Result<(), PyTraverseError> {
+        self.held.iter().try_for_each(|object| object.traverse(&visit))
+    }
+
+    fn __clear__(&self) {
+        self.held.iter().for_each(Held::clear);
     }
 }

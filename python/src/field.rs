@@ -2,7 +2,7 @@
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::prelude::*;
-use slipbound::image::Mask;
+use slipbound::image::{Mask, SizePx};
 use slipbound::monitor::{Marker, SlipMonitor};
 use slipbound::pixels::morphology::Element;
 use slipbound::plane::Vec2;
@@ -14,25 +14,27 @@ use std::sync::Arc;
 pub struct Kept {
     pub sensor: Arc<Sensor>,
     pub markers: Vec<Marker>,
+    /// Size of the frame, where no monitor has said whether it fits.
+    pub unjudged_px: Option<SizePx>,
     /// Contact region and what erodes it to the inner one; None without contact.
     regions: Option<(Mask, Option<Element>)>,
 }
 
 impl Kept {
-    /// Nothing is known yet.
-    pub fn nothing(sensor: Arc<Sensor>) -> Self {
-        Kept { sensor, markers: Vec::new(), regions: None }
+    /// Nothing is known yet, of a frame of this size.
+    pub fn nothing(sensor: Arc<Sensor>, frame_px: SizePx) -> Self {
+        Kept { sensor, markers: Vec::new(), unjudged_px: Some(frame_px), regions: None }
     }
 
     /// As the monitor has it after a frame; `touched`: whether there is a contact.
     pub fn of(monitor: &SlipMonitor, sensor: Arc<Sensor>, touched: bool) -> Self {
         let regions = touched.then(|| (monitor.contact_region().clone(), monitor.inner_erosion().cloned()));
-        Kept { sensor, markers: monitor.markers().to_vec(), regions }
+        Kept { sensor, markers: monitor.markers().to_vec(), unjudged_px: None, regions }
     }
 
     /// Shows it for an overlay.
     pub fn seen<R>(&self, draw: impl FnOnce(Seen<'_>) -> R) -> R {
-        let Kept { sensor, markers, regions } = self;
+        let Kept { sensor, markers, regions, .. } = self;
         match regions {
             Some((contact_region, inner)) => {
                 draw(Seen { sensor, markers, contact_region, inner_erosion: inner.as_ref() })

@@ -25,8 +25,13 @@ pub struct Simulation {
 /// See the package's `lab.simulate`.
 #[pyfunction]
 #[pyo3(signature = (scene, seed, parameters))]
-pub fn simulate(scene: &str, seed: Option<u64>, parameters: Vec<(String, String)>) -> PyResult<Simulation> {
-    guarded(|| {
+pub fn simulate(
+    py: Python<'_>,
+    scene: &str,
+    seed: Option<u64>,
+    parameters: Vec<(String, String)>,
+) -> PyResult<Simulation> {
+    let made = || {
         let mut trial = Trial::parse(scene).map_err(setting)?;
         if let Some(seed) = seed {
             trial = trial.with("seed", &seed.to_string()).map_err(setting)?;
@@ -38,7 +43,9 @@ pub fn simulate(scene: &str, seed: Option<u64>, parameters: Vec<(String, String)
         let rest_mm = world.markers_at_rest_mm().iter().map(|p| [p.x, p.y]).collect();
         let (sensor, grid) = (Arc::new(world.sensor()), world.grid());
         Ok(Simulation { trial, sensor, grid, rest_mm, world: Mutex::new(world) })
-    })
+    };
+    // A world takes a few tenths of a second to make.
+    py.detach(|| guarded(made))
 }
 
 #[pymethods]

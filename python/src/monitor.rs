@@ -2,10 +2,9 @@
 
 use crate::errors::{FrameError, SettingError, exclusive, guarded, rest as rest_error, setting};
 use crate::field::Kept;
-use crate::picture::{Picture, buffer, byte_order};
+use crate::picture::{Picture, buffer, byte_order, pictures_of};
 use crate::report::Report;
 use crate::sensor::{Sensor, Settings, sensor_of, settings_of};
-use numpy::{PyUntypedArray, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use slipbound::finger_pipeline::{RestFinder, rest_from};
@@ -235,8 +234,16 @@ impl Monitor {
             }
             Phase::Looking(finder) => finder,
         };
-        let new = || RestFinder::new(&self.sensor, &self.settings, frame.pixels.size()).map(Box::new).map_err(setting);
-        let mut looking = finder.take().map_or_else(new, Ok)?;
+        let size = frame.pixels.size();
+        let nothing = || Kept::nothing(self.sensor.clone(), size);
+        // Such a frame says nothing of the others: the search goes on with them.
+        if let Err(error) = self.sensor.at_size(size) {
+            return Ok((unjudged(frame, grip), nothing(), Some(error.to_string())));
+        }
+        let new = || RestFinder::new(&self.sensor, &self.settings, size).map(Box::new).map_err(setting);
+        // Of another size than those before: the search begins anew.
+        let same = finder.take().filter(|looking| looking.sensor().image_px == size);
+        let mut looking = same.map_or_else(new, Ok)?;
         looking.see(&buffer(frame)).map_err(|e| FrameError::new_err(e.to_string()))?;
         let waiting = if looking.is_full() {
             match looking.find() {
@@ -253,7 +260,7 @@ impl Monitor {
             let window_count = self.settings.rest.window_count;
             format!("no rest frame yet: it is looked for among the first {window_count} frames")
         };
-        Ok((unjudged(frame, grip), Kept::nothing(self.sensor.clone()), Some(waiting)))
+        Ok((unjudged(frame, grip), nothing(), Some(waiting)))
     }
 }
 
@@ -302,10 +309,7 @@ pub fn rest_given(
         saved.check(sensor, settings, "rest").map_err(refused)?;
         return Ok(Some(saved.rest));
     }
-    let one = rest.cast::<PyUntypedArray>().is_ok_and(|array| is_one_picture(array.shape()));
-    let images: Vec<Bound<'_, PyAny>> =
-        if one { vec![rest.clone()] } else { rest.try_iter()?.collect::<PyResult<_>>()? };
-    let pictures: Vec<Picture<'_>> = images.iter().map(|image| Picture::new(image, order)).collect::<PyResult<_>>()?;
+    let pictures = pictures_of(rest, order)?;
     let mut scratch = vec![Vec::new(); pictures.len()];
     let mut frames = Vec::with_capacity(pictures.len());
     for (i, (picture, scratch)) in pictures.iter().zip(&mut scratch).enumerate() {
@@ -330,10 +334,6 @@ fn saved(rest: &Bound<'_, PyAny>) -> PyResult<Option<Result<SavedRest, RestFileE
 
 fn refused(error: RestFileError) -> PyErr {
     SettingError::new_err(error.to_string())
-}
-
-fn is_one_picture(shape: &[usize]) -> bool {
-    matches!(shape, [_, _] | [_, _, 1 | 3])
 }
 
 fn rest_of(sensor: &CoreSensor, settings: &CoreSettings, size: SizePx, frames: &[Frame<'_>]) -> PyResult<Rest> {

@@ -5,10 +5,9 @@ use crate::picture::{Picture, array, byte_order};
 use crate::report::Report;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use slipbound::image::{Frame, SizePx};
-use slipbound::monitor::{Reason, SlipReport};
+use slipbound::image::Frame;
+use slipbound::monitor::Reason;
 use slipbound::port::PixelFormat;
-use slipbound::sensor::Sensor;
 use slipbound_rig::overlay::Overlay;
 
 /// Draws what was found on a frame, in the paper's colours: what moved on the left, what slips on the right.
@@ -45,8 +44,12 @@ pub fn overlay<'py>(
     let Report { report, kept, .. } = report.get();
     let frame = Frame { pixels: picture.pixels(&mut scratch)?, seq: report.seq, time_ns: report.time_ns };
     let got = frame.pixels.size();
-    if !is_of(got, report, &kept.sensor, kept.markers.is_empty()) {
-        let expected = kept.sensor.image_px;
+    // That of a frame that was refused, or seen before the rest frame was known; else that of the sensor.
+    let expected = match report.reason {
+        Some(Reason::FrameSize { got, .. }) => got,
+        _ => kept.unjudged_px.unwrap_or(kept.sensor.image_px),
+    };
+    if got != expected {
         return Err(FrameError::new_err(format!(
             "expected the frame that the report is of, {expected} px, got {got} px"
         )));
@@ -59,14 +62,4 @@ pub fn overlay<'py>(
         })
     })?;
     array(py, pixels, size, PixelFormat::Rgb, order)
-}
-
-/// Whether a frame of this size can be the one that the report is of.
-fn is_of(size: SizePx, report: &SlipReport, sensor: &Sensor, has_no_rest: bool) -> bool {
-    match report.reason {
-        Some(Reason::FrameSize { got, .. }) => got == size,
-        // Before the rest frame is known, the sensor is not yet at the size of the frames.
-        _ if has_no_rest => sensor.at_size(size).is_ok(),
-        _ => size == sensor.image_px,
-    }
 }

@@ -77,6 +77,20 @@ impl<'py> Picture<'py> {
     }
 }
 
+/// The pictures of an argument that is one, several, or an array of several.
+pub fn pictures_of<'py>(pictures: &Bound<'py, PyAny>, order: ByteOrder) -> PyResult<Vec<Picture<'py>>> {
+    if pictures.cast::<PyUntypedArray>().is_ok_and(|array| is_one(array.shape())) {
+        return Ok(vec![Picture::new(pictures, order)?]);
+    }
+    pictures.try_iter()?.map(|picture| Picture::new(&picture?, order)).collect()
+}
+
+/// Whether an array of this shape is one picture, or no picture at all; N x H x W is N grey ones, unless so few columns can only
+/// be channels.
+fn is_one(shape: &[usize]) -> bool {
+    matches!(shape, [] | [_] | [_, _] | [_, _, 0..=4])
+}
+
 /// The view with its third axis, of one channel or three.
 fn three_axes(view: ArrayViewD<'_, u8>) -> PyResult<ArrayView3<'_, u8>> {
     let view = if view.ndim() == 2 { view.insert_axis(Axis(2)) } else { view };

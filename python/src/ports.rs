@@ -4,6 +4,7 @@
 use crate::cycle::Cycle;
 use crate::errors::{GripperError as PyGripperError, WristError as PyWristError, data};
 use crate::picture::{Picture, buffer};
+use pyo3::gc::{PyTraverseError, PyVisit};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use slipbound::control::{CycleObserver, CycleView};
@@ -35,6 +36,38 @@ impl Raised {
 
     pub fn is_set(&self) -> bool {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+}
+
+/// A Python object that a port calls. Who owns the port keeps a clone and shows it to the garbage collector: an object that owns
+/// its own loop is a circle.
+#[derive(Clone)]
+pub struct Held(Arc<Mutex<Option<Py<PyAny>>>>);
+
+impl Held {
+    pub fn new(object: Py<PyAny>) -> Self {
+        Held(Arc::new(Mutex::new(Some(object))))
+    }
+
+    /// The object; none after the garbage collector has taken the circle apart.
+    fn bind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let object = held.as_ref().map(|object| object.bind(py).clone());
+        object.ok_or_else(|| crate::errors::ClosedError::new_err("expected a loop in use, got one that was collected"))
+    }
+
+    /// For `__traverse__`, where nothing may wait.
+    pub fn traverse(&self, visit: &PyVisit<'_>) -> Result<(), PyTraverseError> {
+        match self.0.try_lock() {
+            Ok(held) => visit.call(held.as_ref()),
+            Err(_) => Ok(()), // in use: it is no garbage
+        }
+    }
+
+    /// For `__clear__`.
+    pub fn clear(&self) {
+        let object = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+        drop(object); // what it runs at its end finds the lock open
     }
 }
 
@@ -219,7 +252,7 @@ pub enum NoFrame {
 
 /// A source whose `next` is a method of a Python object.
 pub struct PythonSource {
-    pub object: Py<PyAny>,
+    pub object: Held,
     pub order: ByteOrder,
     pub raised: Raised,
     pub frames_count: u64,
@@ -227,7 +260,7 @@ pub struct PythonSource {
 
 impl PythonSource {
     fn read(&self, py: Python<'_>, into: &mut FrameBuffer) -> PyResult<Next> {
-        let got = self.object.bind(py).call_method0("next")?;
+        let got = self.object.bind(py)?.call_method0("next")?;
         if got.is_none() {
             return Ok(Next::End);
         }
@@ -333,20 +366,20 @@ impl Wrist for PythonWrist {
 
 /// A controller whose `decide` is a method of a Python object. When it raises, the force stays and the arm waits.
 pub struct PythonController {
-    pub object: Py<PyAny>,
+    pub object: Held,
     pub raised: Raised,
     alarms_count: u32,
     wants_more: bool,
 }
 
 impl PythonController {
-    pub fn new(object: Py<PyAny>, raised: Raised) -> Self {
+    pub fn new(object: Held, raised: Raised) -> Self {
         PythonController { object, raised, alarms_count: 0, wants_more: false }
     }
 
     fn ask(&mut self, now_ns: u64, hand: &HandReport, gripper: &CoreGripperState) -> PyResult<GripDecision> {
         Python::attach(|py| {
-            let object = self.object.bind(py);
+            let object = self.object.bind(py)?;
             let got = object.call_method1("decide", (now_ns, data(py, hand)?, GripperState::from(gripper)))?;
             let (force_n, goes) = match got.cast::<PyTuple>() {
                 Ok(pair) => (pair.get_item(0)?.extract()?, pair.get_item(1)?.extract()?),

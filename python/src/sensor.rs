@@ -1,7 +1,7 @@
 //! Sensors and settings as objects, with their files in and out.
 
 use crate::errors::{SettingError, calibration, config as config_error, data, guarded, internal, word};
-use crate::picture::{Picture, byte_order};
+use crate::picture::{byte_order, pictures_of};
 use pyo3::prelude::*;
 use slipbound::calibrate::{FRAMES_MOST, KnownFacts, calibrate as calibrate_frames};
 use slipbound::image::{Frame, SizePx};
@@ -187,11 +187,11 @@ fn fact<T: serde::de::DeserializeOwned>(key: &str, value: &str) -> PyResult<T> {
 
 /// See the package's `calibrate`.
 #[pyfunction]
-#[pyo3(signature = (images, name, skin, flip, polarity, pitch_mm, serial, description, order))]
+#[pyo3(signature = (image, name, skin, flip, polarity, pitch_mm, serial, description, order))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
 pub fn calibrate(
     py: Python<'_>,
-    images: Vec<Bound<'_, PyAny>>,
+    image: &Bound<'_, PyAny>,
     name: String,
     skin: &str,
     flip: &str,
@@ -211,8 +211,7 @@ pub fn calibrate(
         skin: fact::<Skin>("skin", skin)?,
         polarity: polarity.map(|word| fact::<Polarity>("polarity", word)).transpose()?,
     };
-    let pictures: PyResult<Vec<Picture<'_>>> = images.iter().map(|image| Picture::new(image, order)).collect();
-    let pictures = pictures?;
+    let pictures = pictures_of(image, order)?;
     let mut scratch = vec![Vec::new(); pictures.len()];
     let frames: PyResult<Vec<Frame<'_>>> = pictures
         .iter()

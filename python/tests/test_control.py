@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -219,6 +221,42 @@ def test_a_simulated_hand(still):
     assert last.outcome == "source_ended" and hand.truth["grip_force_n"] > 5 and hand.score["most_n"] >= 10
     with pytest.raises(slipbound.SettingError):
         slipbound.lab.Hand("lift", nonsense=1)
+
+
+def test_a_circle_through_a_loop_is_collected(still, sensor):
+    class Robot(Recorded, Jaws):
+        """Its own source and gripper, which owns its loop."""
+
+        def __init__(self) -> None:
+            Recorded.__init__(self, still)
+            Jaws.__init__(self)
+            finger = Finger(self, sensor, rest=[frame.image() for frame in still[:5]])
+            self.control = ControlLoop([finger], self, Arm(), controller=Held(self))
+
+    class Held(Controller):
+        def __init__(self, robot) -> None:
+            self.robot = robot
+
+        def decide(self, now_ns, hand, gripper):
+            return 10.0
+
+    class Thinker(Held):
+        def __init__(self) -> None:
+            super().__init__(None)
+            self.hand = slipbound.lab.Hand("lift", controller=self, seed=1, fingers=1, grid="fast")
+
+    def made(kind):
+        one = kind()
+        one.control.cycle(0) if kind is Robot else one.hand.cycle()
+        return weakref.ref(one)
+
+    alive = [made(kind) for kind in (Robot, Thinker, Robot, Thinker)]
+    gc.collect()
+    assert [one() for one in alive] == [None] * 4
+    # What is in use stays.
+    robot = Robot()
+    gc.collect()
+    assert robot.control.cycle(0).outcome == "commanded"
 
 
 def test_a_controller_that_fails_keeps_a_simulated_object():

@@ -37,6 +37,19 @@ def test_a_steady_grip_holds():
     assert -1 < reward < 0
 
 
+def test_the_reward_charges_the_force_that_was_commanded():
+    import slipbound.gym  # noqa: F401
+
+    env = gymnasium.make("slipbound/HoldBottle-v0", grid="fast", disable_env_checker=True)
+    rewards = []
+    for force_n in (25.0, 40.0):
+        env.reset(seed=1)
+        rewards.append([env.step(np.array([force_n], np.float32))[1] for _ in range(40)])
+    # While the jaws close the task commands its own force, whatever the action is.
+    assert rewards[0][0] == rewards[1][0]
+    assert rewards[0][-1] == pytest.approx(-25 / 60, abs=0.1) and rewards[1][-1] == pytest.approx(-40 / 60, abs=0.1)
+
+
 @pytest.mark.parametrize("action", [[np.nan], [np.inf], np.zeros(7), []])
 def test_an_action_that_is_no_force_is_refused(action):
     import slipbound.gym  # noqa: F401

@@ -101,6 +101,25 @@ def test_frame_of_another_size_is_unjudged_as_in_rust(monitor, frames):
     assert report.state == "unjudged" and report.reason == "frame size: expected 640x480, got 640x100"
 
 
+@pytest.mark.parametrize("odd_at", [0, 7])
+def test_a_frame_of_a_wrong_shape_before_the_rest_frame_is_a_report(frames, sensor, odd_at):
+    monitor = slipbound.Monitor(sensor, rest="auto")
+    for i in range(21):
+        if i == odd_at:
+            report = monitor.step(np.zeros((100, 300, 3), np.uint8))
+            assert report.state == "unjudged" and "frames of 300x100" in report.reason
+        else:
+            report = monitor.step(frames[0].image())
+    assert monitor.is_ready, "the others are looked at as if it had not come"
+
+
+def test_a_camera_that_changes_its_size_before_the_rest_frame_is_looked_at_anew(frames, sensor):
+    monitor = slipbound.Monitor(sensor, rest="auto")
+    monitor.step(frames[0].image()[::2, ::2])
+    reports = [monitor.step(frames[0].image()) for _ in range(21)]
+    assert [report.state for report in reports] == ["unjudged"] * 20 + ["no_contact"]
+
+
 def test_a_dict_is_the_json_line(monitor, frames):
     for f in frames:
         report = monitor.step(f.image(), grip_n=15.0, time_ns=f.time_ns)
@@ -153,6 +172,16 @@ def test_a_finger_is_calibrated_from_its_picture():
     assert slipbound.Monitor(mine, rest=at_rest).step(at_rest).state == "no_contact"
     with pytest.raises(slipbound.CalibrationError):
         slipbound.calibrate(np.full((240, 320, 3), 128, np.uint8))
+
+
+def test_grey_pictures_in_one_array_are_several():
+    colour = next(slipbound.lab.simulate("ramp", seed=3, camera="gelsight_mini")).image()
+    grey = np.ascontiguousarray(colour[:, :, 1])
+    known = slipbound.calibrate([grey, grey])
+    assert slipbound.calibrate(np.stack([grey, grey])) == known == slipbound.calibrate(grey)
+    assert slipbound.calibrate(np.stack([colour, colour])) == slipbound.calibrate(colour)
+    with pytest.raises(slipbound.FrameError, match="take the fourth channel off"):
+        slipbound.calibrate(np.dstack([colour, grey]))
 
 
 def test_the_name_of_the_finger_is_in_its_reports(frames, sensor):

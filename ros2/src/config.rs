@@ -1,7 +1,8 @@
 //! The parameters of the node: a TOML file. `example.toml` is one with every key.
 
 use crate::error::Error;
-use crate::ros::ServiceMapping;
+use crate::ros::{ServiceMapping, checked_node, full_topic};
+use ros2_client::Name;
 use serde::Deserialize;
 use slipbound::monitor::Settings;
 use slipbound::setting::SettingError;
@@ -159,6 +160,26 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
     if domain > DOMAIN_MOST {
         return Err(refuse("domain_id".into(), format!("at most {DOMAIN_MOST}"), domain.to_string()));
     }
+    let node = match checked_node(&file.namespace, &file.node) {
+        Ok(node) => node,
+        Err(Error::Name { key, name, why }) => {
+            let expected = match key.as_str() {
+                "namespace" => "a namespace that ROS takes, as `/` or `/arm`",
+                _ => "the name of a node that ROS takes",
+            };
+            return Err(refuse(key, expected.into(), format!("`{name}`: {why}")));
+        }
+        Err(e) => return Err(e),
+    };
+    // tf2 takes no name that is empty or begins with a slash.
+    let check_frame = |key: &str, frame: &str| match frame.is_empty() || frame.starts_with('/') {
+        true => {
+            let expected = "the name of a frame, without a slash at its beginning".into();
+            Err(refuse(key.into(), expected, format!("`{frame}`")))
+        }
+        false => Ok(()),
+    };
+    check_frame("hand_frame", &file.hand_frame)?;
     let names: Vec<String> = known.iter().map(|finger| format!("`{}`", finger.name)).collect();
     let hand_fingers = format!("every finger of {} once: {}", file.hand.display(), names.join(", "));
     for (i, finger) in file.fingers.iter().enumerate() {
@@ -166,10 +187,19 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
         if !is_known || file.fingers[..i].iter().any(|other| other.name == finger.name) {
             return Err(refuse(format!("fingers[{i}].name"), hand_fingers, format!("`{}`", finger.name)));
         }
-        // tf2 takes no name that is empty or begins with a slash.
-        if let Some(frame) = finger.wrench_frame.as_ref().filter(|frame| frame.is_empty() || frame.starts_with('/')) {
-            let expected = "the name of a frame, without a slash at its beginning".into();
-            return Err(refuse(format!("fingers[{i}].wrench_frame"), expected, format!("`{frame}`")));
+        // Two fingers that see the same would agree on everything.
+        let topic = full_topic(&node.fully_qualified_name(), &finger.image_topic);
+        if Name::parse(&topic).is_err() {
+            let expected = "the name of a topic".into();
+            return Err(refuse(format!("fingers[{i}].image_topic"), expected, format!("`{}`", finger.image_topic)));
+        }
+        let seen = |other: &FingerFile| full_topic(&node.fully_qualified_name(), &other.image_topic) == topic;
+        if let Some(other) = file.fingers[..i].iter().find(|other| seen(other)) {
+            let expected = format!("a topic of its own, other than that of `{}`", other.name);
+            return Err(refuse(format!("fingers[{i}].image_topic"), expected, format!("`{}`", finger.image_topic)));
+        }
+        if let Some(frame) = &finger.wrench_frame {
+            check_frame(&format!("fingers[{i}].wrench_frame"), frame)?;
         }
     }
     if file.fingers.len() < known.len() {
@@ -256,6 +286,16 @@ mod tests {
                 "wrench_frame = \"/gel\"",
                 ["fingers[0].wrench_frame", "without a slash", "`/gel`"],
             ),
+            (
+                "\"/left/image/compressed\"",
+                "\"/right/image\"",
+                ["fingers[1].image_topic", "of its own, other than that of `right`", "`/right/image`"],
+            ),
+            ("\"/right/image\"", "\"two words\"", ["fingers[0].image_topic", "the name of a topic", "`two words`"]),
+            ("domain_id = 7", "hand_frame = \"/\"", ["node.toml: hand_frame", "without a slash", "`/`"]),
+            ("domain_id = 7", "hand_frame = \"\"", ["node.toml: hand_frame", "name of a frame", "``"]),
+            ("domain_id = 7", "namespace = \"x y\"", ["node.toml: namespace", "a namespace that ROS takes", "`x y`"]),
+            ("domain_id = 7", "node = \"x y\"", ["node.toml: node", "the name of a node", "`x y`"]),
             ("name = \"left\"", "name = \"middle\"", ["fingers[1].name", "`left`, `right`", "`middle`"]),
             ("name = \"left\"", "name = \"right\"", ["fingers[1].name", "once", "`right`"]),
             ("\"hand.toml\"", "\"none.toml\"", ["none.toml", "cannot read", ""]),

@@ -1,4 +1,4 @@
-//! What can go wrong before the node runs.
+//! What can go wrong before the node runs, and what ends it.
 
 use slipbound::setting::SettingError;
 
@@ -30,12 +30,15 @@ pub enum Error {
         /// Its reason.
         why: String,
     },
+    /// Nobody judges pictures any more.
+    #[error("expected at least one finger that judges pictures, got none: the threads of all have broken down")]
+    FingersBroken,
 }
 
 impl Error {
-    /// Whether it is something that a person wrote, not the network.
+    /// Whether it is something that a person wrote, not the network or a thread.
     pub fn is_argument(&self) -> bool {
-        !matches!(self, Error::Middleware { .. })
+        !matches!(self, Error::Middleware { .. } | Error::FingersBroken)
     }
 
     /// A refusal of the middleware.

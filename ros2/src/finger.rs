@@ -90,6 +90,15 @@ impl Finger {
         }
     }
 
+    /// Stops taking the rest frame anew, and keeps the old one. False where it does not take one.
+    pub fn stop_tare(&mut self) -> bool {
+        let was_taring = std::mem::take(&mut self.is_taring);
+        if was_taring {
+            self.finder = None;
+        }
+        was_taring
+    }
+
     /// Takes the next whole picture.
     pub fn see(&mut self, frame: &FrameBuffer, grip: Option<GripSample>) -> Seen {
         if self.is_idle() {

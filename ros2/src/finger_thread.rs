@@ -13,6 +13,7 @@ use crate::overlay::OverlayThread;
 use crate::picture::Picture;
 use crate::ros::{Inbox, RELIABLE, Received, Ros, SENSOR_DATA, unix_ns};
 use crate::tally::Tally;
+use crate::tare;
 use crate::wrench::wrench;
 use ros2_client::Publisher;
 use slipbound::monitor::{self, Settings};
@@ -46,6 +47,8 @@ pub struct Shared {
 pub enum Ask {
     /// To take its rest frame anew.
     Tare,
+    /// To stop doing so: nobody waits for it any more.
+    StopTare,
     /// To look for its rest frame, where it has none.
     Look,
     /// To forget its rest frame, and not to look for one.
@@ -219,6 +222,11 @@ impl FingerThread {
                 Ask::Tare => {
                     if let Err(why) = self.finger.tare() {
                         self.tell(FingerEvent::Tared(Err(why)));
+                    }
+                }
+                Ask::StopTare => {
+                    if self.finger.stop_tare() {
+                        self.tell(FingerEvent::Tared(Err(tare::too_few())));
                     }
                 }
                 Ask::Look => self.finger.look(),

@@ -1,12 +1,15 @@
 //! A gripper behind a `control_msgs/action/GripperCommand` server, as `ros2_control` has it, with the joint's state beside it.
 //!
 //! ```text
-//!   control loop --command--> goal { position, max_effort: N per finger }   when the force or the direction changes
+//!   control loop --command--> goal { position, max_effort: N per finger }   when the force or the direction changes,
+//!                                                                           and where nobody knows whether the last one holds
 //!                <--poll----- /joint_states: position, effort               10 Hz or more; 0.3 s of silence is a fault
 //! ```
 //!
 //! The server says nothing between two goals, so the joint's state is the sign of life. A server that takes no goal within
-//! half a second, or refuses it, is a fault; the gripper keeps the force it has, and the goal is sent again.
+//! half a second, or refuses it, is a fault; the gripper keeps the force it has, and the goal is sent again. While a goal waits
+//! for its answer the next one waits, too, and only the newest. After a goal without an answer, or a silence, nobody knows what
+//! holds: no target is told, and the goal is sent again whatever was taken before.
 
 use crate::error::Error;
 use crate::gripper::checked_force_n;
@@ -18,10 +21,14 @@ use ros2_client::service::RmwRequestId;
 use ros2_client::{ActionTypeName, Name};
 use serde::Deserialize;
 use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperError, GripperErrorKind, GripperState, Jaws};
+use slipbound::setting::SettingError;
 use slipbound_rig::link::now_ns;
 
 /// Longest wait for a goal to be taken, ns.
 const ANSWER_NS: u64 = 500_000_000;
+
+/// Time after which a goal that nobody answers is told again, ns: sooner than the loop takes a fault for past.
+const TOLD_AGAIN_NS: u64 = 250_000_000;
 
 /// Time in which the joint may not move for the jaws to stand still, ns.
 const STILL_NS: u64 = 200_000_000;
@@ -55,6 +62,26 @@ pub struct ActionGripperConfig {
     pub effort_is_force: bool,
 }
 
+impl ActionGripperConfig {
+    /// Refuses numbers that are none, and jaws whose way has no length.
+    fn check(&self) -> Result<(), SettingError> {
+        let refuse = |key: &str, expected: &str, got: f64| {
+            Err(SettingError { key: key.into(), expected: expected.into(), got: got.to_string() })
+        };
+        let (closed, open) = (self.closed_position, self.open_position);
+        if !closed.is_finite() {
+            return refuse("closed_position", "a finite number, m or rad", closed);
+        }
+        if !open.is_finite() || open == closed {
+            return refuse("open_position", &format!("a finite number other than closed_position, {closed}"), open);
+        }
+        if !(self.opening_mm.is_finite() && self.opening_mm > 0.0) {
+            return refuse("opening_mm", "a finite number above 0", self.opening_mm);
+        }
+        Ok(())
+    }
+}
+
 fn joint_states() -> String {
     "/joint_states".into()
 }
@@ -80,19 +107,28 @@ pub struct ActionGripper {
     heard: Heard,
     /// Sent, not yet taken: the request, what it asks for, when it was sent.
     pending: Option<(RmwRequestId, Goal, u64)>,
+    /// The newest one that was asked for meanwhile.
+    next: Option<Goal>,
     taken: Option<Goal>,
+    /// Whether what was taken last still holds: not after a silence, or a goal that may be on without an answer.
+    is_sure: bool,
+    /// When it was told last that goals are not answered, ns; None once one is.
+    unanswered_ns: Option<u64>,
     /// The last failure of a goal, told once.
     fault: Option<GripperError>,
     position: f64,
     effort: Option<f64>,
     /// Where it stands, and since when, ns.
     still: Option<(f64, u64)>,
+    /// Whether the last command was to open.
+    opens: bool,
     has_held: bool,
 }
 
 impl ActionGripper {
     /// Joins the action, in the mapping that the node's services have ([`Ros::with_services`]). Waits for nothing.
     pub fn new(ros: &mut Ros, config: ActionGripperConfig) -> Result<Self, Error> {
+        config.check()?;
         let name = Name::parse(&config.action).map_err(|e| Error::Name {
             key: "action".into(),
             name: config.action.clone(),
@@ -117,16 +153,22 @@ impl ActionGripper {
             heard: Heard::new(&format!("{} of {}", config.joint, config.joint_states)),
             config,
             pending: None,
+            next: None,
             taken: None,
+            is_sure: false,
+            unanswered_ns: None,
             fault: None,
             position: f64::NAN,
             effort: None,
             still: None,
+            opens: false,
             has_held: false,
         })
     }
 
     fn hear_joint(&mut self, now_ns: u64) {
+        // Whoever is heard after a silence may have begun anew.
+        self.is_sure &= !self.heard.is_silent(now_ns);
         // Several nodes may share the topic: each message may hold other joints.
         while let Ok(Some(received)) = self.joints.take() {
             let joints = received.message;
@@ -146,25 +188,63 @@ impl ActionGripper {
         let Some((id, goal, sent_ns)) = self.pending else { return };
         match self.client.receive_goal_response(id) {
             Ok(Some(answer)) if answer.accepted => {
-                // The jaws stood until now: that they stand says nothing yet of what they hold.
-                if self.taken.is_none_or(|taken| taken.is_hold != goal.is_hold) {
-                    self.still = Some((self.position, now_ns));
-                }
-                (self.pending, self.taken) = (None, Some(goal));
+                self.take(goal, now_ns);
+                (self.is_sure, self.unanswered_ns) = (true, None);
             }
             Ok(Some(_)) => {
                 let text = format!("{}: expected goal {goal:?} to be taken, got a refusal", self.config.action);
-                (self.pending, self.fault) = (None, Some(GripperError::new(GripperErrorKind::Refused, text)));
+                self.fault = Some(GripperError::new(GripperErrorKind::Refused, text));
+                self.unanswered_ns = None;
             }
-            Ok(None) if now_ns.saturating_sub(sent_ns) <= ANSWER_NS => {}
+            Ok(None) if now_ns.saturating_sub(sent_ns) <= ANSWER_NS => return,
             Ok(None) => {
-                let text = format!("{}: expected an answer within 500 ms, got none", self.config.action);
-                (self.pending, self.fault) = (None, Some(GripperError::new(GripperErrorKind::Unanswered, text)));
+                let fault = self.unanswered();
+                self.doubt(goal, fault, now_ns);
             }
-            Err(e) => {
-                (self.pending, self.fault) = (None, Some(GripperError::new(GripperErrorKind::Link, e.to_string())));
-            }
+            Err(e) => self.doubt(goal, GripperError::new(GripperErrorKind::Link, e.to_string()), now_ns),
         }
+        self.pending = None;
+        // Nobody may be there any more: then the loop asks again.
+        if let Some(next) = self.next.take().filter(|next| !self.heard.is_silent(now_ns) && !self.holds(next))
+            && let Err(e) = self.send(next, now_ns)
+        {
+            self.doubt(next, e, now_ns);
+        }
+    }
+
+    /// The jaws do this from now on.
+    fn take(&mut self, goal: Goal, now_ns: u64) {
+        // The jaws stood until now: that they stand says nothing yet of what they hold.
+        if self.taken.is_none_or(|taken| taken.is_hold != goal.is_hold) {
+            self.still = Some((self.position, now_ns));
+        }
+        self.taken = Some(goal);
+    }
+
+    /// Nobody knows whether the jaws do this. Those that may be closing are taken to: then the loop goes on asking.
+    fn doubt(&mut self, goal: Goal, fault: GripperError, now_ns: u64) {
+        if goal.is_hold && self.taken.is_none_or(|taken| !taken.is_hold) {
+            self.take(goal, now_ns);
+        }
+        (self.is_sure, self.fault) = (false, Some(fault));
+    }
+
+    fn unanswered(&self) -> GripperError {
+        let text = format!("{}: expected an answer within 500 ms, got none", self.config.action);
+        GripperError::new(GripperErrorKind::Unanswered, text)
+    }
+
+    /// Whether the jaws are known to do this already.
+    fn holds(&self, goal: &Goal) -> bool {
+        self.is_sure && self.taken.is_some_and(|taken| taken.is_like(goal))
+    }
+
+    fn send(&mut self, goal: Goal, now_ns: u64) -> Result<(), GripperError> {
+        let position = if goal.is_hold { self.config.closed_position } else { self.config.open_position };
+        let sent = self.client.send_goal(GripperCommandGoal { position, max_effort: goal.effort_n });
+        let (id, _) = sent.map_err(|e| GripperError::new(GripperErrorKind::Link, e.to_string()))?;
+        self.pending = Some((id, goal, now_ns));
+        Ok(())
     }
 
     fn jaws(&self, now_ns: u64) -> Jaws {
@@ -173,6 +253,8 @@ impl ActionGripper {
         let stands = self.still.is_some_and(|(_, since_ns)| now_ns.saturating_sub(since_ns) >= STILL_NS);
         match self.taken {
             Some(goal) if goal.is_hold => match () {
+                // Open, as it was told to, whether that was answered or not.
+                _ if self.opens && from_closed >= 1.0 - END_FRACTION => Jaws::Open,
                 // Shut, or wide open although nobody told it so: what it held is gone.
                 _ if self.has_held && (from_closed <= END_FRACTION || from_closed >= 1.0 - END_FRACTION) => Jaws::Lost,
                 _ if from_closed <= END_FRACTION => Jaws::Nothing,
@@ -195,17 +277,15 @@ impl Gripper for ActionGripper {
             GripCommand::Release => Goal { is_hold: false, effort_n: 0.0 },
         };
         self.poll_io();
-        let lost = |why: String| GripperError::new(GripperErrorKind::Link, why);
-        self.heard.check(now_ns()).map_err(lost)?;
-        let asked = self.pending.map(|(_, goal, _)| goal).or(self.taken);
-        if asked.is_some_and(|asked| asked.is_like(&goal)) {
-            return Ok(());
+        let now_ns = now_ns();
+        self.heard.check(now_ns).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;
+        (self.opens, self.has_held) = (!goal.is_hold, self.has_held && goal.is_hold);
+        match self.pending {
+            // One goal at a time: a server that is asked anew in every cycle would never be late.
+            Some((_, pending, _)) => self.next = Some(goal).filter(|goal| !pending.is_like(goal)),
+            None if self.holds(&goal) => {}
+            None => self.send(goal, now_ns)?,
         }
-        let position = if goal.is_hold { self.config.closed_position } else { self.config.open_position };
-        let sent = self.client.send_goal(GripperCommandGoal { position, max_effort: goal.effort_n });
-        let (id, _) = sent.map_err(|e| lost(e.to_string()))?;
-        self.pending = Some((id, goal, now_ns()));
-        self.has_held &= goal.is_hold;
         Ok(())
     }
 
@@ -213,17 +293,21 @@ impl Gripper for ActionGripper {
         self.poll_io();
         let now_ns = now_ns();
         self.heard.check(now_ns).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;
-        if let Some(fault) = self.fault.take() {
+        let is_due = |told_ns: u64| now_ns.saturating_sub(told_ns) >= TOLD_AGAIN_NS;
+        let again = self.unanswered_ns.is_some_and(is_due).then(|| self.unanswered());
+        if let Some(fault) = self.fault.take().or(again) {
+            let was_answered = fault.kind == GripperErrorKind::Refused;
+            self.unanswered_ns = Some(now_ns).filter(|_| !was_answered);
             return Err(fault);
         }
         let jaws = self.jaws(now_ns);
-        self.has_held |= jaws == Jaws::Holding;
+        self.has_held |= jaws == Jaws::Holding && !self.opens;
         let (open, closed) = (self.config.open_position, self.config.closed_position);
         Ok(GripperState {
             time_ns: now_ns,
             force_n: self.effort.filter(|_| self.config.effort_is_force).map(f64::abs),
             force_error_n: None,
-            target_n: self.taken.filter(|goal| goal.is_hold).map(|goal| goal.effort_n),
+            target_n: self.taken.filter(|goal| goal.is_hold && self.is_sure).map(|goal| goal.effort_n),
             opening_mm: Some(self.config.opening_mm * (self.position - closed) / (open - closed)),
             jaws,
         })
@@ -236,7 +320,7 @@ impl Gripper for ActionGripper {
     }
 
     fn is_busy(&self) -> bool {
-        self.pending.is_some()
+        self.pending.is_some() || self.next.is_some()
     }
 
     fn next_event(&mut self) -> Option<DriverEvent> {

@@ -28,6 +28,11 @@ impl Heard {
         }
     }
 
+    /// Whether nothing was heard for too long.
+    pub fn is_silent(&self, now_ns: u64) -> bool {
+        self.last_ns.is_none_or(|last_ns| now_ns.saturating_sub(last_ns) > SILENCE_NS)
+    }
+
     /// What is wrong with the link, if something is.
     pub fn check(&mut self, now_ns: u64) -> Result<(), String> {
         let expected = format!("{}: expected a state every {} ms, got", self.topic, SILENCE_NS / 1_000_000);

@@ -182,13 +182,14 @@ impl SlipNode {
         self.spawn(kept)
     }
 
-    /// Runs until `stop` is set, it is shut down by a service, or the network cannot be joined anew.
+    /// Runs until `stop` is set, it is shut down by a service, every finger's thread has broken down, or the network cannot be
+    /// joined anew.
     pub fn run(mut self, stop: &AtomicBool) -> Result<(), Error> {
         while !stop.load(Ordering::Relaxed) {
             match self.told.recv_timeout(LOOK) {
                 Ok((finger, told)) => self.hear(finger, told),
                 Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return Ok(()), // every finger's thread has broken down
+                Err(RecvTimeoutError::Disconnected) => return Err(Error::FingersBroken),
             }
             self.report_hand();
             self.hear_gripper();
@@ -286,6 +287,9 @@ impl SlipNode {
                 let _ = finger.asks.send(Ask::Tare); // a thread that has broken down does not answer: that is told
             }
         }
+        for finger in self.tare.as_mut().map(|tare| tare.stop(now_ns())).unwrap_or_default() {
+            let _ = self.fingers[finger].asks.send(Ask::StopTare);
+        }
         if let Some((id, answer)) = self.tare.as_ref().and_then(|tare| tare.answer(now_ns())) {
             let _ = self.joined.tare_service.send_response(id, answer); // who asked is gone
             self.tare = None;
@@ -321,5 +325,27 @@ impl Drop for SlipNode {
         for thread in self.fingers.iter_mut().filter_map(|finger| finger.thread.take()) {
             let _ = thread.join(); // it has broken down: that was said when it did
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_node_whose_fingers_have_all_broken_down_fails() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let hand =
+            "name = \"one\"\n[[fingers]]\nname = \"left\"\nserial = \"A\"\nside = \"left\"\nsensor = \"gelslim\"\n";
+        let text = "hand = \"hand.toml\"\n[[fingers]]\nname = \"left\"\nimage_topic = \"/left\"\n";
+        std::fs::write(folder.path().join("hand.toml"), hand).expect("writes");
+        std::fs::write(folder.path().join("node.toml"), text).expect("writes");
+        let domain_id = (1 + std::process::id() % 88).to_string();
+        let config = crate::config::load(&folder.path().join("node.toml"), Some(&domain_id)).expect("valid");
+        let mut node = SlipNode::start(&config).expect("joins");
+        // As when every thread has dropped its end.
+        node.told = channel().1;
+        let error = node.run(&AtomicBool::new(false)).expect_err("nobody judges");
+        assert!(!error.is_argument() && error.to_string().contains("broken down"), "{error}");
     }
 }

@@ -62,6 +62,19 @@ pub fn stamp() -> Time {
     Time::from_ns(unix_ns())
 }
 
+/// The full name of a node; the error says which part of it ROS does not take.
+pub(crate) fn checked_node(namespace: &str, name: &str) -> Result<NodeName, Error> {
+    let refuse =
+        |key: &str, name: &str, why| Error::Name { key: key.into(), name: name.into(), why: format!("{why:?}") };
+    NodeName::new("/", name).map_err(|e| refuse("node", name, e))?;
+    NodeName::new(namespace, name).map_err(|e| refuse("namespace", namespace, e))
+}
+
+/// The full name of a topic: one that does not begin with `/` is the node's own.
+pub(crate) fn full_topic(node: &str, topic: &str) -> String {
+    if topic.starts_with('/') { topic.to_owned() } else { format!("{node}/{topic}") }
+}
+
 /// A node on the network.
 pub struct Ros {
     context: Context,
@@ -73,11 +86,7 @@ pub struct Ros {
 impl Ros {
     /// A node of this name in this domain, its services in the default mapping.
     pub fn new(namespace: &str, name: &str, domain_id: u16) -> Result<Self, Error> {
-        let node_name = NodeName::new(namespace, name).map_err(|e| Error::Name {
-            key: "node".into(),
-            name: name.into(),
-            why: format!("{e:?}"),
-        })?;
+        let node_name = checked_node(namespace, name)?;
         let context = Context::with_options(ContextOptions::new().domain_id(domain_id))
             .map_err(|e| Error::middleware(format!("domain {domain_id}"), e))?;
         // Parameters are those of the file: none can be set while the node runs.
@@ -108,7 +117,7 @@ impl Ros {
 
     /// The topic `name`; one that does not begin with `/` is the node's own.
     fn name(&self, name: &str) -> Result<Name, Error> {
-        let full = if name.starts_with('/') { name.to_owned() } else { format!("{}/{name}", self.namespace) };
+        let full = full_topic(&self.namespace, name);
         Name::parse(&full).map_err(|e| Error::Name { key: "topic".into(), name: name.into(), why: format!("{e:?}") })
     }
 

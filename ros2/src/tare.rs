@@ -6,18 +6,32 @@ use ros2_client::service::RmwRequestId;
 /// Longest wait for the fingers, ns: pictures for a rest frame at 5 Hz.
 pub const LONGEST_NS: u64 = 4_000_000_000;
 
+/// Longest wait for a finger that is told to stop, ns: one whose thread has broken down does not answer.
+const STOP_NS: u64 = 1_000_000_000;
+
+/// Why a tare was stopped.
+pub fn too_few() -> String {
+    format!("expected pictures for a rest frame within {} s, got too few", LONGEST_NS / 1_000_000_000)
+}
+
 /// A tare that is going on.
 #[derive(Debug)]
 pub struct Tare {
     id: RmwRequestId,
     fingers: Vec<(String, Option<Result<(), String>>)>,
     since_ns: u64,
+    is_stopped: bool,
 }
 
 impl Tare {
     /// A request for these fingers.
     pub fn new(id: RmwRequestId, fingers: Vec<String>, now_ns: u64) -> Self {
-        Tare { id, fingers: fingers.into_iter().map(|name| (name, None)).collect(), since_ns: now_ns }
+        Tare {
+            id,
+            fingers: fingers.into_iter().map(|name| (name, None)).collect(),
+            since_ns: now_ns,
+            is_stopped: false,
+        }
     }
 
     /// A finger has been tared, or not.
@@ -27,19 +41,27 @@ impl Tare {
         }
     }
 
-    /// The answer, when every finger has been tared or not, or has been waited for long enough.
+    /// The fingers to be told to stop, once they have been waited for long enough: what is answered as failed must not take
+    /// effect later.
+    pub fn stop(&mut self, now_ns: u64) -> Vec<usize> {
+        if self.is_stopped || now_ns.saturating_sub(self.since_ns) < LONGEST_NS {
+            return Vec::new();
+        }
+        self.is_stopped = true;
+        let open = self.fingers.iter().enumerate().filter(|(_, (_, ended))| ended.is_none());
+        open.map(|(finger, _)| finger).collect()
+    }
+
+    /// The answer, when every finger has been tared or not, or does not even say that it has stopped.
     pub fn answer(&self, now_ns: u64) -> Option<(RmwRequestId, TriggerResponse)> {
-        let is_late = now_ns.saturating_sub(self.since_ns) >= LONGEST_NS;
+        let is_late = now_ns.saturating_sub(self.since_ns) >= LONGEST_NS + STOP_NS;
         if !is_late && self.fingers.iter().any(|(_, ended)| ended.is_none()) {
             return None;
         }
         let words = self.fingers.iter().map(|(name, ended)| match ended {
             Some(Ok(())) => format!("{name}: tared"),
             Some(Err(why)) => format!("{name}: {why}"),
-            None => format!(
-                "{name}: expected pictures for a rest frame within {} s, got too few",
-                LONGEST_NS / 1_000_000_000
-            ),
+            None => format!("{name}: {}", too_few()),
         });
         let message = words.collect::<Vec<_>>().join("; ");
         let success = self.fingers.iter().all(|(_, ended)| matches!(ended, Some(Ok(()))));

@@ -18,6 +18,10 @@ from .config_slipbound import SlipboundCameraConfig
 STATES = ("no_contact", "unsure", "stick", "incipient", "gross", "unjudged")
 
 
+#: For how many windows of the search for the rest frame ``connect`` waits.
+_WARMUP_WINDOWS = 5
+
+
 class SlipboundCamera(Camera):
     """A finger as LeRobot sees a camera. ``features`` are the numbers of the newest frame, to be put beside it.
 
@@ -33,6 +37,7 @@ class SlipboundCamera(Camera):
         self._camera: Camera | None = None
         self._watch: slipbound.Watch | None = None
         self._monitor: slipbound.Monitor | None = None
+        self._sensor: slipbound.Sensor | None = None
         self._report: slipbound.Report | None = None
         self._picture: NDArray[np.uint8] | None = None
         self._read_s = 0.0
@@ -48,9 +53,22 @@ class SlipboundCamera(Camera):
         return []
 
     def connect(self, warmup: bool = True) -> None:
-        """Open the camera or the recording. With ``warmup`` the finger at rest is looked for: nothing may touch it."""
+        """Open the camera or the recording. With ``warmup`` the finger at rest is looked for: nothing may touch it.
+
+        Raises
+        ------
+        slipbound.RestError
+            When it is not found, as on a dark finger. Whatever is raised, nothing is left open.
+        """
         if self.is_connected:
             raise ConnectionError("SlipboundCamera is connected already")
+        try:
+            self._connect(warmup)
+        except BaseException:
+            self._close()
+            raise
+
+    def _connect(self, warmup: bool) -> None:
         if self.config.camera is None:
             self._open()
         else:
@@ -61,15 +79,27 @@ class SlipboundCamera(Camera):
             sensor = self.config.sensor
             assert sensor is not None  # the config has seen to it
             self._monitor = slipbound.Monitor(sensor, settings=self.config.settings, order="RGB")
+            self._sensor = self._monitor.sensor
         if warmup:
             self.read()
-            while self._monitor is not None and not self._monitor.is_ready:
-                self.read()
+            if self._monitor is not None:
+                self._find_rest(self._monitor)
+
+    def _find_rest(self, monitor: slipbound.Monitor) -> None:
+        count = _WARMUP_WINDOWS * monitor.settings.to_dict()["rest"]["window_count"]
+        for _ in range(count - 1):  # one is read already
+            if monitor.is_ready:
+                return
+            self.read()
+        if not monitor.is_ready:
+            why = None if self._report is None else self._report.reason
+            raise slipbound.RestError(f"expected a finger at rest within {count} frames, got none: {why}")
 
     def _open(self) -> None:
         source = self.config.source
         assert source is not None  # the config has seen to it
         self._watch = slipbound.watch(source, self.config.sensor, self.config.settings)
+        self._sensor = self._watch.sensor
 
     def read(self) -> NDArray[Any]:
         """Return the next picture, RGB, uint8, H x W x 3."""
@@ -91,11 +121,17 @@ class SlipboundCamera(Camera):
     def disconnect(self) -> None:
         """Close it."""
         self._check()
-        if self._camera is not None:
-            self._camera.disconnect()
-        if self._watch is not None:
-            self._watch.close()
-        self._camera = self._watch = self._monitor = None
+        self._close()
+
+    def _close(self) -> None:
+        camera, watch = self._camera, self._watch
+        self._camera = self._watch = self._monitor = self._sensor = None
+        try:
+            if camera is not None and camera.is_connected:
+                camera.disconnect()
+        finally:
+            if watch is not None:
+                watch.close()
 
     @property
     def features(self) -> dict[str, float]:
@@ -146,15 +182,16 @@ class SlipboundCamera(Camera):
 
     def _field(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """Draw the slip field as a picture of the size of the camera's: a square of a pitch for every marker."""
-        report = self._report
-        sensor = self._watch.sensor if self._watch is not None else slipbound.Sensor(self.config.sensor or "")
+        report, sensor = self._report, self._sensor
         height, width = image.shape[:2]
         picture = np.zeros((height, width, 3), np.uint8)
         picture[:, :, :2] = 128
-        if report is None:
+        if report is None or sensor is None:
             return picture
-        field, pitch_px = report.field, sensor.pitch_px
-        columns, rows = sensor.rectified_px
+        # The field is in px of the finger at the size of its frames, the sensor may be stated at another.
+        scale = width / sensor.image_px[0]
+        field, pitch_px = report.field, scale * sensor.pitch_px
+        columns, rows = (scale * px for px in sensor.rectified_px)
         half = np.array([width / columns, height / rows]) * pitch_px / 2
         for at, slip, over in zip(field.now_px, field.slip_px, field.over, strict=True):
             middle = at * (width / columns, height / rows)

@@ -105,6 +105,62 @@ def test_behind_another_camera(monkeypatch, tmp_path):
     assert "no_contact" in states and "incipient" in states
 
 
+class _Small(_Replay):
+    """The same camera at half its resolution."""
+
+    def read(self):
+        image = super().read()
+        height, width = image.shape[:2]
+        return image.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3)).astype(np.uint8)
+
+
+def _behind(monkeypatch, tmp_path, camera, **config):
+    import lerobot.cameras.utils
+
+    inner = CameraConfig.__subclasses__()[0]
+    for key, value in {"fps": 30, "width": None, "height": None}.items():
+        monkeypatch.setattr(inner, key, value, raising=False)
+    monkeypatch.setattr(lerobot.cameras.utils, "make_cameras_from_configs", lambda configs: {"finger": camera(inner)})
+    sensor = tmp_path / "sensor.toml"
+    sensor.write_text(slipbound.lab.simulate(SOURCE.removeprefix("sim:")).sensor.to_toml())
+    return SlipboundCamera(SlipboundCameraConfig(camera=inner, sensor=str(sensor), **config))
+
+
+def test_the_field_of_frames_of_another_size_is_the_same_picture(monkeypatch, tmp_path):
+    slipping = []
+    for kind in (_Replay, _Small):
+        with _behind(monkeypatch, tmp_path, kind, picture="field") as camera:
+            pictures = [camera.read() for _ in range(38)]
+        shown = max((picture[:, :, 2] == 255 for picture in pictures), key=np.sum)
+        # The middle of what slips, as a share of the picture: one marker more or less does not move it.
+        slipping.append(np.median(np.argwhere(shown) / shown.shape, axis=0))
+    assert np.abs(np.subtract(*slipping)).max() < 0.05, slipping
+
+
+class _Dark(_Replay):
+    """A camera without light."""
+
+    all = []
+
+    def __init__(self, config):
+        super().__init__(config)
+        self.all.append(self)
+        self.reads_count = 0
+
+    def read(self):
+        self.reads_count += 1
+        assert self.reads_count < 1000, "it reads for ever"
+        return np.zeros((480, 640, 3), np.uint8)
+
+
+def test_a_dark_finger_ends_connect_and_leaves_nothing_open(monkeypatch, tmp_path):
+    camera = _behind(monkeypatch, tmp_path, _Dark)
+    for _ in range(2):
+        with pytest.raises(slipbound.RestError, match="at rest within 100 frames, got none: .*dark"):
+            camera.connect()
+        assert not camera.is_connected and not _Dark.all[-1].is_connected
+
+
 def test_configs_that_cannot_be():
     for wrong in ({}, {"source": "a", "camera": "b"}, {"camera": "b"}, {"source": "a", "picture": "none"}):
         with pytest.raises(ValueError, match="expected"):

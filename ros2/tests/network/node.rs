@@ -290,6 +290,20 @@ fn tare_through(test: u16, key: &str, mapping: ServiceMapping) {
     }
     let done = ask(&mut bench, &at_rest);
     assert!(done.success && done.message == "left: tared", "{done:?}");
+    // A camera that stands still in the middle of a tare: what was answered as failed does not take effect with the next pictures.
+    let id = tare.send_request(Empty::default()).expect("sent");
+    at_rest.iter().take(3).for_each(|shot| show(&bench, shot));
+    let until = Instant::now() + LONGEST_WAIT;
+    let late = loop {
+        match tare.receive_response().expect("readable") {
+            Some((answered, response)) if answered == id => break response,
+            _ => sleep(PERIOD),
+        }
+        assert!(Instant::now() < until, "no answer");
+    };
+    assert!(!late.success && late.message.contains("within 4 s, got too few"), "{late:?}");
+    let done = ask(&mut bench, &at_rest);
+    assert!(done.success && done.message == "left: tared", "nothing of the last one goes on: {done:?}");
     let refused = ask(&mut bench, &[touched]);
     assert!(!refused.success && refused.message.contains("nothing touches"), "{refused:?}");
     let id = get_state.send_request(Empty::default()).expect("sent");
