@@ -69,8 +69,8 @@ pub enum HangingMassError {
     Shear(#[from] ShearError),
     /// No gel is that soft or stiff: the mass is not the one that hangs there.
     #[error(
-        "--weight-g {mass_g}: expected grams that give a stiffness from {low:.2} to {high:.2} N per marker and pitch, got {got:.6} \
-         (is it the mass in grams, and are the --fingers those that share it?)",
+        "--weight-g {mass_g}: expected grams that give a stiffness from {low:.4} to {high:.1} N per marker and pitch, \
+         got {got:.6} (is it the mass in grams, and are the --fingers those that share it?)",
         low = expected_n_per_pitch[0],
         high = expected_n_per_pitch[1]
     )]
