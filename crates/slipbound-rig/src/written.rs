@@ -34,8 +34,8 @@ fn has_our_start(start: &[u8]) -> bool {
     let is_report = start.starts_with(b"{\"format\":\"slipbound-report\"");
     let is_rest = start.starts_with(rest_file::START);
     let is_timings = first_line.starts_with(b"{\"seq\":") && first_line.windows(5).any(|part| part == b"_us\":");
-    let is_block_log =
-        first_line.starts_with(b"{\"unix_ns\":") && first_line.ends_with(b"}") && holds(b",\"is_carried\":");
+    let tells_carried = || first_line.windows(14).any(|part| part == b",\"is_carried\":");
+    let is_block_log = first_line.starts_with(b"{\"unix_ns\":") && first_line.ends_with(b"}") && tells_carried();
     let is_picture = start.starts_with(b"\x89PNG") && holds(b"tEXtSoftware\0slipbound");
     let is_table = start.starts_with(b"finger,frame,seq,time_ns,state,reason,contact_area_px2");
     let is_slips = start.starts_with(b"{\"slip\":");
@@ -55,7 +55,7 @@ mod tests {
             (b"{\"format\":\"slipbound-rest\",\"format_version\":1", true),
             (b"{\"seq\":0,\"imprint_us\":12.0,\"all_us\":13.0}\n", true),
             (b"{\"unix_ns\":1,\"force_n\":0.000,\"is_carried\":false}\n{", true),
-            (b"{\"unix_ns\":1}\n{\"is_carried\":false}\n", true),
+            (b"{\"unix_ns\":1}\n{\"unix_ns\":2,\"is_carried\":false}\n", false),
             (b"finger,frame,seq,time_ns,state,reason,contact_area_px2,contact_area_mm2\n", true),
             (b"{\"slip\":1,\"finger\":\"left\"}\n", true),
             (b"<!DOCTYPE html>\n<html><meta name=\"generator\" content=\"slipbound\"/>", true),
