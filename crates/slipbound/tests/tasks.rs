@@ -392,7 +392,8 @@ fn ground_at_5_mm(lowered_mm: f64) -> HandReport {
 fn the_ground_is_felt_whichever_finger_has_a_frame() {
     let (ending, both_mm) = lowered(|_, mm| ground_at_5_mm(mm));
     assert_eq!(ending, Some(Ending::Placed));
-    let patterns: [(&str, fn(u64) -> (bool, bool)); 4] = [
+    type Sees = fn(u64) -> (bool, bool);
+    let patterns: [(&str, Sees); 4] = [
         ("right in every second", |cycle| (true, cycle % 2 == 0)),
         ("in turns", |cycle| (cycle % 2 == 0, cycle % 2 == 1)),
         ("right lost in every third", |cycle| (true, cycle % 3 != 0)),
