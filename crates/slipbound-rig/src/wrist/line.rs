@@ -31,6 +31,8 @@ pub struct LineWrist {
     next: Option<String>,
     in_flight: Option<InFlight<Command>>,
     state: Option<WristState>,
+    /// Whether it has ever said where it is, on whatever link.
+    has_stated: bool,
     fault: Option<Error>,
 }
 
@@ -46,6 +48,7 @@ impl LineWrist {
             next: None,
             in_flight: None,
             state: None,
+            has_stated: false,
             fault: None,
         }
     }
@@ -92,13 +95,15 @@ impl LineWrist {
     }
 
     /// The newest state since the link is up, or what is wrong; a refusal is reported once. Where it was before a new link says nothing
-    /// of where it is.
+    /// of where it is; before it has said so for the first time it stands at 0.
     pub fn report(&mut self, now_ns: u64) -> Result<WristState, Error> {
         self.check_link(now_ns)?;
         if let Some(fault) = self.fault.take() {
             return Err(fault);
         }
-        self.state.ok_or_else(|| Error::Unstated { address: self.address.clone() })
+        let start = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+        let known = self.state.or((!self.has_stated).then_some(start));
+        known.ok_or_else(|| Error::Unstated { address: self.address.clone() })
     }
 
     fn cannot(&self, key: &'static str, expected: &'static str, got: f64) -> Error {
@@ -140,6 +145,7 @@ impl LineWrist {
                 {
                     let moving = number_of(rest, "moving") == Some(1.0);
                     self.state = Some(WristState { time_ns: now_ns, angle_rad, lowered_mm, moving });
+                    self.has_stated = true;
                 }
             }
             Answer::Ack { number, words } => {
