@@ -85,6 +85,8 @@ pub(super) struct Imprint {
     warp: Option<(WarpTable, Vec<u8>)>,
     /// What the camera sees of the undamaged skin, where that is not everything.
     seen: Option<Mask>,
+    /// Least and largest place of a rectangle of which the camera sees all.
+    amid: (Vec2, Vec2),
     smooth: Option<(Smooth, Flatten)>,
     has_cells: bool,
     pub(super) grey: Vec<u8>,
@@ -126,6 +128,7 @@ impl Imprint {
             weights: GreyWeights::new(sensor.grey_weights_rgb),
             dark_below_levels: settings.dark_below_levels,
             seen: seen(sensor, warp.as_ref().map(|(table, _)| table)),
+            amid: warp.as_ref().map_or((Vec2::ZERO, Vec2::ZERO), |(table, _)| amid(table.valid())),
             warp,
             smooth: has_flat.then(|| (smooth(), Flatten::new(FLATTEN.0, FLATTEN.1, FLATTEN.2))),
             mean_levels: 0.0,
@@ -225,10 +228,41 @@ impl Imprint {
         self.warp.as_ref().map(|(table, _)| table.valid())
     }
 
+    /// Whether the camera sees all that is so far from a place: most places, told without a look at each pixel.
+    pub(super) fn is_amid(&self, p: Vec2, px: f64) -> bool {
+        let (low, high) = self.amid;
+        p.x - px >= low.x && p.x + px <= high.x && p.y - px >= low.y && p.y + px <= high.y
+    }
+
     /// Which rectified pixels show undamaged skin; None when all of them do.
     pub(super) fn seen(&self) -> Option<&Mask> {
         self.seen.as_ref()
     }
+}
+
+/// A rectangle all of whose pixels are set: sides that are not are drawn in one by one.
+fn amid(mask: &Mask) -> (Vec2, Vec2) {
+    let (mut left, mut top) = (0, 0);
+    let (mut right, mut bottom) = (mask.size().width as isize - 1, mask.size().height as isize - 1);
+    let open = |xs: std::ops::RangeInclusive<isize>, ys: std::ops::RangeInclusive<isize>| {
+        xs.flat_map(|x| ys.clone().map(move |y| (x, y))).filter(|&(x, y)| !mask.get(x, y)).count() as isize
+    };
+    while left <= right && top <= bottom {
+        let sides = [
+            open(left..=left, top..=bottom),
+            open(right..=right, top..=bottom),
+            open(left..=right, top..=top),
+            open(left..=right, bottom..=bottom),
+        ];
+        match (0..4).max_by_key(|&side| sides[side]).filter(|&side| sides[side] > 0) {
+            None => break,
+            Some(0) => left += 1,
+            Some(1) => right -= 1,
+            Some(2) => top += 1,
+            Some(_) => bottom -= 1,
+        }
+    }
+    (Vec2::new(left as f64, top as f64), Vec2::new(right as f64, bottom as f64))
 }
 
 /// What a rectification sees, less the defects of the skin.

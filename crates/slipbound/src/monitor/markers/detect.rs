@@ -246,7 +246,7 @@ impl Detector {
 
     /// Whether the camera sees all of a marker there.
     pub(super) fn in_view(&self, imprint: &Imprint, centre: Vec2) -> bool {
-        imprint.view().is_none_or(|view| self.is_within(view, centre))
+        imprint.view().is_none_or(|view| imprint.is_amid(centre, self.radius_px + 2.0) || self.is_within(view, centre))
     }
 
     fn is_within(&self, mask: &Mask, centre: Vec2) -> bool {
