@@ -6,12 +6,15 @@ use self::hand::Hand;
 use super::inputs;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
-use crate::terminal::Terminal;
+use crate::terminal::{Terminal, complain};
 use slipbound_rig::emulator::{Block, Emulator, Faults, LoggedBlock, NAMES, by_name, faults, serve_tcp};
 use std::fs::File;
+use std::io::{BufRead, stdin};
 use std::net::{IpAddr, Ipv4Addr, TcpListener};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
 
 /// The arguments of `slipbound emulate`.
 #[derive(Debug, clap::Args)]
@@ -46,6 +49,9 @@ pub struct Emulate {
     /// Faults, joined by commas; see below
     #[arg(long, value_name = "FAULTS", default_value = "")]
     fail: Faults,
+    /// Take further faults from standard input while it serves, a line at a time; MS counts from the line
+    #[arg(long)]
+    fail_stdin: bool,
 }
 
 /// More than a gripper.
@@ -53,6 +59,27 @@ pub struct Emulate {
 enum Whole {
     /// Emulate a hand with cameras, gripper and wrist around a simulated object, in real time
     Hand(Hand),
+}
+
+/// Lines of standard input, read by a thread of their own. None are ever read unless asked for.
+fn lines_of_stdin(is_asked: bool) -> Receiver<String> {
+    let (hand_over, lines) = channel();
+    if is_asked {
+        thread::spawn(move || {
+            let mut read = stdin().lock().lines().map_while(Result::ok);
+            while read.next().is_some_and(|line| hand_over.send(line).is_ok()) {}
+        });
+    }
+    lines
+}
+
+/// Injects the faults that standard input has asked for; a line that names none is complained of.
+fn inject_asked(lines: &Receiver<String>, emulator: &mut Emulator) {
+    for line in lines.try_iter() {
+        if let Err(e) = emulator.fail_further(line.trim()) {
+            complain(&anyhow::Error::new(e).context("standard input"), 0);
+        }
+    }
 }
 
 /// The faults that can be asked for, as a table.
@@ -94,9 +121,14 @@ impl Emulate {
             File::create(path).map_err(|e| Failure::work(format!("{}: cannot write", path.display()), e))
         };
         let mut block = LoggedBlock::new(block, self.log.as_ref().map(create).transpose()?);
+        let lines = lines_of_stdin(self.fail_stdin);
+        let mut go_on = |emulator: &mut Emulator| {
+            inject_asked(&lines, emulator);
+            !interrupted.load(Ordering::Relaxed)
+        };
         match name {
-            "robotiq-rtu" => self.serve_serial(&mut emulator, &mut block, &interrupted)?,
-            _ => self.serve_tcp(name, &mut emulator, &mut block, &interrupted)?,
+            "robotiq-rtu" => serve_serial(&mut emulator, &mut block, &mut go_on)?,
+            _ => self.serve_tcp(name, &mut emulator, &mut block, &mut go_on)?,
         }
         let (force_n, opening_mm) = (emulator.force_n(), emulator.opening_mm());
         let block = match (block.block.is_carried, block.block.width_mm) {
@@ -115,37 +147,38 @@ impl Emulate {
         name: &str,
         emulator: &mut Emulator,
         block: &mut LoggedBlock<File>,
-        interrupted: &AtomicBool,
+        go_on: &mut dyn FnMut(&mut Emulator) -> bool,
     ) -> Result<(), Failure> {
         let port = self.port.unwrap_or(0);
         let bound = TcpListener::bind((self.listen, port));
         let listener = bound.map_err(|e| Failure::work(format!("cannot listen at {}:{port}", self.listen), e))?;
         let address = listener.local_addr().map_err(|e| Failure::work("cannot listen", e))?;
         Terminal::plain().say(&format!("{name}://{address}"))?;
-        serve_tcp(listener, emulator, block, || !interrupted.load(Ordering::Relaxed))
-            .map_err(|e| Failure::work("cannot serve", e))
+        serve_tcp(listener, emulator, block, go_on).map_err(|e| Failure::work("cannot serve", e))
     }
+}
 
-    #[cfg(not(target_os = "linux"))]
-    fn serve_serial(&self, _: &mut Emulator, _: &mut LoggedBlock<File>, _: &AtomicBool) -> Result<(), Failure> {
-        Err(Failure::Arguments(anyhow::anyhow!("robotiq-rtu: expected Linux, whose pseudo-terminals have names")))
-    }
+#[cfg(not(target_os = "linux"))]
+fn serve_serial(
+    _: &mut Emulator,
+    _: &mut LoggedBlock<File>,
+    _: &mut dyn FnMut(&mut Emulator) -> bool,
+) -> Result<(), Failure> {
+    Err(Failure::Arguments(anyhow::anyhow!("robotiq-rtu: expected Linux, whose pseudo-terminals have names")))
+}
 
-    #[cfg(target_os = "linux")]
-    fn serve_serial(
-        &self,
-        emulator: &mut Emulator,
-        block: &mut LoggedBlock<File>,
-        interrupted: &AtomicBool,
-    ) -> Result<(), Failure> {
-        use slipbound_rig::emulator::serve_link;
-        use slipbound_rig::link::PseudoTerminal;
-        let mut terminal = PseudoTerminal::new().map_err(|e| Failure::work("cannot make a serial device", e))?;
-        Terminal::plain().say(&format!("robotiq://{}", terminal.device.display()))?;
-        while !interrupted.load(Ordering::Relaxed) {
-            serve_link(&mut terminal.link, emulator, block, || !interrupted.load(Ordering::Relaxed))
-                .map_err(|e| Failure::work("cannot serve", e))?;
-        }
-        Ok(())
+#[cfg(target_os = "linux")]
+fn serve_serial(
+    emulator: &mut Emulator,
+    block: &mut LoggedBlock<File>,
+    go_on: &mut dyn FnMut(&mut Emulator) -> bool,
+) -> Result<(), Failure> {
+    use slipbound_rig::emulator::serve_link;
+    use slipbound_rig::link::PseudoTerminal;
+    let mut terminal = PseudoTerminal::new().map_err(|e| Failure::work("cannot make a serial device", e))?;
+    Terminal::plain().say(&format!("robotiq://{}", terminal.device.display()))?;
+    while go_on(emulator) {
+        serve_link(&mut terminal.link, emulator, block, &mut *go_on).map_err(|e| Failure::work("cannot serve", e))?;
     }
+    Ok(())
 }

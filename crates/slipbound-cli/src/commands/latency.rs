@@ -81,7 +81,7 @@ impl Latency {
         let serves = is_serving.clone();
         let mut emulator = by_name("wsg50").context("no emulator is called wsg50")?;
         let emulator_thread = thread::spawn(move || {
-            serve_tcp(listener, &mut emulator, &mut Block::new(WIDTH_MM), || serves.load(Ordering::Relaxed))
+            serve_tcp(listener, &mut emulator, &mut Block::new(WIDTH_MM), |_| serves.load(Ordering::Relaxed))
         });
         let measured = self.measure_all(&hand, &address);
         is_serving.store(false, Ordering::Relaxed);

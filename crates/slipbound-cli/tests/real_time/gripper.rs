@@ -22,7 +22,12 @@ struct Emulator {
 impl Emulator {
     fn new(arguments: &[&str]) -> Self {
         let arguments = [&["emulate"], arguments].concat();
-        let mut process = slipbound(&arguments).stdout(Stdio::piped()).spawn().expect("runs");
+        let mut process = slipbound(&arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("runs");
         let mut out = BufReader::new(process.stdout.take().expect("piped"));
         let mut address = String::new();
         out.read_line(&mut address).expect("an address");
@@ -130,11 +135,30 @@ fn what_a_gripper_cannot_do_is_told() {
     assert!(from.elapsed() < Duration::from_secs(6));
 }
 
+#[test]
+fn faults_are_taken_from_standard_input_while_it_serves() {
+    let mut emulator = Emulator::new(&["wsg50", "--fail-stdin"]);
+    let (code, _, err) = emulator.gripper(WIDE, &["grasp", "20"]);
+    assert_eq!(code, Some(0), "{err}");
+    let stdin = emulator.process.stdin.as_mut().expect("piped");
+    stdin.write_all(b"banana\nfast-stop\n").expect("taken");
+    let until = Instant::now() + Duration::from_secs(10);
+    while !emulator.gripper(WIDE, &["status"]).1.contains("jaws stopped") {
+        assert!(Instant::now() < until, "it never stopped");
+    }
+    let mut said = String::new();
+    BufReader::new(emulator.process.stderr.take().expect("piped")).read_line(&mut said).expect("text");
+    assert!(said.contains("standard input: expected faults") && said.contains("got `banana`"), "{said}");
+    assert!(emulator.end().contains("at the end: 20.00 N per finger, opening 50.00 mm, the block is held"));
+}
+
 /// A script that goes on after `grasp` believes that it holds something.
 #[test]
 fn a_grasp_of_nothing_is_a_failure() {
     let grasps = |arguments: &[&str], state: &str, got: &str| {
-        let (code, out, err) = Emulator::new(arguments).gripper(WIDE, &["grasp", "30"]);
+        // Slow jaws, so that a stop finds them on their way however busy the computer is.
+        let (code, out, err) =
+            Emulator::new(arguments).gripper("?part_width_mm=50&speed_mm_per_s=10", &["grasp", "30"]);
         assert!(out.contains(state), "{arguments:?}: {out} {err}");
         let expected = "expected an object held with 30 N per finger, got ";
         assert!(code == Some(1) && err.contains(&format!("{expected}{got}")), "{arguments:?}: {code:?} {err}");
@@ -144,7 +168,7 @@ fn a_grasp_of_nothing_is_a_failure() {
         for name in ["wsg50", "gcl", "robotiq", "line"] {
             scope.spawn(move || grasps(&[name, "--width", "0"], "jaws nothing", "jaws that closed on nothing"));
         }
-        scope.spawn(|| grasps(&["wsg50", "--fail", "fast-stop@1500"], "jaws stopped", "jaws that have stopped"));
+        scope.spawn(|| grasps(&["wsg50", "--fail", "fast-stop@4000"], "jaws stopped", "jaws that have stopped"));
     });
 }
 

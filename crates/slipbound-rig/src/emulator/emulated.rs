@@ -1,7 +1,7 @@
 //! An emulator: a gripper's firmware on a link that can be made to fail.
 
 use super::fault::Fault;
-use super::faults::{Faults, LATE_NS};
+use super::faults::{FaultError, Faults, LATE_NS};
 use super::firmware::Firmware;
 use slipbound::plant::Plant;
 use std::collections::VecDeque;
@@ -112,6 +112,17 @@ impl Emulator {
         true
     }
 
+    /// Further faults, written as for [`Faults`]; their times count from the last tick. Nothing changes if a word is
+    /// none.
+    pub fn fail_further(&mut self, words: &str) -> Result<(), FaultError> {
+        let faults = self.faults.clone().joined_by(words, self.since_ns())?;
+        if faults.sensor != self.faults.sensor {
+            self.firmware.jaws_mut().set_sensor(faults.sensor, faults.seed);
+        }
+        self.faults = faults;
+        Ok(())
+    }
+
     /// Whether the connection is to be closed now; true once per fault.
     pub fn take_hang_up(&mut self) -> bool {
         std::mem::take(&mut self.is_hanging_up)
@@ -127,8 +138,13 @@ impl Emulator {
         self.firmware.jaws().opening_mm()
     }
 
+    /// Time from the first tick, ns.
+    fn since_ns(&self) -> u64 {
+        self.now_ns.saturating_sub(self.from_ns.unwrap_or(self.now_ns))
+    }
+
     fn is_stalled(&self) -> bool {
-        let since_ns = self.now_ns.saturating_sub(self.from_ns.unwrap_or(self.now_ns));
+        let since_ns = self.since_ns();
         self.faults.stalls_ns.iter().any(|(from_ns, for_ns)| (*from_ns..from_ns + for_ns).contains(&since_ns))
     }
 
@@ -141,7 +157,7 @@ impl Emulator {
     }
 
     fn inject_due(&mut self) {
-        let since_ns = self.now_ns - self.from_ns.unwrap_or(self.now_ns);
+        let since_ns = self.since_ns();
         let due: Vec<Fault> = self.faults.injections.iter().filter(|(at, _)| *at <= since_ns).map(|f| f.1).collect();
         self.faults.injections.retain(|(at_ns, _)| *at_ns > since_ns);
         for fault in due {

@@ -72,19 +72,24 @@ impl FromStr for Faults {
     type Err = FaultError;
 
     fn from_str(text: &str) -> Result<Self, FaultError> {
-        let mut faults = Faults::default();
-        for word in text.split(',').filter(|word| !word.is_empty()) {
-            faults.add(word).ok_or_else(|| FaultError { word: word.into() })?;
-        }
-        Ok(faults)
+        Faults::default().joined_by(text, 0)
     }
 }
 
 impl Faults {
-    fn add(&mut self, word: &str) -> Option<()> {
+    /// These and further ones, written as for [`FromStr`], whose times count from `from_ns`. A value that is given again
+    /// takes the place of the old one.
+    pub fn joined_by(mut self, text: &str, from_ns: u64) -> Result<Self, FaultError> {
+        for word in text.split(',').filter(|word| !word.is_empty()) {
+            self.add(word, from_ns).ok_or_else(|| FaultError { word: word.into() })?;
+        }
+        Ok(self)
+    }
+
+    fn add(&mut self, word: &str, from_ns: u64) -> Option<()> {
         let (what, at_ns) = match word.split_once('@') {
-            Some((what, ms)) => (what, ns(ms)?),
-            None => (word, 0),
+            Some((what, ms)) => (what, from_ns.checked_add(ns(ms)?)?),
+            None => (word, from_ns),
         };
         let fault = match what {
             "fast-stop" => Some(Fault::FastStop),
@@ -146,6 +151,9 @@ mod tests {
         assert_eq!((sensor.bias_n, sensor.gain, sensor.noise_n, sensor.step_n), (-3.0, 0.85, 2.0, 0.5));
         assert_eq!((sensor.drift_n_per_s, sensor.idle_n, sensor.lag_s, got.late_every_count), (0.1, 4.0, 0.08, 7));
         assert_eq!("".parse(), Ok(Faults::default()));
+        let got = got.joined_by("fast-stop,close@3,gain=2", 9_000_000).expect("valid");
+        assert_eq!(got.injections, [(9_000_000, Fault::FastStop)]);
+        assert_eq!((got.closes_ns, got.sensor.gain, got.sensor.bias_n), (vec![12_000_000], 2.0, -3.0));
         for word in [
             "banana",
             "late",

@@ -80,15 +80,16 @@ impl Server {
     }
 }
 
-/// Serves a port until `go_on` returns false. Times of faults count from the call.
+/// Serves a port until `go_on` returns false; it may change the emulator, about every ms. Times of faults count from the
+/// call.
 pub fn serve_tcp(
     listener: TcpListener,
     emulator: &mut Emulator,
     plant: &mut dyn Plant,
-    mut go_on: impl FnMut() -> bool,
+    mut go_on: impl FnMut(&mut Emulator) -> bool,
 ) -> io::Result<()> {
     let mut server = Server::new(listener)?;
-    while go_on() {
+    while go_on(emulator) {
         server.serve(emulator, plant)?;
         plant.advance_to(now_ns());
         thread::sleep(PAUSE);
@@ -96,16 +97,16 @@ pub fn serve_tcp(
     Ok(())
 }
 
-/// Serves one link, for example a serial line, until `go_on` returns false or the link is closed.
+/// Serves one link, for example a serial line, until `go_on` returns false or the link is closed; as [`serve_tcp`].
 pub fn serve_link(
     link: &mut dyn Link,
     emulator: &mut Emulator,
     plant: &mut dyn Plant,
-    mut go_on: impl FnMut() -> bool,
+    mut go_on: impl FnMut(&mut Emulator) -> bool,
 ) -> io::Result<()> {
     let mut inbox = Vec::with_capacity(8192);
     emulator.connected(now_ns());
-    while go_on() && !emulator.take_hang_up() {
+    while go_on(emulator) && !emulator.take_hang_up() {
         emulator.tick(now_ns(), plant);
         plant.advance_to(now_ns());
         serve_a_little(link, emulator, &mut inbox)?;

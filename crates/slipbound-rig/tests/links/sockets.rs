@@ -58,7 +58,7 @@ impl Server {
         let (plant, go_on) = (Shown::new(), Arc::new(AtomicBool::new(true)));
         let (address, mut between, running) = (listener.local_addr().expect("bound"), plant.clone(), go_on.clone());
         let thread = spawn(move || {
-            serve_tcp(listener, &mut emulator, &mut between, || running.load(Ordering::Relaxed)).expect("serves");
+            serve_tcp(listener, &mut emulator, &mut between, |_| running.load(Ordering::Relaxed)).expect("serves");
         });
         Server { address, plant, go_on, thread: Some(thread) }
     }
@@ -257,7 +257,7 @@ fn a_2f85_grips_over_a_pseudo_terminal() {
     let (mut between, running) = (plant.clone(), go_on.clone());
     let server = spawn(move || {
         let mut emulator = by_name("robotiq-rtu").expect("a name").with_faults("".parse().expect("none"));
-        let go_on = || running.load(Ordering::Relaxed);
+        let go_on = |_: &mut _| running.load(Ordering::Relaxed);
         serve_link(&mut terminal.link, &mut emulator, &mut between, go_on).expect("serves");
     });
     let mut device = Device::open(&address, None).expect("opens");
