@@ -1,57 +1,48 @@
-//! Fingers of numbers, drawn and calibrated: perspective, lens, rotation, missing and doubled dots, noise.
-//!
-//! `SLIPBOUND_CALIBRATE_FROM` and `SLIPBOUND_CALIBRATE_COUNT` choose other fingers than the first forty (`.ci/run full`: a hundred), and other
-//! clouds.
+//! Drawn fingers: perspective, lens, rotation, missing and doubled dots, noise, glare.
 
-#![allow(clippy::disallowed_macros)] // a test may print what failed
-
-use slipbound::calibrate::{KnownFacts, calibrate};
-use slipbound::image::{Frame, Gray, Pixels, Rgb, SizePx};
+use crate::{frame, known, number, reprojection_pitch};
+use slipbound::calibrate::calibrate;
+use slipbound::image::SizePx;
 use slipbound::plane::{Homography, Vec2};
-use slipbound::port::FrameBuffer;
-use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
-use slipbound_lab::contact::{Displacement, FingerSettings};
-use slipbound_lab::jpeg::Codec;
-use slipbound_lab::render::{Renderer, Surface, Surroundings};
-use std::collections::BTreeMap;
+use slipbound::sensor::Polarity;
 
 /// A generator good enough for pictures (xorshift64*).
-struct Random(u64);
+pub struct Random(u64);
 
 impl Random {
-    fn new(seed: u64) -> Self {
+    pub fn new(seed: u64) -> Self {
         Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x2545_F491_4F6C_DD1D)
     }
 
     /// Even in 0..1.
-    fn share(&mut self) -> f64 {
+    pub fn share(&mut self) -> f64 {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
         self.0 ^= self.0 >> 27;
         (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    fn within(&mut self, low: f64, high: f64) -> f64 {
+    pub fn within(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.share()
     }
 
     /// Normal, of variance 1.
-    fn normal(&mut self) -> f64 {
+    pub fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.share()).sum::<f64>() - 6.0
     }
 }
 
 /// How a finger's grid of dots comes into the picture.
-struct Truth {
-    homography: Homography,
+pub struct Truth {
+    pub homography: Homography,
     /// Cubic: radial, then mixed terms.
-    bend: [f64; 5],
-    half_span: f64,
+    pub bend: [f64; 5],
+    pub half_span: f64,
 }
 
 impl Truth {
     /// From the plane, in pitches about the middle of the grid, to the camera.
-    fn camera(&self, p: Vec2) -> Vec2 {
+    pub fn camera(&self, p: Vec2) -> Vec2 {
         let q = p / self.half_span;
         let [k, a, b, c, d] = self.bend;
         let r2 = q.length_squared();
@@ -199,7 +190,7 @@ fn with_glare(finger: &mut Finger, seed: u64) -> Vec<Vec2> {
 }
 
 /// A disc of the plane as the camera sees it, with an edge of about a pixel.
-fn draw(cover: &mut [f64], size: SizePx, truth: &Truth, centre: Vec2, diameter_pitch: f64) {
+pub fn draw(cover: &mut [f64], size: SizePx, truth: &Truth, centre: Vec2, diameter_pitch: f64) {
     let at = truth.camera(centre);
     let (a, b) = truth.slopes(centre);
     let det = a.cross(b);
@@ -216,160 +207,6 @@ fn draw(cover: &mut [f64], size: SizePx, truth: &Truth, centre: Vec2, diameter_p
             let pixel = &mut cover[y * size.width + x];
             *pixel = pixel.max(here);
         }
-    }
-}
-
-fn known() -> KnownFacts {
-    KnownFacts {
-        name: "drawn".into(),
-        description: String::new(),
-        serial: None,
-        pitch_mm: Some(1.5),
-        flip: Flip::None,
-        skin: Skin::Smooth,
-        polarity: None,
-    }
-}
-
-fn frame(grey: &[u8], size: SizePx) -> Frame<'_> {
-    Frame { pixels: Pixels::Gray(Gray::new(grey, size).expect("whole")), seq: 0, time_ns: None }
-}
-
-/// How far the calibrated map puts every node of the grid in view from where it was drawn, in pitches: RMS and worst.
-/// Infinite when nodes are not numbered one after the other.
-fn reprojection_pitch(sensor: &Sensor, truth: &Truth, nodes: &[Vec2], size: SizePx) -> (f64, f64) {
-    let pitch = sensor.pitch_px;
-    let inside = |p: Vec2| p.x > 2.0 && p.y > 2.0 && p.x < size.width as f64 - 3.0 && p.y < size.height as f64 - 3.0;
-    let seen: Vec<(Vec2, Vec2)> = nodes.iter().map(|n| (*n, truth.camera(*n))).filter(|(_, c)| inside(*c)).collect();
-    // The origin of the rectified grid: the phase that most nodes agree on.
-    let plane = |c: Vec2| sensor.rectified_from_upright(c).map_or(Vec2::new(f64::NAN, f64::NAN), |p| p / pitch);
-    let (middle, _) =
-        seen.iter().map(|(n, c)| (*c, n.length())).min_by(|a, b| a.1.total_cmp(&b.1)).expect("a node in view");
-    let origin = plane(middle);
-    let (mut sum, mut worst) = (0.0, 0.0f64);
-    let mut numbered: BTreeMap<(i64, i64), Vec2> = BTreeMap::new();
-    for (node, c) in &seen {
-        let from = plane(*c) - origin;
-        let number = Vec2::new(from.x.round(), from.y.round());
-        if numbered.insert((number.x as i64, number.y as i64), *node).is_some() || !from.is_finite() {
-            return (f64::INFINITY, f64::INFINITY);
-        }
-    }
-    // Neighbours in the rectified grid are neighbours on the finger.
-    for (&(i, j), node) in &numbered {
-        for next in [(i + 1, j), (i, j + 1)] {
-            if numbered.get(&next).is_some_and(|other| ((*other - *node).length() - 1.0).abs() > 1e-6) {
-                return (f64::INFINITY, f64::INFINITY);
-            }
-        }
-    }
-    // The phase of the grid as the calibration has it: nodes at whole pitches from its margin.
-    let phase = {
-        let margin = (0.75 * pitch).round() / pitch;
-        Vec2::new(margin, margin)
-    };
-    for (_, c) in &seen {
-        let p = plane(*c) - phase;
-        let node = Vec2::new(p.x.round(), p.y.round()) + phase;
-        let back = sensor.upright_from_rectified(node * pitch);
-        let step = sensor.upright_from_rectified((node + Vec2::new(0.5, 0.0)) * pitch)
-            - sensor.upright_from_rectified((node - Vec2::new(0.5, 0.0)) * pitch);
-        let other = sensor.upright_from_rectified((node + Vec2::new(0.0, 0.5)) * pitch)
-            - sensor.upright_from_rectified((node - Vec2::new(0.0, 0.5)) * pitch);
-        let miss = (back - *c).length() / step.cross(other).abs().sqrt();
-        sum += miss * miss;
-        worst = worst.max(miss);
-    }
-    ((sum / seen.len() as f64).sqrt(), worst)
-}
-
-/// The number in an environment variable.
-fn number(key: &str, default: u64) -> u64 {
-    std::env::var(key).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}
-
-/// How dots that stand on no grid are scattered.
-#[derive(Debug, Clone, Copy)]
-enum Cloud {
-    /// Anywhere, over each other too.
-    Anywhere,
-    /// None nearer to another than seven tenths of the mean distance: as even as dots without order can be.
-    Spaced,
-}
-
-/// A picture of dots on no grid.
-fn cloud(seed: u64, kind: Cloud, dots_count: usize, polarity: Polarity) -> (Vec<u8>, SizePx) {
-    let mut random = Random::new(seed);
-    let size = SizePx::new(640, 480);
-    let (w, h) = (size.width as f64, size.height as f64);
-    let mean_px = (w * h / dots_count as f64).sqrt();
-    let least_px = if matches!(kind, Cloud::Spaced) { 0.7 * mean_px } else { 0.0 };
-    let mut centres: Vec<Vec2> = Vec::new();
-    let mut tries_count = 0;
-    while centres.len() < dots_count && tries_count < 200 * dots_count {
-        tries_count += 1;
-        let p = Vec2::new(random.within(0.0, w), random.within(0.0, h));
-        if centres.iter().all(|c| (*c - p).length() >= least_px) {
-            centres.push(p);
-        }
-    }
-    let truth = Truth { homography: Homography::IDENTITY, bend: [0.0; 5], half_span: 1.0 };
-    let diameter_px = (mean_px * random.within(0.22, 0.46)).max(4.0);
-    let mut cover = vec![0.0; size.area()];
-    centres.iter().for_each(|c| draw(&mut cover, size, &truth, *c, diameter_px));
-    let sign = if polarity == Polarity::Dark { -1.0 } else { 1.0 };
-    let level = |c: &f64| (125.0 + sign * 60.0 * c + 2.5 * random.normal()).round().clamp(0.0, 255.0) as u8;
-    (cover.iter().map(level).collect(), size)
-}
-
-/// A few of many dots always stand as on a grid; a map fitted to those must not be believed.
-#[test]
-fn dots_on_no_grid_are_refused_with_the_reason() {
-    let (from, count) = (number("SLIPBOUND_CALIBRATE_FROM", 0), number("SLIPBOUND_CALIBRATE_COUNT", 3));
-    let mut reasons: BTreeMap<String, u32> = BTreeMap::new();
-    for seed in from..from + count {
-        for dots_count in [60, 120, 250, 500] {
-            for kind in [Cloud::Anywhere, Cloud::Spaced] {
-                for polarity in [Polarity::Dark, Polarity::Bright] {
-                    let (grey, size) = cloud(seed, kind, dots_count, polarity);
-                    let what = format!("seed {seed}, {dots_count} {polarity:?} dots, {kind:?}");
-                    match calibrate(&[frame(&grey, size)], &known()) {
-                        Ok(c) => panic!("{what}: a grid of {} dots, {:.3} pitch", c.markers.len(), c.residual_pitch),
-                        Err(e) => {
-                            println!("{what}: {e}");
-                            let reason = e.to_string();
-                            *reasons.entry(reason.split(':').next().unwrap_or_default().into()).or_default() += 1;
-                        }
-                    }
-                }
-            }
-        }
-    }
-    println!("refused: {reasons:?}");
-    // Each of these is true of a cloud.
-    let of_clouds = [
-        "no grid of markers",
-        "grid with holes",
-        "markers off the grid",
-        "too few markers for their scatter",
-        "ambiguous pitch",
-        "grid too narrow",
-    ];
-    assert!(reasons.keys().all(|r| of_clouds.contains(&r.as_str())), "{reasons:?}");
-}
-
-/// These clouds have a dozen or two dots as on a grid and a third as many beside it: not glare on a finger, for most dots are elsewhere.
-#[test]
-fn a_few_of_many_dots_on_a_grid_are_no_grid_with_glare() {
-    for (seed, kind, dots_count, polarity) in [
-        (4, Cloud::Anywhere, 250, Polarity::Bright),
-        (6, Cloud::Spaced, 120, Polarity::Bright),
-        (18, Cloud::Spaced, 250, Polarity::Dark),
-        (24, Cloud::Anywhere, 500, Polarity::Dark),
-    ] {
-        let (grey, size) = cloud(seed, kind, dots_count, polarity);
-        let error = calibrate(&[frame(&grey, size)], &known()).expect_err("no grid").to_string();
-        assert!(error.starts_with("no grid of markers"), "seed {seed}: {error}");
     }
 }
 
@@ -419,98 +256,6 @@ fn a_finger_with_a_strip_of_glare_is_calibrated_from_the_grid_alone() {
     assert_eq!(wrong, 0);
     assert!(10 * refused <= count, "{refused} of {count} refused");
     assert!(50 * taken_count <= phantoms_count, "{taken_count} highlights taken for markers");
-}
-
-/// The simulated GelSlim at rest with all that is around it: as its camera delivers it, after JPEG 85; its grid of dots without
-/// their jitter, about the middle of the nodes, and where the camera sees it.
-fn photograph(seed: u64) -> (Truth, Vec<Vec2>, FrameBuffer, SizePx) {
-    let mut camera = Renderer::gelslim(seed).with_surroundings(Surroundings::Full);
-    let (sensor, size) = (camera.sensor(), camera.size());
-    let grid = FingerSettings::standard().grid;
-    let displacement = vec![Displacement::default(); grid.cells_count()];
-    let pressure_mpa = vec![0.0; grid.cells_count()];
-    let untouched = Surface { grid: &grid, displacement: &displacement, pressure_mpa: &pressure_mpa };
-    let (mut rgb, mut picture) = (vec![0; 3 * size.area()], FrameBuffer::default());
-    camera.render(&untouched, seed, &mut rgb);
-    let codec = Codec::new(size, 85);
-    codec.encode(&rgb, &mut picture.encoded).expect("encodes");
-    codec.decode(&mut picture).expect("decodes");
-    let pitch_px = sensor.pitch_px;
-    let seen: Vec<Vec2> =
-        (0..camera.markers_at_rest_mm().len()).map(|i| camera.marker_rectified_px(i, &untouched)).collect();
-    // A dot's jitter is a thirtieth of a pitch: the mean over all is the grid's own place.
-    let number = |p: Vec2| Vec2::new(((p - seen[0]).x / pitch_px).round(), ((p - seen[0]).y / pitch_px).round());
-    let nodes: Vec<Vec2> = seen.iter().map(|p| number(*p)).collect();
-    let origin = seen.iter().zip(&nodes).fold(Vec2::ZERO, |sum, (p, n)| sum + (*p - *n * pitch_px)) / seen.len() as f64;
-    let map = sensor.rectification.as_ref().expect("it is seen aslant");
-    let [left, top, ..] = map.crop_px.map(|px| px as f64);
-    let plane = Homography([[pitch_px, 0.0, origin.x + left], [0.0, pitch_px, origin.y + top], [0.0, 0.0, 1.0]]);
-    let homography = map.homography.inverse().expect("a camera").after(&plane);
-    (Truth { homography, bend: [0.0; 5], half_span: 1.0 }, nodes, picture, size)
-}
-
-/// Walls, highlights and dirt do not get into the map of the paper's finger.
-#[test]
-fn a_simulated_finger_is_calibrated_among_its_surroundings() {
-    let (from, count) = (number("SLIPBOUND_CALIBRATE_FROM", 0), number("SLIPBOUND_CALIBRATE_COUNT", 6));
-    let (mut right, mut refused, mut wrong, mut errors) = (0, 0, 0, Vec::new());
-    for seed in from..from + count {
-        let (truth, nodes, picture, size) = photograph(seed);
-        let frame =
-            Frame { pixels: Pixels::Rgb(Rgb::new(&picture.pixels, size).expect("whole")), seq: 0, time_ns: None };
-        let known = KnownFacts { flip: Flip::Vertical, skin: Skin::Fabric, ..known() };
-        match calibrate(&[frame], &known) {
-            Err(e) => {
-                println!("seed {seed}: refused: {e}");
-                refused += 1;
-            }
-            Ok(found) => {
-                let (rms, worst) = reprojection_pitch(&found.sensor, &truth, &nodes, size);
-                let (markers, off_grid) = (found.markers.len(), found.off_grid.len());
-                println!(
-                    "seed {seed}: {markers} markers, {off_grid} off the grid; reprojection {rms:.4}, worst {worst:.4}"
-                );
-                if rms <= 0.03 {
-                    right += 1
-                } else {
-                    wrong += 1
-                }
-                errors.push(rms);
-            }
-        }
-    }
-    errors.sort_by(f64::total_cmp);
-    println!(
-        "{count} simulated fingers: {right} right, {refused} refused, {wrong} wrong; reprojection median {:.4}, worst {:.4} pitch",
-        errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN),
-        errors.last().copied().unwrap_or(f64::NAN)
-    );
-    assert_eq!(wrong, 0);
-    assert!(100 * refused <= count, "{refused} of {count} refused");
-}
-
-/// The grid that is drawn begins at its first markers: rows of the housing that lie off it, here told without the flip, are none of it.
-#[test]
-fn the_grid_begins_where_its_markers_do() {
-    for (seed, flip) in [(0, Flip::None), (1, Flip::None), (2, Flip::Vertical), (3, Flip::None)] {
-        let (_, nodes, picture, size) = photograph(seed);
-        let frame =
-            Frame { pixels: Pixels::Rgb(Rgb::new(&picture.pixels, size).expect("whole")), seq: 0, time_ns: None };
-        let found = calibrate(&[frame], &KnownFacts { flip, skin: Skin::Fabric, ..known() }).expect("calibrated");
-        let first = [0, 1].map(|axis| found.markers.iter().map(|m| m.node[axis]).min().expect("markers"));
-        let pitch_px = found.sensor.pitch_px;
-        for m in &found.markers {
-            let at = Vec2::new(f64::from(m.node[0] - first[0]), f64::from(m.node[1] - first[1])) * pitch_px;
-            let drawn = found.sensor.camera_from_rectified(at + found.origin_px());
-            let off_pitch = (drawn - m.camera_px).length() / pitch_px;
-            assert!(off_pitch < 0.3, "seed {seed}, {flip:?}: node {:?} is drawn {off_pitch} pitch off", m.node);
-        }
-        // As many rows as there are, and a few of what mirrors them.
-        let rows_px = found.sensor.rectified_px().height as f64;
-        let true_rows =
-            nodes.iter().map(|n| n.y).fold(f64::MIN, f64::max) - nodes.iter().map(|n| n.y).fold(f64::MAX, f64::min);
-        println!("seed {seed}, {flip:?}: {} rows of {}", rows_px / pitch_px - 1.5, true_rows);
-    }
 }
 
 /// How a finger came out; errors in pitches, RMS.

@@ -1,0 +1,104 @@
+//! The simulated finger of the paper with all that is around it.
+
+use crate::drawn::Truth;
+use crate::{known, number, reprojection_pitch};
+use slipbound::calibrate::{KnownFacts, calibrate};
+use slipbound::image::{Frame, Pixels, Rgb, SizePx};
+use slipbound::plane::{Homography, Vec2};
+use slipbound::port::FrameBuffer;
+use slipbound::sensor::{Flip, Skin};
+use slipbound_lab::contact::{Displacement, FingerSettings};
+use slipbound_lab::jpeg::Codec;
+use slipbound_lab::render::{Renderer, Surface, Surroundings};
+
+/// The simulated GelSlim at rest with all that is around it: as its camera delivers it, after JPEG 85; its grid of dots without
+/// their jitter, about the middle of the nodes, and where the camera sees it.
+fn photograph(seed: u64) -> (Truth, Vec<Vec2>, FrameBuffer, SizePx) {
+    let mut camera = Renderer::gelslim(seed).with_surroundings(Surroundings::Full);
+    let (sensor, size) = (camera.sensor(), camera.size());
+    let grid = FingerSettings::standard().grid;
+    let displacement = vec![Displacement::default(); grid.cells_count()];
+    let pressure_mpa = vec![0.0; grid.cells_count()];
+    let untouched = Surface { grid: &grid, displacement: &displacement, pressure_mpa: &pressure_mpa };
+    let (mut rgb, mut picture) = (vec![0; 3 * size.area()], FrameBuffer::default());
+    camera.render(&untouched, seed, &mut rgb);
+    let codec = Codec::new(size, 85);
+    codec.encode(&rgb, &mut picture.encoded).expect("encodes");
+    codec.decode(&mut picture).expect("decodes");
+    let pitch_px = sensor.pitch_px;
+    let seen: Vec<Vec2> =
+        (0..camera.markers_at_rest_mm().len()).map(|i| camera.marker_rectified_px(i, &untouched)).collect();
+    // A dot's jitter is a thirtieth of a pitch: the mean over all is the grid's own place.
+    let number = |p: Vec2| Vec2::new(((p - seen[0]).x / pitch_px).round(), ((p - seen[0]).y / pitch_px).round());
+    let nodes: Vec<Vec2> = seen.iter().map(|p| number(*p)).collect();
+    let origin = seen.iter().zip(&nodes).fold(Vec2::ZERO, |sum, (p, n)| sum + (*p - *n * pitch_px)) / seen.len() as f64;
+    let map = sensor.rectification.as_ref().expect("it is seen aslant");
+    let [left, top, ..] = map.crop_px.map(|px| px as f64);
+    let plane = Homography([[pitch_px, 0.0, origin.x + left], [0.0, pitch_px, origin.y + top], [0.0, 0.0, 1.0]]);
+    let homography = map.homography.inverse().expect("a camera").after(&plane);
+    (Truth { homography, bend: [0.0; 5], half_span: 1.0 }, nodes, picture, size)
+}
+
+/// Walls, highlights and dirt do not get into the map of the paper's finger.
+#[test]
+fn a_simulated_finger_is_calibrated_among_its_surroundings() {
+    let (from, count) = (number("SLIPBOUND_CALIBRATE_FROM", 0), number("SLIPBOUND_CALIBRATE_COUNT", 6));
+    let (mut right, mut refused, mut wrong, mut errors) = (0, 0, 0, Vec::new());
+    for seed in from..from + count {
+        let (truth, nodes, picture, size) = photograph(seed);
+        let frame =
+            Frame { pixels: Pixels::Rgb(Rgb::new(&picture.pixels, size).expect("whole")), seq: 0, time_ns: None };
+        let known = KnownFacts { flip: Flip::Vertical, skin: Skin::Fabric, ..known() };
+        match calibrate(&[frame], &known) {
+            Err(e) => {
+                println!("seed {seed}: refused: {e}");
+                refused += 1;
+            }
+            Ok(found) => {
+                let (rms, worst) = reprojection_pitch(&found.sensor, &truth, &nodes, size);
+                let (markers, off_grid) = (found.markers.len(), found.off_grid.len());
+                println!(
+                    "seed {seed}: {markers} markers, {off_grid} off the grid; reprojection {rms:.4}, worst {worst:.4}"
+                );
+                if rms <= 0.03 {
+                    right += 1
+                } else {
+                    wrong += 1
+                }
+                errors.push(rms);
+            }
+        }
+    }
+    errors.sort_by(f64::total_cmp);
+    println!(
+        "{count} simulated fingers: {right} right, {refused} refused, {wrong} wrong; reprojection median {:.4}, worst {:.4} pitch",
+        errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN),
+        errors.last().copied().unwrap_or(f64::NAN)
+    );
+    assert_eq!(wrong, 0);
+    assert!(100 * refused <= count, "{refused} of {count} refused");
+}
+
+/// The grid that is drawn begins at its first markers: rows of the housing that lie off it, here told without the flip, are none of it.
+#[test]
+fn the_grid_begins_where_its_markers_do() {
+    for (seed, flip) in [(0, Flip::None), (1, Flip::None), (2, Flip::Vertical), (3, Flip::None)] {
+        let (_, nodes, picture, size) = photograph(seed);
+        let frame =
+            Frame { pixels: Pixels::Rgb(Rgb::new(&picture.pixels, size).expect("whole")), seq: 0, time_ns: None };
+        let found = calibrate(&[frame], &KnownFacts { flip, skin: Skin::Fabric, ..known() }).expect("calibrated");
+        let first = [0, 1].map(|axis| found.markers.iter().map(|m| m.node[axis]).min().expect("markers"));
+        let pitch_px = found.sensor.pitch_px;
+        for m in &found.markers {
+            let at = Vec2::new(f64::from(m.node[0] - first[0]), f64::from(m.node[1] - first[1])) * pitch_px;
+            let drawn = found.sensor.camera_from_rectified(at + found.origin_px());
+            let off_pitch = (drawn - m.camera_px).length() / pitch_px;
+            assert!(off_pitch < 0.3, "seed {seed}, {flip:?}: node {:?} is drawn {off_pitch} pitch off", m.node);
+        }
+        // As many rows as there are, and a few of what mirrors them.
+        let rows_px = found.sensor.rectified_px().height as f64;
+        let true_rows =
+            nodes.iter().map(|n| n.y).fold(f64::MIN, f64::max) - nodes.iter().map(|n| n.y).fold(f64::MAX, f64::min);
+        println!("seed {seed}, {flip:?}: {} rows of {}", rows_px / pitch_px - 1.5, true_rows);
+    }
+}

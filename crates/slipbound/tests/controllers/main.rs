@@ -1,0 +1,264 @@
+//! Controllers against made-up hands: the paper's law, the margin, the bounds nobody gets past.
+
+#[path = "../made_up/mod.rs"]
+mod made_up;
+mod margin;
+
+use made_up::{FRAME_NS, gripper, hand};
+use slipbound::grip::{
+    ArmMotion, GripController, GripDecision, GripLimits, Guard, Law, MarginSettings, OnSlipSettings,
+};
+use slipbound::hand::HandReport;
+use slipbound::monitor::SlipState;
+use slipbound::port::{GripperState, Jaws};
+use slipbound::task::TaskSettings;
+
+/// Runs a controller over hands, with a gripper that does at once what it is told; the commands as text.
+fn commands(law: Law, limits: GripLimits, hands: &[HandReport]) -> Vec<GripDecision> {
+    let mut controller = law.controller(&limits).expect("valid");
+    let mut force_n = limits.start_n;
+    let step = |(i, hand): (usize, &HandReport)| {
+        let command = controller.decide(i as u64 * FRAME_NS, hand, &gripper(force_n));
+        force_n = command.force_n;
+        command
+    };
+    hands.iter().enumerate().map(step).collect()
+}
+
+#[test]
+fn the_papers_law_pauses_adds_ten_newtons_and_goes_on_up_to_sixty() {
+    let slip = hand(SlipState::Incipient);
+    let stick = hand(SlipState::Stick);
+    let mut hands = Vec::new();
+    for _ in 0..8 {
+        hands.push(slip);
+        hands.extend([stick; 9]);
+    }
+    let told = commands(Law::OnSlip(OnSlipSettings::default()), GripLimits::default(), &hands);
+    let forces: Vec<f64> = told.iter().step_by(10).map(|c| c.force_n).collect();
+    assert_eq!(forces, [20.0, 30.0, 40.0, 50.0, 60.0, 60.0, 60.0, 60.0]);
+    let picture: String = told[..20].iter().map(|c| if c.arm == ArmMotion::Go { '.' } else { '#' }).collect();
+    assert_eq!(picture, "####......####......", "paused until the force has stood for 0.1 s");
+    assert!(told[50..].iter().all(|c| c.arm == ArmMotion::Go), "at the largest force there is nothing to wait for");
+}
+
+/// Slow jaws are at 52 of the 60 N that were commanded when it slips again: 60 N may hold yet.
+#[test]
+fn slip_before_the_largest_force_has_arrived_asks_for_no_more() {
+    let margin = Law::Margin(MarginSettings::default().with_stiffness_mpa_per_mm(0.05));
+    for law in [Law::OnSlip(OnSlipSettings::default()), margin] {
+        let limits = GripLimits::default().with_forces_n(10.0, 5.0, 60.0);
+        let mut controller = law.controller(&limits).expect("valid");
+        let slides = HandReport { margin: Some(0.0), ..hand(SlipState::Gross) };
+        let mut now_ns = 0;
+        let mut step = |pressed_n: f64| {
+            now_ns += 400_000_000;
+            let told = controller.decide(now_ns, &slides, &gripper(pressed_n));
+            (told.force_n, controller.wants_more())
+        };
+        for _ in 0..40 {
+            assert!(!step(52.0).1, "{law:?}");
+        }
+        assert_eq!(step(52.0), (60.0, false), "{law:?}");
+        step(60.0);
+        assert_eq!(step(60.0), (60.0, true), "{law:?}: it slips at the largest force");
+    }
+}
+
+#[test]
+fn one_slip_seen_in_several_frames_is_one_alarm() {
+    let slip = hand(SlipState::Incipient);
+    let told = commands(Law::OnSlip(OnSlipSettings::default()), GripLimits::default(), &[slip; 6]);
+    assert_eq!(told.last().expect("commands").force_n, 20.0);
+}
+
+#[test]
+fn the_decreasing_law_loosens_down_to_the_least() {
+    let settings = OnSlipSettings::default().with_step_n(-2.0);
+    let mut hands = Vec::new();
+    for _ in 0..5 {
+        hands.push(hand(SlipState::Incipient));
+        hands.extend([hand(SlipState::Stick); 9]);
+    }
+    let told = commands(Law::OnSlip(settings), GripLimits::default(), &hands);
+    let forces: Vec<f64> = told.iter().step_by(10).map(|c| c.force_n).collect();
+    assert_eq!(forces, [8.0, 6.0, 5.0, 5.0, 5.0]);
+}
+
+#[test]
+fn a_blind_hand_keeps_its_force_and_the_arm_waits_after_three_frames() {
+    for (law, blind_force_n) in [
+        (Law::Constant, None),
+        (Law::OnSlip(OnSlipSettings::default()), None),
+        (Law::Margin(MarginSettings::default().with_stiffness_mpa_per_mm(0.05)), Some(30.0)),
+    ] {
+        let limits = GripLimits::default().with_blind_force_n(blind_force_n);
+        let mut hands = vec![hand(SlipState::Stick); 3];
+        hands.extend([hand(SlipState::Unjudged); 6]);
+        let told = commands(law, limits, &hands);
+        let picture: String = told.iter().map(|c| if c.arm == ArmMotion::Go { '.' } else { '#' }).collect();
+        assert_eq!(picture, ".....####", "{law:?}");
+        assert_eq!(told[8].force_n, blind_force_n.unwrap_or(10.0), "{law:?}");
+    }
+}
+
+#[test]
+fn a_force_raised_while_blind_comes_down_slowly_and_only_while_nothing_slips() {
+    let limits = GripLimits::default().with_blind_force_n(Some(30.0));
+    let states = |seen: &[(SlipState, usize)]| -> Vec<HandReport> {
+        seen.iter().flat_map(|&(state, count)| std::iter::repeat_n(hand(state), count)).collect()
+    };
+    let forces = |law: Law, after: &[(SlipState, usize)]| -> Vec<f64> {
+        let hands = states(&[&[(SlipState::Stick, 3), (SlipState::Unjudged, 6)], after].concat());
+        commands(law, limits, &hands)[8..].iter().map(|told| told.force_n).collect()
+    };
+    let cycle_s = 1.0 / 30.0;
+    for law in [Law::Constant, Law::OnSlip(OnSlipSettings::default())] {
+        // 5 N/s: 20 N in four seconds.
+        let told = forces(law, &[(SlipState::Stick, 150)]);
+        assert_eq!(told[0], 30.0, "{law:?}");
+        for pair in told.windows(2) {
+            assert!(pair[0] - pair[1] <= 5.0 * cycle_s + 1e-3, "{law:?}: from {} to {} N", pair[0], pair[1]);
+        }
+        assert!((told[60] - 20.0).abs() < 0.2 && told[149] == 10.0, "{law:?}: {} {}", told[60], told[149]);
+        for state in [SlipState::Unsure, SlipState::NoContact, SlipState::Unjudged] {
+            assert!(forces(law, &[(state, 60)]).iter().all(|n| *n == 30.0), "{law:?} {state:?}");
+        }
+    }
+    let steps = forces(Law::OnSlip(OnSlipSettings::default()), &[(SlipState::Stick, 30), (SlipState::Gross, 1)]);
+    let (stood, stepped) = (steps[30], steps[31]);
+    assert!((stood - 25.0).abs() < 0.2 && (stepped - stood - 10.0).abs() < 0.2, "{stood} {stepped}: a step from there");
+}
+
+#[test]
+fn a_gripper_that_lost_the_part_or_stopped_is_told_to_keep_its_force() {
+    for jaws in [Jaws::Lost, Jaws::Nothing, Jaws::Stopped] {
+        let mut controller = Law::OnSlip(OnSlipSettings::default()).controller(&GripLimits::default()).expect("valid");
+        let state = GripperState { jaws, ..gripper(10.0) };
+        let command = controller.decide(0, &hand(SlipState::Incipient), &state);
+        assert_eq!(command, GripDecision { force_n: 10.0, arm: ArmMotion::Pause });
+    }
+}
+
+/// A controller gone mad.
+struct Mad(std::vec::IntoIter<f64>);
+
+impl GripController for Mad {
+    fn decide(&mut self, _: u64, _: &HandReport, _: &GripperState) -> GripDecision {
+        GripDecision { force_n: self.0.next().unwrap_or(f64::NAN), arm: ArmMotion::Go }
+    }
+
+    fn alarms_count(&self) -> u32 {
+        0
+    }
+
+    fn wants_more(&self) -> bool {
+        false
+    }
+}
+
+#[test]
+fn a_controller_that_asks_for_what_cannot_be_never_lets_go() {
+    let asked = vec![30.0, f64::NAN, f64::INFINITY, 1e9, -5.0, 0.0, f64::NEG_INFINITY];
+    let mut guard = Guard::new(Box::new(Mad(asked.into_iter())), GripLimits::default());
+    let told: Vec<f64> =
+        (0..7).map(|i| guard.decide(i * FRAME_NS, &hand(SlipState::Stick), &gripper(30.0)).force_n).collect();
+    assert_eq!(told, [30.0, 30.0, 30.0, 60.0, 5.0, 5.0, 5.0]);
+}
+
+#[test]
+fn settings_that_are_no_numbers_or_out_of_range_are_refused_by_name() {
+    let good = TaskSettings::default();
+    let mut cases: Vec<(TaskSettings, &str)> = Vec::new();
+    let mut with = |change: fn(&mut TaskSettings), key| {
+        let mut bad = good;
+        change(&mut bad);
+        cases.push((bad, key));
+    };
+    with(|s| s.grip.most_n = f64::NAN, "grip.most_n");
+    with(|s| s.grip.start_n = 70.0, "grip.start_n");
+    with(|s| s.grip.start_n = 1.0, "grip.start_n");
+    with(|s| s.grip.blind_force_n = Some(100.0), "grip.blind_force_n");
+    with(|s| s.on_slip.step_n = f64::INFINITY, "on_slip.step_n");
+    with(|s| s.margin.target_fraction = 1.5, "margin.target_fraction");
+    with(|s| s.margin.slippery_target_fraction = 0.77, "margin.slippery_target_fraction");
+    with(|s| s.margin.cut_target_share = f64::NAN, "margin.cut_target_share");
+    with(|s| s.screw.rate_rad_per_s = 0.0, "screw.rate_rad_per_s");
+    with(|s| s.unscrew.open_rad = -1.0, "unscrew.open_rad");
+    with(|s| s.place.laying_mm_per_s = 0.1, "place.laying_mm_per_s");
+    with(|s| s.lift.lift_mm = f64::NAN, "lift.lift_mm");
+    for (settings, key) in cases {
+        assert_eq!(settings.check().expect_err(key).key, key);
+    }
+}
+
+/// A loop whose gripper is not linked does not step its task.
+#[test]
+fn a_force_that_was_raised_while_blind_comes_down_slowly_after_a_gap_too() {
+    let limits = GripLimits::default().with_blind_force_n(Some(50.0));
+    let mut guard = Guard::new(Box::new(Mad(vec![10.0; 90].into_iter())), limits);
+    let mut force_n = 10.0;
+    for ms in (0..400u64).step_by(33).chain([9000, 9033, 9066]) {
+        let state = if ms < 400 { SlipState::Unjudged } else { SlipState::Stick };
+        force_n = guard.decide(ms * 1_000_000, &hand(state), &gripper(force_n)).force_n;
+    }
+    assert!((48.9..50.0).contains(&force_n), "5 N/s for three cycles: {force_n}");
+}
+
+/// Any hands, grippers, controllers and wishes of tasks.
+mod guarded {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn force() -> impl Strategy<Value = f64> {
+        prop_oneof![
+            5 => -20.0..120.0f64,
+            1 => proptest::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.0, 1e300, 1e-300])
+        ]
+    }
+
+    fn state() -> impl Strategy<Value = SlipState> {
+        use SlipState::*;
+        proptest::sample::select(vec![NoContact, Unsure, Stick, Incipient, Gross, Unjudged])
+    }
+
+    fn jaws() -> impl Strategy<Value = Jaws> {
+        use Jaws::*;
+        prop_oneof![4 => Just(Holding), 1 => proptest::sample::select(vec![Unknown, Open, Closing, Nothing, Lost, Stopped])]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn no_force_leaves_the_limits_and_none_falls_while_blind(
+            cycles in proptest::collection::vec((force(), state(), jaws(), 0..120u64, any::<bool>()), 1..60),
+            blind_force_n in proptest::option::of(5.0..60.0f64),
+        ) {
+            let wanted: Vec<f64> = cycles.iter().map(|cycle| cycle.0).collect();
+            let limits = GripLimits::default().with_blind_force_n(blind_force_n);
+            let mut guard = Guard::new(Box::new(Mad(wanted.into_iter())), limits);
+            let (mut now_ns, mut before_n, mut blind_ms) = (0, limits.start_n, 0);
+            for (i, (wanted_n, state, jaws, wait_ms, by_task)) in cycles.into_iter().enumerate() {
+                now_ns += wait_ms * 1_000_000;
+                let (hand, state_n) = (hand(state), GripperState { jaws, ..gripper(before_n) });
+                let told = match by_task {
+                    true => guard.hold(now_ns, &hand, &state_n, wanted_n),
+                    false => guard.decide(now_ns, &hand, &state_n),
+                };
+                prop_assert!((limits.least_n..=limits.most_n).contains(&told.force_n), "{told:?}");
+                prop_assert_eq!(told.force_n, guard.force_n());
+                let sees = state != SlipState::Unjudged;
+                blind_ms = if sees || i == 0 { 0 } else { blind_ms + wait_ms };
+                let is_gone = matches!(jaws, Jaws::Lost | Jaws::Nothing | Jaws::Stopped);
+                if !sees || is_gone {
+                    prop_assert!(told.force_n >= before_n, "it fell from {before_n} N to {} N", told.force_n);
+                }
+                prop_assert_eq!(guard.is_blind(), !sees && blind_ms >= 90);
+                if guard.is_blind() || is_gone {
+                    prop_assert_eq!(told.arm, ArmMotion::Pause);
+                }
+                before_n = told.force_n;
+            }
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! Tasks against made-up hands: endings on evidence, beginnings with a hold, nothing let go.
+
+mod lifting;
+#[path = "../made_up/mod.rs"]
+mod made_up;
+mod placing;
+mod screwing;
+
+use made_up::{gripper, hand};
+use slipbound::monitor::SlipState;
+use slipbound::port::{GripperState, Jaws, WristMotion, WristState};
+use slipbound::sensor::Sensor;
+use slipbound::task::{ControllerKind, Ending, Missing, Observation, Phase, TaskKind, TaskSettings};
+
+#[test]
+fn an_empty_gripper_ends_the_task() {
+    let mut task = TaskSettings::default().task(TaskKind::Lift, None).expect("valid");
+    let state = GripperState { jaws: Jaws::Nothing, ..gripper(0.0) };
+    let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+    let report = hand(SlipState::NoContact);
+    let step = task.step(&Observation { now_ns: 0, hand: &report, gripper: &state, wrist: &wrist });
+    assert_eq!(step.phase, Phase::Ended(Ending::NothingHeld));
+    assert_eq!(step.wrist.motion, WristMotion::Pause);
+}
+
+/// What is held but not felt is not lifted, and what is missing is said.
+#[test]
+fn a_task_that_cannot_begin_says_what_it_waits_for() {
+    for (state, jaws, missing) in [
+        (SlipState::Unjudged, Jaws::Holding, Missing::Sight),
+        (SlipState::NoContact, Jaws::Holding, Missing::Contact),
+        (SlipState::Stick, Jaws::Open, Missing::Hold),
+        (SlipState::Stick, Jaws::Holding, Missing::Rest),
+    ] {
+        let mut task = TaskSettings::default().task(TaskKind::Screw, None).expect("valid");
+        assert_eq!(task.missing(), None);
+        let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+        let state = (hand(state), GripperState { jaws, ..gripper(10.0) });
+        task.step(&Observation { now_ns: 0, hand: &state.0, gripper: &state.1, wrist: &wrist });
+        assert_eq!(task.missing(), Some(missing));
+        assert!(!missing.in_words().is_empty());
+    }
+}
+
+#[test]
+fn windows_that_can_never_fill_are_refused() {
+    for (change, key) in [
+        ((|s| s.screw.flat_window_rad = 0.6) as fn(&mut TaskSettings), "screw.flat_window_rad"),
+        (|s| s.screw.slide.window_rad = 0.6, "slide.window_rad"),
+        (|s| s.unscrew.open_rad = 0.6, "unscrew.open_rad"),
+        (|s| s.unscrew.stuck_rad = 0.6, "unscrew.stuck_rad"),
+    ] {
+        let mut settings = TaskSettings::default();
+        (settings.screw.most_rad, settings.unscrew.most_rad) = (0.5, 0.5);
+        settings.check().expect("windows within the turn");
+        change(&mut settings);
+        assert_eq!(settings.check().expect_err(key).key, key);
+    }
+}
+
+/// What a task goes by, a finger must tell; a lift goes by slip.
+#[test]
+fn a_task_that_goes_by_shear_wants_a_finger_that_tells_it_in_mm() {
+    let settings = TaskSettings::default();
+    let mut sensor: Sensor = serde_json::from_value(serde_json::json!({
+        "name": "bare", "description": "", "image_px": [320, 240], "flip": "none", "grey_weights_rgb": [0.3, 0.4, 0.3],
+        "polarity": "dark", "pitch_px": 20.0, "marker_diameter_px": 6.0, "skin": "smooth"
+    }))
+    .expect("a sensor");
+    for kind in [TaskKind::Screw, TaskKind::Unscrew, TaskKind::Place] {
+        let error = settings.check_finger(kind, &sensor).expect_err("no pitch_mm");
+        assert!(error.to_string().contains("pitch_mm") && error.to_string().contains(kind.name()), "{error}");
+    }
+    settings.check_finger(TaskKind::Lift, &sensor).expect("by slip");
+    settings.with_controller(ControllerKind::Paper).check_finger(TaskKind::Screw, &sensor).expect("by slip");
+    sensor.pitch_mm = Some(1.5);
+    settings.check_finger(TaskKind::Place, &sensor).expect("it tells mm");
+}

@@ -1,0 +1,262 @@
+//! A tool is laid down: the ground is felt, and nothing is let go that nothing carries.
+
+use crate::made_up::{FRAME_NS, gripper, hand};
+use slipbound::hand::{HandReport, HandSlip, HandVector, Health};
+use slipbound::monitor::SlipState;
+use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
+use slipbound::task::{Ending, Observation, Phase, TaskKind, TaskSettings};
+
+/// A tool is lowered, touches and turns; its grip is to be loosened. `follows`: whether the gripper does that.
+fn laid_down(follows: bool) -> (Option<Ending>, bool) {
+    let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
+    let (mut force_n, mut lowered_mm, mut released) = (10.0, 0.0, false);
+    for cycle in 0..600u64 {
+        let now_ns = cycle * FRAME_NS;
+        let mut report = hand(SlipState::Stick);
+        // From 5 mm on it touches the ground, turns, and is pushed against the gels.
+        let touches = lowered_mm > 5.0;
+        report.pivot_rad = Some(if touches { 0.2 } else { 0.0 });
+        let along = if lowered_mm > 5.0 { 0.1 * (5.0 - lowered_mm) } else { 0.0 };
+        report.shear_mm = Some(HandVector { along, ..HandVector::default() });
+        let jaws = if released { Jaws::Open } else { Jaws::Holding };
+        let state = GripperState { jaws, ..gripper(force_n) };
+        let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm, moving: true };
+        let step = task.step(&Observation { now_ns, hand: &report, gripper: &state, wrist: &wrist });
+        released = step.grip == GripCommand::Release;
+        if let GripCommand::Hold { force_n: asked_n } = step.grip
+            && (follows || asked_n > force_n)
+        {
+            force_n = asked_n;
+        }
+        if let WristMotion::Lower { rate_mm_per_s, .. } = step.wrist.motion {
+            lowered_mm += rate_mm_per_s * FRAME_NS as f64 * 1e-9;
+        }
+        if let Phase::Ended(ending) = step.phase {
+            return (Some(ending), released);
+        }
+    }
+    (None, released)
+}
+
+#[test]
+fn a_gripper_that_does_not_loosen_its_grip_lets_nothing_go() {
+    assert_eq!(laid_down(true), (Some(Ending::Placed), true));
+    assert_eq!(laid_down(false), (Some(Ending::GripStays), false));
+}
+
+/// Frames without shear while it is laid down, with slip seen all the time: the loose grip stays loose.
+#[test]
+fn frames_without_shear_do_not_kick_the_grip_while_it_is_laid_down() {
+    let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
+    let (mut force_n, mut loose_n) = (10.0, Vec::new());
+    for cycle in 0..200u64 {
+        let mut report = hand(SlipState::Incipient);
+        let touches = cycle > 20;
+        report.pivot_rad = Some(if touches { 0.2 } else { 0.0 });
+        report.slip = report.slip.map(|slip| HandSlip { pivots: touches, direction: HandVector::default(), ..slip });
+        if touches && cycle % 3 == 0 {
+            (report.shear_mm, report.pivot_rad) = (None, None);
+        }
+        if cycle == 100 {
+            report = hand(SlipState::Unjudged);
+        }
+        let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+        let now_ns = cycle * FRAME_NS;
+        let step = task.step(&Observation { now_ns, hand: &report, gripper: &gripper(force_n), wrist: &wrist });
+        if let GripCommand::Hold { force_n: asked_n } = step.grip {
+            force_n = asked_n;
+        }
+        if cycle > 25 {
+            loose_n.push(force_n);
+        }
+    }
+    assert!(loose_n.iter().all(|n| *n == 5.0), "{loose_n:?}");
+}
+
+/// A tool that hangs is lowered, and touches the ground at 5 mm, which turns and pushes it. `sees`: which fingers have a frame in a cycle; `None`: the
+/// fingers feel nothing from there on.
+fn lowered(hand_of: impl Fn(u64, f64) -> HandReport) -> (Option<Ending>, f64) {
+    let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
+    let (mut force_n, mut lowered_mm, mut released) = (10.0, 0.0, false);
+    for cycle in 0..20_000u64 {
+        let now_ns = cycle * FRAME_NS;
+        let report = hand_of(cycle, lowered_mm);
+        let state = GripperState { jaws: if released { Jaws::Open } else { Jaws::Holding }, ..gripper(force_n) };
+        let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm, moving: true };
+        let step = task.step(&Observation { now_ns, hand: &report, gripper: &state, wrist: &wrist });
+        match step.grip {
+            GripCommand::Hold { force_n: asked_n } => force_n = asked_n,
+            GripCommand::Release => released = true,
+        }
+        if let WristMotion::Lower { rate_mm_per_s, .. } = step.wrist.motion {
+            lowered_mm += rate_mm_per_s * FRAME_NS as f64 * 1e-9;
+        }
+        if let Phase::Ended(ending) = step.phase {
+            return (Some(ending), lowered_mm);
+        }
+    }
+    (None, lowered_mm)
+}
+
+fn ground_at_5_mm(lowered_mm: f64) -> HandReport {
+    let deep_mm = (lowered_mm - 5.0).max(0.0);
+    HandReport {
+        pivot_rad: Some(1f64.to_radians() * deep_mm),
+        shear_mm: Some(HandVector { along: -0.1 * deep_mm, ..HandVector::default() }),
+        ..hand(SlipState::Stick)
+    }
+}
+
+/// Cameras that take turns, or of which one is slow.
+#[test]
+fn the_ground_is_felt_whichever_finger_has_a_frame() {
+    let (ending, both_mm) = lowered(|_, mm| ground_at_5_mm(mm));
+    assert_eq!(ending, Some(Ending::Placed));
+    type Sees = fn(u64) -> (bool, bool);
+    let patterns: [(&str, Sees); 4] = [
+        ("right in every second", |cycle| (true, cycle % 2 == 0)),
+        ("in turns", |cycle| (cycle % 2 == 0, cycle % 2 == 1)),
+        ("right lost in every third", |cycle| (true, cycle % 3 != 0)),
+        ("right in every fifth", |cycle| (true, cycle % 5 == 0)),
+    ];
+    for (name, sees) in patterns {
+        let told = lowered(|cycle, mm| {
+            let (left, right) = sees(cycle);
+            let mut report = ground_at_5_mm(mm);
+            for (health, sees) in report.health.iter_mut().zip([left, right]) {
+                *health = if sees { Health::Live } else { Health::Blind };
+            }
+            (report.separated, report.live_count) = (left && right, u32::from(left) + u32::from(right));
+            // One is turned and sheared more than the other.
+            let off = match (left, right) {
+                (true, true) => 0.0,
+                (true, false) => 1.0,
+                _ => -1.0,
+            };
+            report.pivot_rad = report.pivot_rad.map(|rad| rad + 0.1 * off);
+            report.shear_mm = report.shear_mm.map(|mm| HandVector { along: mm.along + 0.3 * off, ..mm });
+            report
+        });
+        assert_eq!(told.0, Some(Ending::Placed), "{name}: {told:?}");
+        assert!((told.1 - both_mm).abs() < 0.5, "{name}: {told:?} for {both_mm} mm");
+    }
+}
+
+/// Fingers that tell no shear (no size in mm), or feel nothing; a tool that pivots in the air; ground that is never there.
+#[test]
+fn nothing_is_lowered_further_than_it_may_be() {
+    let hanging = hand(SlipState::Stick);
+    let blind_to_shear = HandReport { shear_mm: None, ..hanging };
+    let (ending, mm) = lowered(|_, _| blind_to_shear);
+    assert!(ending.is_none() && mm < 1.0, "it waits: {ending:?} after {mm} mm");
+    let feels_nothing = HandReport { shear_mm: None, pivot_rad: None, ..hand(SlipState::NoContact) };
+    let (ending, mm) = lowered(|cycle, _| if cycle < 60 { hanging } else { feels_nothing });
+    assert!(ending.is_none() && mm < 6.0, "{ending:?} after {mm} mm");
+    let pivots = |cycles: std::ops::Range<u64>| {
+        let mut forces_mm = lowered(|cycle, _| match cycles.contains(&cycle) {
+            true => HandReport {
+                slip: Some(HandSlip { direction: HandVector::default(), pivots: true, fingers_count: 2 }),
+                ..hand(SlipState::Incipient)
+            },
+            false => hanging,
+        });
+        forces_mm.1 = forces_mm.1.round();
+        forces_mm
+    };
+    assert_eq!(pivots(60..60), (Some(Ending::Limit), 100.0), "no ground at all");
+    assert_eq!(pivots(60..90), (Some(Ending::Limit), 100.0), "taken for a touch, and no ground after it");
+}
+
+#[test]
+fn one_frame_in_which_it_pivots_is_no_ground_and_a_push_counts_in_a_row_only() {
+    let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
+    let (mut force_n, mut now_ns) = (10.0, 0);
+    let mut step = |report: &HandReport, after_ns: u64| {
+        now_ns += after_ns;
+        let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+        let step = task.step(&Observation { now_ns, hand: report, gripper: &gripper(force_n), wrist: &wrist });
+        if let GripCommand::Hold { force_n: asked_n } = step.grip {
+            force_n = asked_n;
+        }
+        (step.phase, force_n)
+    };
+    let hanging = hand(SlipState::Stick);
+    let slip = Some(HandSlip { direction: HandVector::default(), pivots: true, fingers_count: 2 });
+    let pivots = HandReport { slip, ..hand(SlipState::Incipient) };
+    for cycle in 0..120 {
+        let told = step(if cycle % 3 == 2 { &pivots } else { &hanging }, FRAME_NS);
+        assert_eq!(told.1, 10.0, "{cycle}: it hangs in the air");
+    }
+    let turned = HandReport { pivot_rad: Some(0.1), ..hanging };
+    for _ in 0..60 {
+        step(&turned, FRAME_NS);
+    }
+    assert_eq!(step(&turned, FRAME_NS), (Phase::Working, 5.0));
+    let pushed = HandReport { shear_mm: Some(HandVector { along: -0.6, ..HandVector::default() }), ..turned };
+    step(&pushed, FRAME_NS);
+    step(&pushed, FRAME_NS);
+    let (phase, _) = step(&pushed, 5_000_000_000);
+    assert_eq!(phase, Phase::Waiting, "the first of a new row");
+    let further = HandReport { shear_mm: Some(HandVector { along: -1.5, ..HandVector::default() }), ..turned };
+    let phases = [0; 2].map(|_| step(&further, FRAME_NS).0);
+    assert_eq!(phases, [Phase::Waiting, Phase::Releasing], "and it is not pressed onto the ground meanwhile");
+}
+
+/// While a tool hangs, and while it is laid down, a finger drops out for some frames and comes back; what the two feel differs. Then the ground
+/// turns the tool, and carries it.
+#[test]
+fn a_finger_that_is_lost_for_some_frames_is_no_ground() {
+    // Shear along, mm, and pivot, rad, of the left finger and of the right; which see; whether the phase may be what it is then.
+    let felt = |left: (f64, f64), right: (f64, f64), sees: (bool, bool)| {
+        let mean = |a: f64, b: f64| match sees {
+            (true, true) => (a + b) / 2.0,
+            (true, false) => a,
+            _ => b,
+        };
+        let mut report = hand(SlipState::Stick);
+        report.shear_mm = Some(HandVector { along: mean(left.0, right.0), ..HandVector::default() });
+        report.pivot_rad = Some(mean(left.1, right.1));
+        for (health, sees) in report.health.iter_mut().zip([sees.0, sees.1]) {
+            *health = if sees { Health::Live } else { Health::Blind };
+        }
+        (report.separated, report.live_count) = (sees.0 && sees.1, u32::from(sees.0) + u32::from(sees.1));
+        report
+    };
+    let mut task = TaskSettings::default().task(TaskKind::Place, None).expect("valid");
+    let (mut force_n, mut cycle) = (10.0, 0u64);
+    let mut step = |report: &HandReport| {
+        cycle += 1;
+        let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+        let now_ns = cycle * FRAME_NS;
+        let step = task.step(&Observation { now_ns, hand: report, gripper: &gripper(force_n), wrist: &wrist });
+        if let GripCommand::Hold { force_n: asked_n } = step.grip {
+            force_n = asked_n;
+        }
+        (step.phase, force_n)
+    };
+    let both = (true, true);
+    // One finger is sheared by 0.5 mm more and turned by 6 deg more than the other.
+    let (left, right) = ((0.6, 0.1), (0.1, 0.0));
+    for (count, sees) in [(30, both), (1, (true, false)), (5, both), (20, (false, true)), (30, both)] {
+        for _ in 0..count {
+            let (phase, force_n) = step(&felt(left, right, sees));
+            assert_eq!(force_n, 10.0, "it hangs in the air: {phase:?}");
+        }
+    }
+    // The ground turns it by 2 deg.
+    let turned = |(mm, rad): (f64, f64)| (mm, rad + 2f64.to_radians());
+    let (left, right) = (turned(left), turned(right));
+    let loosened: Vec<f64> = (0..4).map(|_| step(&felt(left, right, both)).1).collect();
+    assert_eq!(loosened, [10.0, 10.0, 5.0, 5.0], "felt for three cycles");
+    for (count, sees) in
+        [(60, both), (1, (false, true)), (5, both), (20, (false, true)), (1, (true, false)), (30, both)]
+    {
+        for _ in 0..count {
+            let (phase, _) = step(&felt(left, right, sees));
+            assert!(matches!(phase, Phase::Working | Phase::Waiting), "nothing carries it: {phase:?}");
+        }
+    }
+    let carried = |(mm, rad): (f64, f64)| (mm - 0.15, rad);
+    let phases: Vec<Phase> = (0..4).map(|_| step(&felt(carried(left), carried(right), both)).0).collect();
+    assert_eq!(phases[1..], [Phase::Waiting, Phase::Releasing, Phase::Releasing], "{phases:?}");
+}

@@ -1,0 +1,157 @@
+//! A cap is screwed and unscrewed: it ends on evidence.
+
+use crate::made_up::{FRAME_NS, gripper, hand};
+use slipbound::hand::HandVector;
+use slipbound::monitor::SlipState;
+use slipbound::port::{GripCommand, WristMotion, WristState};
+use slipbound::task::{Ending, Observation, Phase, Task, TaskKind, TaskSettings};
+
+/// A cap, a gripper and a wrist that follow at once; the shear is what the test says it is at each angle.
+struct Bench {
+    task: Box<dyn Task + Send>,
+    now_ns: u64,
+    force_n: f64,
+    angle_rad: f64,
+    slip: bool,
+    /// Whether the gripper presses with what it is told, or goes on with 10 N.
+    follows: bool,
+    period_ns: u64,
+}
+
+impl Bench {
+    fn new(kind: TaskKind) -> Self {
+        let task = TaskSettings::default().task(kind, Some(0.05)).expect("valid");
+        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip: false, follows: true, period_ns: FRAME_NS }
+    }
+
+    fn step(&mut self, shear_mm: f64) -> Phase {
+        let mut report = if self.slip { hand(SlipState::Incipient) } else { hand(SlipState::Stick) };
+        report.shear_mm = Some(HandVector { around: shear_mm, ..HandVector::default() });
+        let wrist = WristState { time_ns: self.now_ns, angle_rad: self.angle_rad, lowered_mm: 0.0, moving: true };
+        let gripper = gripper(self.force_n);
+        let step =
+            self.task.step(&Observation { now_ns: self.now_ns, hand: &report, gripper: &gripper, wrist: &wrist });
+        if let (GripCommand::Hold { force_n }, true) = (step.grip, self.follows) {
+            self.force_n = force_n;
+        }
+        if let WristMotion::Turn { rate_rad_per_s, most_rad } = step.wrist.motion {
+            assert!(step.wrist.time_to_live_ns <= 200_000_000 && most_rad <= 0.2 * rate_rad_per_s.abs() + 1e-12);
+            self.angle_rad += rate_rad_per_s * self.period_ns as f64 * 1e-9;
+        }
+        self.now_ns += self.period_ns;
+        step.phase
+    }
+
+    /// Turns while the shear follows the angle; gives the ending and the angle in deg.
+    fn run(&mut self, shear_mm: impl Fn(f64) -> f64, slip: impl Fn(f64) -> bool) -> (Option<Ending>, f64) {
+        for _ in 0..200_000_000_000 / self.period_ns {
+            self.slip = slip(self.angle_rad);
+            if let Phase::Ended(ending) = self.step(shear_mm(self.angle_rad)) {
+                return (Some(ending), self.angle_rad.to_degrees());
+            }
+        }
+        (None, self.angle_rad.to_degrees())
+    }
+}
+
+#[test]
+fn a_cap_is_tight_when_the_shear_stays_flat_at_the_largest_force_and_not_at_the_first_slip_there() {
+    let mut bench = Bench::new(TaskKind::Screw);
+    // Slip from 0.5 rad on; the shear grows until 1.2 rad.
+    let (ending, angle_deg) = bench.run(|rad| 2.0 * rad.min(1.2), |rad| rad > 0.5);
+    assert_eq!(ending, Some(Ending::Tight));
+    assert_eq!(bench.force_n, 60.0);
+    let flat_from_deg = 1.2f64.to_degrees();
+    assert!((flat_from_deg + 6.0..flat_from_deg + 12.0).contains(&angle_deg), "{angle_deg}");
+}
+
+/// A cap that runs freely with a little friction; at the largest force one frame, or two that are far apart, tell of slip.
+#[test]
+fn an_alarm_or_two_at_the_largest_force_do_not_make_a_loose_cap_tight() {
+    for alarms_deg in [&[20.0f64][..], &[20.0, 60.0, 100.0]] {
+        let mut settings = TaskSettings::default();
+        settings.grip.start_n = 60.0;
+        let task = settings.task(TaskKind::Screw, Some(0.05)).expect("valid");
+        let mut bench = Bench { task, force_n: 60.0, ..Bench::new(TaskKind::Screw) };
+        let alarms = |rad: f64| alarms_deg.iter().any(|deg| (0.0..0.7).contains(&(rad.to_degrees() - deg)));
+        assert_eq!(bench.run(|rad| rad.min(0.1), alarms).0, Some(Ending::Limit));
+    }
+}
+
+/// What was flat under the lighter grip says nothing of the harder one.
+#[test]
+fn a_shear_has_to_stay_flat_from_the_last_change_of_force_on() {
+    let mut settings = TaskSettings::default();
+    settings.grip.most_n = 20.0;
+    let mut bench =
+        Bench { task: settings.task(TaskKind::Screw, Some(0.05)).expect("valid"), ..Bench::new(TaskKind::Screw) };
+    // Flat from 0.15 rad on, and slip from 0.8 rad on: to 20 N there, which is the most.
+    let (ending, angle_deg) = bench.run(|rad| (2.0 * rad).min(0.3), |rad| rad > 0.8);
+    assert_eq!((ending, bench.force_n), (Some(Ending::Tight), 20.0));
+    let gripped_deg = 0.8f64.to_degrees();
+    assert!((gripped_deg + 8.0..gripped_deg + 11.0).contains(&angle_deg), "{angle_deg}");
+}
+
+#[test]
+fn a_cap_is_not_tight_while_the_gripper_does_not_press_with_what_it_was_told() {
+    let mut bench = Bench { follows: false, ..Bench::new(TaskKind::Screw) };
+    let (ending, _) = bench.run(|rad| 2.0 * rad.min(1.2), |rad| rad > 0.5);
+    assert_ne!(ending, Some(Ending::Tight));
+}
+
+#[test]
+fn a_cap_that_runs_freely_is_not_tight() {
+    let mut bench = Bench::new(TaskKind::Screw);
+    let (ending, _) = bench.run(|rad| 0.1f64.min(rad), |_| false);
+    assert_eq!((ending, bench.force_n), (Some(Ending::Limit), 10.0));
+}
+
+#[test]
+fn fingers_that_slide_unseen_round_a_cap_are_noticed_by_the_load() {
+    let mut bench = Bench::new(TaskKind::Screw);
+    // 6.67 N per mm: 0.6 mm is 4 N of 10, flat from 0.3 rad on, and no marker shows slip.
+    let (ending, _) = bench.run(|rad| (2.0 * rad).min(0.6), |_| false);
+    assert!(bench.force_n > 10.0, "{ending:?} at {} N", bench.force_n);
+}
+
+#[test]
+fn a_cap_is_open_when_the_torque_fell_and_stayed_down() {
+    let mut bench = Bench::new(TaskKind::Unscrew);
+    let (ending, angle_deg) = bench.run(|rad| if rad > -0.5 { 2.0 * rad } else { -0.1 }, |rad| rad < -0.3);
+    assert_eq!(ending, Some(Ending::Opened));
+    assert!((-44.0..-36.0).contains(&angle_deg), "10 deg after it fell at 29 deg: {angle_deg}");
+}
+
+#[test]
+fn a_cap_that_does_not_open_is_stuck_and_slip_alone_is_never_open() {
+    let mut bench = Bench::new(TaskKind::Unscrew);
+    let (ending, _) = bench.run(|rad| (2.0 * rad).max(-1.5), |rad| rad < -0.3);
+    assert_eq!((ending, bench.force_n), (Some(Ending::Stuck), 60.0));
+}
+
+/// The loop's rate and the wrist's speed do not decide how a task ends.
+#[test]
+fn every_rate_and_speed_ends_alike() {
+    for rate_hz in [10u32, 15, 30, 60, 90, 120, 240] {
+        for speed_deg_per_s in [2.0f64, 5.0, 20.0, 60.0] {
+            let mut settings = TaskSettings::default();
+            settings.screw.rate_rad_per_s = speed_deg_per_s.to_radians();
+            settings.unscrew.rate_rad_per_s = -speed_deg_per_s.to_radians();
+            let end = |kind, shear_mm: fn(f64) -> f64, slip: fn(f64) -> bool| {
+                let task = settings.task(kind, Some(0.05)).expect("valid");
+                let mut bench = Bench { task, period_ns: 1_000_000_000 / u64::from(rate_hz), ..Bench::new(kind) };
+                bench.run(shear_mm, slip)
+            };
+            let tight = end(TaskKind::Screw, |rad| 2.0 * rad.min(1.2), |rad| rad > 0.5);
+            let stuck = end(TaskKind::Unscrew, |rad| (2.0 * rad).max(-1.5), |rad| rad < -0.3);
+            let opened = end(TaskKind::Unscrew, |rad| if rad > -0.5 { 2.0 * rad } else { -0.1 }, |rad| rad < -0.3);
+            let endings = [tight.0, stuck.0, opened.0];
+            let at = format!("{rate_hz} Hz {speed_deg_per_s} deg/s: {tight:?} {stuck:?} {opened:?}");
+            assert_eq!(endings, [Some(Ending::Tight), Some(Ending::Stuck), Some(Ending::Opened)], "{at}");
+            // The angle, too, but for the turn between two cycles.
+            let step_deg = 3.0 * speed_deg_per_s / f64::from(rate_hz);
+            assert!((tight.1 - 77.0).abs() < 2.5 + step_deg, "{at}");
+            assert!((opened.1 + 39.0).abs() < 1.5 + step_deg, "{at}");
+        }
+    }
+}
