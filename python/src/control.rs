@@ -23,19 +23,23 @@ use std::sync::Mutex;
 
 pyo3::import_exception!(slipbound._errors, ControlError);
 
-/// A task with a controller of the settings, or one written in Python, which is told to `held`.
+/// A task with a controller of the settings, or one written in Python, which is told to `held`. Every finger must tell what the task
+/// goes by; the gel is that of the first.
 fn task_of(
     kind: TaskKind,
     controller: &Bound<'_, PyAny>,
     mut settings: TaskSettings,
-    sensor: &CoreSensor,
+    sensors: &[&CoreSensor],
     raised: &Raised,
     held: &mut Vec<Held>,
 ) -> PyResult<Box<dyn Task + Send>> {
-    let stiffness_mpa_per_mm = sensor.shear_stiffness_mpa_per_mm();
-    settings.check_finger(kind, sensor).map_err(setting)?;
-    let task = if let Ok(name) = controller.extract::<&str>() {
+    let stiffness_mpa_per_mm = sensors.first().and_then(|sensor| sensor.shear_stiffness_mpa_per_mm());
+    let name = controller.extract::<&str>().ok();
+    if let Some(name) = name {
         settings.controller = name.parse::<ControllerKind>().map_err(setting)?;
+    }
+    sensors.iter().try_for_each(|sensor| settings.check_finger(kind, sensor)).map_err(setting)?;
+    let task = if name.is_some() {
         settings.task(kind, stiffness_mpa_per_mm)
     } else {
         let object = Held::new(controller.clone().unbind());
@@ -173,15 +177,16 @@ impl Loop {
                 None => finger,
             });
         }
-        let Some(first) = pipelines.first() else {
+        if pipelines.is_empty() {
             return Err(setting(BadSetting {
                 key: "fingers".into(),
                 got: "none".into(),
                 expected: "one to four".into(),
             }));
-        };
+        }
         let (kind, settings) = (task.parse().map_err(setting)?, task_settings(settings)?);
-        let task = task_of(kind, controller, settings, first.sensor(), &raised, &mut held)?;
+        let sensors: Vec<&CoreSensor> = pipelines.iter().map(FingerPipeline::sensor).collect();
+        let task = task_of(kind, controller, settings, &sensors, &raised, &mut held)?;
         let control = CoreLoop::new(pipelines, task).map_err(setting)?;
         Ok(Loop { raised, held, control: Mutex::new(Running { control, last_ns: 0 }) })
     }
@@ -277,7 +282,7 @@ impl HandRun {
         let (settings, monitor) = (task_settings(settings)?, settings_of(monitor)?);
         let (raised, mut held) = (Raised::default(), Vec::new());
         let hand = py.detach(|| guarded(|| SimHand::new(&scene).map_err(setting)))?;
-        let at_work = task_of(task, controller, settings, &hand.sensor(0), &raised, &mut held)?;
+        let at_work = task_of(task, controller, settings, &[&hand.sensor(0)], &raised, &mut held)?;
         let run = LockStep::around(&scene, hand, at_work, &monitor, None).map_err(setting)?;
         Ok(HandRun { scene, task, raised, held, run: Mutex::new(run) })
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import re
 import weakref
 from pathlib import Path
 from typing import Any
@@ -329,6 +330,18 @@ def test_settings_of_a_task_as_text_object_and_file(still, sensor, tmp_path):
         assert hand.score["most_n"] >= 17.0, given
     with pytest.raises(slipbound.SettingError, match="nothing.toml"):
         loop(still, sensor, settings=Path("nothing.toml"))
+
+
+def test_what_a_task_goes_by_every_finger_must_tell(still, sensor):
+    """The shear in mm; with the literal law of the paper screwing ends on slip alone."""
+    bare = slipbound.Sensor.from_toml(re.sub(r"(?m)^pitch_mm.*$", "", sensor.to_toml()))
+    assert bare.pitch_mm is None
+    fingers = [Finger(Recorded(still), sensor), Finger(Recorded(still), bare, side="right")]
+    for controller in ("on_slip", "margin", Ramp()):
+        with pytest.raises(slipbound.SettingError, match="pitch_mm"):
+            ControlLoop(fingers, Jaws(), Arm(), task="screw", controller=controller)
+    ControlLoop(fingers, Jaws(), Arm(), task="screw", controller="paper")
+    ControlLoop(fingers, Jaws(), Arm(), task="lift", controller="on_slip")
 
 
 def test_a_clock_that_runs_backwards_pauses_the_wrist_and_raises(still, sensor):
