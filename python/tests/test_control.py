@@ -334,7 +334,7 @@ def test_settings_of_a_task_as_text_object_and_file(still, sensor, tmp_path):
 
 def test_what_a_task_goes_by_every_finger_must_tell(still, sensor):
     """The shear in mm; with the literal law of the paper screwing ends on slip alone."""
-    bare = slipbound.Sensor.from_toml(re.sub(r"(?m)^pitch_mm.*$", "", sensor.to_toml()))
+    bare = slipbound.Sensor.from_toml(re.sub(r"(?m)^(pitch|gel)_mm.*$", "", sensor.to_toml()))
     assert bare.pitch_mm is None
     fingers = [Finger(Recorded(still), sensor), Finger(Recorded(still), bare, side="right")]
     for controller in ("on_slip", "margin", Ramp()):
