@@ -224,10 +224,9 @@ impl SlipMonitor {
             recent: self.evidence.recent.as_ref(),
             loaded: self.estimator.features.as_ref().map(|features| (features, loaded)),
         };
-        let knows_grip = self.estimator.knows_grip();
-        let moves = self.settings.evidence.used && self.gross.see(&self.estimator.estimates, knows_grip, &seen);
-        self.estimator.slides(moves);
-        self.slides = moves || self.settings.evidence.used && self.gross.is_spent();
+        self.slides = self.settings.evidence.used
+            && self.gross.see(&self.estimator.estimates, self.estimator.knows_grip(), &seen);
+        self.estimator.slides(self.slides);
         if self.settings.slip.rule == SlipRule::Margin {
             if self.estimator.has_reference() && !had_reference && !by_displacement {
                 // The slip field counts from the squeezed finger, too.

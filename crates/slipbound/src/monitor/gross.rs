@@ -10,9 +10,6 @@
 //! slide; used fraction and stick ratio have errors of a tenth; and a slide of half a millimetre a second moves an imprint by no more
 //! than its noise in a frame. What is slender turns about a point within itself long before it slides as a whole, so shape and share of
 //! the turn count; and a load that still grows is still carried.
-//!
-//! What is round or soft shows nothing that turns, though it spins away within a frame. Where the grip force is known, estimates that say
-//! for two frames of 30 Hz that the friction is spent are gross slip, too; of the friction they teach nothing that they do not know.
 
 mod growth;
 
@@ -58,14 +55,6 @@ const NONE_STICKS: f64 = 0.08;
 const ALL_USED_FRAMES: u32 = 2;
 const GOES_ON_USED: f64 = 0.8;
 const GOES_ON_STICK: f64 = 0.3;
-
-/// Used fraction from which, stick ratio up to which and time for which, s, the friction is spent: the least used fraction of those tried at which
-/// no trial of 600 ramps of three seeds, and of 297 of physics never used in tuning, hears a false word that the trees alone do not say (three
-/// and three, below 0.8 of the load). Told within two frames of gross slip are 576 and 280 (561 and 272 by the trees alone); from .92 on 585 and
-/// 281, but four and six falsely.
-const SPENT_USED: f64 = 0.96;
-const SPENT_STICK: f64 = 0.12;
-const SPENT_S: f64 = 0.03;
 
 /// The trees, with grip force and from the picture alone.
 #[derive(Debug)]
@@ -127,30 +116,12 @@ fn features(estimates: &Estimates, seen: &Seen<'_>, grown: Option<[Grown; WINDOW
     Some(features)
 }
 
-/// Whether the estimates say that the friction is spent.
-#[derive(Debug, Clone, Copy, Default)]
-struct Spent {
-    /// Since when they have said so without a break.
-    since_s: Option<f64>,
-    lasts: bool,
-}
-
-impl Spent {
-    fn see(&mut self, at_s: f64, used: f64, stick: f64) {
-        let is_spent = used >= SPENT_USED && stick <= SPENT_STICK;
-        self.since_s = if is_spent { self.since_s.or(Some(at_s)) } else { None };
-        self.lasts = self.since_s.is_some_and(|since_s| at_s - since_s >= SPENT_S)
-            || self.lasts && used >= GOES_ON_USED && stick <= GOES_ON_STICK;
-    }
-}
-
 /// Remembers whether it slides.
 #[derive(Debug, Clone)]
 pub(super) struct GrossWatch {
     trees: &'static Trees,
     slides: bool,
     all_used_frames_count: u32,
-    spent: Spent,
     growth: Growth,
     pub features: Option<SlideFeatures>,
 }
@@ -158,8 +129,7 @@ pub(super) struct GrossWatch {
 impl GrossWatch {
     /// Reads the table, which no frame may wait for.
     pub fn new() -> Self {
-        let (spent, growth) = (Spent::default(), Growth::new());
-        GrossWatch { trees: shipped(), slides: false, all_used_frames_count: 0, spent, growth, features: None }
+        GrossWatch { trees: shipped(), slides: false, all_used_frames_count: 0, growth: Growth::new(), features: None }
     }
 
     /// Nothing touches, or nothing is known any more.
@@ -167,23 +137,14 @@ impl GrossWatch {
         *self = GrossWatch::new();
     }
 
-    /// Whether the estimates say, and have said for long enough, that all of the friction is used and hardly anything sticks.
-    pub fn is_spent(&self) -> bool {
-        self.spent.lasts
-    }
-
-    /// Takes a frame; whether the object slides as a whole, by its motion. Where nothing is estimated the imprint alone tells.
+    /// Takes a frame; whether the object slides as a whole. Where nothing is estimated the imprint alone tells.
     pub fn see(&mut self, estimates: &Estimates, knows_grip: bool, seen: &Seen<'_>) -> bool {
         let grown = seen.loaded.map(|(_, loaded)| self.growth.see(loaded));
         let (Some(margin), Some(stick)) = (estimates.margin, estimates.stick_ratio) else {
-            (self.features, self.all_used_frames_count, self.spent) = (None, 0, Spent::default());
+            (self.features, self.all_used_frames_count) = (None, 0);
             self.slides = seen.evidence.is_some_and(|evidence| evidence.slides);
             return self.slides;
         };
-        match seen.loaded.filter(|_| knows_grip) {
-            Some((_, loaded)) => self.spent.see(loaded.at_s, 1.0 - margin.value, stick.value),
-            None => self.spent = Spent::default(),
-        }
         self.features = features(estimates, seen, grown);
         let (begins, goes_on) = match &self.features {
             Some(features) => {
@@ -361,38 +322,6 @@ mod tests {
         let nothing = Estimates::default();
         let said = [false, true, false].map(|slides| watch.see(&nothing, true, &seen(&evidence(slides), None, &field)));
         assert_eq!(said, [false, true, false]);
-    }
-
-    /// An imprint that stands, under estimates that say that all is used.
-    #[test]
-    fn friction_that_is_spent_for_two_frames_is_gross_slip_where_the_grip_is_known() {
-        let (evidence, recent, field) = (evidence(false), moving(0.0, 1.0), field(0.8));
-        let spent = |knows_grip, rate_hz: f64, said: &[(f64, f64)]| -> Vec<bool> {
-            let mut watch = GrossWatch::new();
-            let see = |(frame, (used, stick)): (usize, &(f64, f64))| {
-                let loaded = Loaded { at_s: frame as f64 / rate_hz, load: 1.0, grip_n: 20.0 };
-                let seen = Seen { loaded: Some((&field, loaded)), ..seen(&evidence, Some(&recent), &field) };
-                assert!(!watch.see(&estimates(*used, *stick), knows_grip, &seen), "by its motion it stands");
-                watch.is_spent()
-            };
-            said.iter().enumerate().map(see).collect()
-        };
-        let said = [
-            (0.97, 0.1),
-            (0.97, 0.1),
-            (0.85, 0.25),
-            (0.78, 0.25),
-            (0.97, 0.1),
-            (0.97, 0.13),
-            (0.95, 0.05),
-            (0.97, 0.05),
-        ];
-        assert_eq!(spent(true, 30.0, &said), [false, true, true, false, false, false, false, false]);
-        assert_eq!(spent(true, 90.0, &[(0.97, 0.1); 5]), [false, false, false, true, true], "as long at every rate");
-        assert!(
-            !spent(false, 30.0, &[(1.0, 0.0); 9]).contains(&true),
-            "without the grip force it is not known so well"
-        );
     }
 
     #[test]
