@@ -56,6 +56,7 @@ pub struct World {
     rest_frames: u64,
     frames_count: u64,
     next_frame: u64,
+    least_after_gross_frames: u64,
     steps_count: u64,
     /// The wrench of full slip when a ramp begins.
     full_slip: Option<Wrench>,
@@ -113,6 +114,7 @@ impl World {
             camera,
             rest_frames,
             next_frame: 0,
+            least_after_gross_frames: 0,
             steps_count: 0,
             full_slip: None,
             load: 0.0,
@@ -166,7 +168,7 @@ impl World {
 
     /// Goes on to the next frame without a picture of it. None when the trial is over.
     pub fn advance(&mut self) -> Result<Option<&FrameTruth>, SettingError> {
-        if self.next_frame >= self.frames_count || self.has_slid_away() {
+        if self.next_frame >= self.frames_count || self.is_over() {
             return Ok(None);
         }
         let frame = self.next_frame;
@@ -290,6 +292,18 @@ impl World {
         // The contact's own gross event is replaced by ours, which counts from the beginning of the load.
         let own = self.finger.truth().events.iter().filter(|event| *event != Event::Gross);
         self.events.extend(own.map(|event| TimedEvent { event, time_s }));
+    }
+
+    /// Lets the trial go on for so many frames after the one that shows gross slip, however far the object slides meanwhile: that gross slip is
+    /// told within some frames can be judged only where there are such.
+    pub(crate) fn go_on_after_gross(&mut self, frames: u64) {
+        self.least_after_gross_frames = frames;
+    }
+
+    fn is_over(&self) -> bool {
+        let shown_frame = |gross: Gross| (gross.time_s * FRAME_RATE_HZ as f64 - 1e-9).ceil() as u64;
+        let last_frame = self.gross.found().map(|gross| shown_frame(gross) + self.least_after_gross_frames);
+        last_frame.is_none_or(|last_frame| self.next_frame > last_frame) && self.has_slid_away()
     }
 
     /// Whether an object that nothing holds back has left the place where it let go.

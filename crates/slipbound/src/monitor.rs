@@ -224,9 +224,10 @@ impl SlipMonitor {
             recent: self.evidence.recent.as_ref(),
             loaded: self.estimator.features.as_ref().map(|features| (features, loaded)),
         };
-        self.slides = self.settings.evidence.used
-            && self.gross.see(&self.estimator.estimates, self.estimator.knows_grip(), &seen);
-        self.estimator.slides(self.slides);
+        let knows_grip = self.estimator.knows_grip();
+        let moves = self.settings.evidence.used && self.gross.see(&self.estimator.estimates, knows_grip, &seen);
+        self.estimator.slides(moves);
+        self.slides = self.settings.evidence.used && self.gross.slides();
         if self.settings.slip.rule == SlipRule::Margin {
             if self.estimator.has_reference() && !had_reference && !by_displacement {
                 // The slip field counts from the squeezed finger, too.

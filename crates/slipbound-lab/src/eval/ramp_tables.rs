@@ -4,10 +4,8 @@ use super::outcome::{FALSE_BELOW_FRACTION, Outcome, SCORE_BELOW, left_out_note, 
 use super::record::TrialRecord;
 use super::statistics::{Estimated, auc, mean, median, quantile, share, share_of};
 use super::table::{Cell, Table};
+use super::watch::GROSS_WITHIN_FRAMES;
 use crate::rivals::DETECTORS;
-
-/// Frames in which `gross` should have been said, and mm of sliding for slow motion.
-pub(super) const GROSS_WITHIN_FRAMES: f64 = 2.0;
 
 /// A part of the records: its name and whether a record is in it.
 pub(super) type Part<'a> = (&'a str, &'a dyn Fn(&TrialRecord) -> bool);
@@ -103,7 +101,7 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
     );
     let mut gross = Table::new(
         &title("Gross"),
-        "Said: in how many ramps at all, which end some four frames after gross slip. Delay from the first frame after it. False: said below f 0.8.",
+        "Said: in how many ramps at all, which go on for two frames after gross slip, or until the object has slid by 3 mm. Delay from the first frame after it. False: said below f 0.8.",
         &["detector", "ramps", "said %", "delay frames, median", "within 2 frames %", "kept %", "false %"],
     );
     for name in names(records) {
@@ -170,7 +168,7 @@ pub(super) fn gross_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
     let delays = numbers(all, "gross_delay_frames");
     let sum = |key: &str| numbers(all, key).iter().sum::<f64>() as u64;
     // A ramp in which it was never said is not within two frames.
-    let within = delays.iter().filter(|&&delay| delay <= GROSS_WITHIN_FRAMES).count() as u64;
+    let within = delays.iter().filter(|&&delay| delay <= GROSS_WITHIN_FRAMES as f64).count() as u64;
     let wrong = all.iter().filter(|r| r.flag_of("gross_false") == Some(true)).count() as u64;
     vec![
         name.into(),

@@ -15,6 +15,9 @@ use slipbound::monitor::{EstimateTrees, RestBuilder, RestKind, Settings, SlipMon
 use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
 use slipbound::sensor::{Sensor, Shear};
 
+/// Frames in which `gross` should have been said. No trial ends before them.
+pub(super) const GROSS_WITHIN_FRAMES: u64 = 2;
+
 /// How a gripper tells its force: late, with noise, in steps.
 ///
 /// One frame late, as over a 30 Hz link; noise of up to 0.6 N to either side, in steps of 0.1 N: estimates of what
@@ -182,6 +185,7 @@ pub fn watch(
         None => trial.load_profile()?,
     };
     let mut world = World::with(trial, profile, &watch.physics)?;
+    world.go_on_after_gross(GROSS_WITHIN_FRAMES);
     let sensor = told_sensor(&world, watch.stiffness_scale);
     let rest_frames = trial.number("rest_frames") as u64;
     let load_from_frame = watch.load_from_frame();
@@ -296,6 +300,21 @@ mod tests {
         let (least, most) = read.iter().fold((f64::MAX, 0.0f64), |(a, b), &n| (a.min(n), b.max(n)));
         assert!(least >= 23.4 - 1e-9 && most <= 24.6 + 1e-9 && most - least > 1.0, "{least} to {most}");
         assert_eq!(Reading { offset_n: -1.0, noise_n: 0.0, scale: 1.0 }.of(0.0, &mut random).force_n, 0.0);
+    }
+
+    /// A sponge that is turned spins away within a frame; whether that is told within two can be seen all the same.
+    #[test]
+    fn no_trial_ends_before_gross_slip_could_be_told_in_time() {
+        let scene = "ramp?object=scrub_sponge&force_n=20&mu=0.9&ramp_s=0.3&twist_fraction=1&grid=fast&seed=4";
+        let what = Watch::new(Trial::parse(scene).expect("a trial"), Restarts::Rivals);
+        let watched = watch(&what, &[], None).expect("a sound trial");
+        let gross_s = watched.gross.expect("it slides").time_s;
+        let after_count = watched.facts.iter().filter(|facts| facts.time_s >= gross_s).count() as u64;
+        assert_eq!(
+            after_count,
+            GROSS_WITHIN_FRAMES + 1,
+            "that which shows it first, and those in which it is to be told"
+        );
     }
 
     /// Also what a guest is told, who may read displacements from the monitor's reference.
