@@ -162,6 +162,12 @@ fn a_slide_that_hardly_shears_the_gel_is_said_soon_not_before_and_until_it_ends(
     assert!(began <= first + 1 && first <= began + 3, "began in {began}, said in {first}");
     assert!(moves.len() > 15, "{}", moves.len());
     assert!(moves.iter().filter(|n| **n >= first).all(|n| gross.contains(n)), "{gross:?} of {moves:?}");
+    let (stands, last) = (moves[moves.len() - 1] + 1, gross[gross.len() - 1]);
+    assert!(
+        seen.len() > stands + 5 && last <= stands + 3,
+        "stands from {stands}, said until {last}, of {}",
+        seen.len()
+    );
 }
 
 #[test]

@@ -101,7 +101,7 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
     );
     let mut gross = Table::new(
         &title("Gross"),
-        "Said: in how many ramps at all, which go on for two frames after gross slip, or until the object has slid by 3 mm. Delay from the first frame after it. False: said below f 0.8.",
+        "Said: in how many ramps at all, which go on for two frames after gross slip, and until the object has slid by 3 mm. Delay from the first frame after it. False: said below f 0.8.",
         &["detector", "ramps", "said %", "delay frames, median", "within 2 frames %", "kept %", "false %"],
     );
     for name in names(records) {

@@ -15,7 +15,7 @@ use slipbound::monitor::{EstimateTrees, RestBuilder, RestKind, Settings, SlipMon
 use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
 use slipbound::sensor::{Sensor, Shear};
 
-/// Frames in which `gross` should have been said. No trial ends before them.
+/// Frames in which `gross` should have been said. Until then no trial ends because its object has slid away.
 pub(super) const GROSS_WITHIN_FRAMES: u64 = 2;
 
 /// How a gripper tells its force: late, with noise, in steps.

@@ -18,7 +18,7 @@ mod growth;
 
 use super::estimate::{Features, LOAD, NARROW, TURNING, WIDE};
 use super::evidence::{Recent, WINDOWS_S};
-use super::report::{Estimates, EvidenceReport};
+use super::report::{Estimate, Estimates, EvidenceReport};
 use super::trees::{Ensemble, parse};
 use growth::{Grown, Growth};
 use std::sync::LazyLock;
@@ -68,6 +68,11 @@ const GOES_ON_STICK: f64 = 0.3;
 const SPENT_USED: f64 = 0.94;
 const SPENT_STICK: f64 = 0.18;
 const SPENT_SMOOTH_S: f64 = 0.04;
+
+/// Weight of a frame after a gap: that of this time, s. After the next, s, in which neither contact nor load has moved on, the estimates are those of
+/// a motion that may have ended; one that goes on moves the imprint.
+const SPENT_STEP_S: f64 = 1.0 / 30.0;
+const SPENT_LASTS_S: f64 = 0.3;
 
 /// The trees, with grip force and from the picture alone.
 #[derive(Debug)]
@@ -129,11 +134,13 @@ fn features(estimates: &Estimates, seen: &Seen<'_>, grown: Option<[Grown; WINDOW
     Some(features)
 }
 
-/// Whether the estimates, smoothed by a filter of first order, say that the friction is spent: the error of a frame is no slide, nor does it
+/// Whether the estimates, smoothed by a filter of first order, say that the friction is spent: the usual error of a frame is no slide, nor does it
 /// end one, and frames that are estimated in turns say the same as with every step in every frame.
 #[derive(Debug, Clone, Copy)]
 struct Spent {
     at_s: Option<f64>,
+    /// When contact or load last moved on, so that the estimates were new.
+    moved_s: Option<f64>,
     used: f64,
     stick: f64,
     lasts: bool,
@@ -141,16 +148,25 @@ struct Spent {
 
 impl Spent {
     fn new() -> Self {
-        Spent { at_s: None, used: 0.0, stick: 1.0, lasts: false }
+        Spent { at_s: None, moved_s: None, used: 0.0, stick: 1.0, lasts: false }
     }
 
-    fn see(&mut self, at_s: f64, used: f64, stick: f64) {
-        let passed_s = self.at_s.replace(at_s).map_or(0.0, |before_s| (at_s - before_s).max(0.0));
+    fn see(&mut self, at_s: f64, used: f64, stick: Estimate) {
+        let passed_s = self.at_s.replace(at_s).map_or(0.0, |before_s| (at_s - before_s).clamp(0.0, SPENT_STEP_S));
         let share = 1.0 - libm::exp(-passed_s / SPENT_SMOOTH_S);
         self.used += share * (used - self.used);
-        self.stick += share * (stick - self.stick);
-        self.lasts = self.used >= SPENT_USED && self.stick <= SPENT_STICK
+        self.stick += share * (stick.value - self.stick);
+        if stick.age_frames == 0 {
+            self.moved_s = Some(at_s);
+        }
+        let is_spent = self.used >= SPENT_USED && self.stick <= SPENT_STICK
             || self.lasts && self.used >= GOES_ON_USED && self.stick <= GOES_ON_STICK;
+        self.lasts = is_spent && self.moved_s.is_some_and(|moved_s| at_s - moved_s <= SPENT_LASTS_S);
+    }
+
+    /// A frame in which that is not known: markers that are lost for a moment are no other motion.
+    fn pause(&mut self) {
+        self.lasts = false;
     }
 }
 
@@ -197,16 +213,18 @@ impl GrossWatch {
     pub fn see(&mut self, estimates: &Estimates, knows_grip: bool, seen: &Seen<'_>) -> bool {
         let grown = seen.loaded.map(|(_, loaded)| self.growth.see(loaded));
         let (Some(margin), Some(stick)) = (estimates.margin, estimates.stick_ratio) else {
-            (self.features, self.all_used_frames_count, self.spent) = (None, 0, Spent::new());
+            (self.features, self.all_used_frames_count) = (None, 0);
+            self.spent.pause();
             self.moves = seen.evidence.is_some_and(|evidence| evidence.slides);
             self.is_said = self.moves;
             return self.moves;
         };
-        let (used, stick) = (1.0 - margin.value, stick.value);
+        let used = 1.0 - margin.value;
         match seen.loaded.filter(|_| knows_grip) {
             Some((_, loaded)) => self.spent.see(loaded.at_s, used, stick),
-            None => self.spent = Spent::new(),
+            None => self.spent.pause(),
         }
+        let stick = stick.value;
         self.features = features(estimates, seen, grown);
         let (begins, says, goes_on) = match &self.features {
             Some(features) => {
@@ -241,7 +259,6 @@ mod tests {
     use super::super::estimate::FEATURES_COUNT;
     use super::super::evidence::Moved;
     use super::*;
-    use crate::monitor::report::Estimate;
     use crate::plane::Vec2;
 
     fn estimates(used: f64, stick: f64) -> Estimates {
@@ -308,7 +325,8 @@ mod tests {
                 let loaded = Some((&field, Loaded { at_s, load, grip_n: 20.0 }));
                 let evidence = evidence(true);
                 let seen = Seen { loaded, ..seen(&evidence, Some(&recent), &field) };
-                watch.see(&estimates(used, stick), knows_grip, &seen)
+                watch.see(&estimates(used, stick), knows_grip, &seen);
+                watch.slides()
             };
             for _ in 0..5 {
                 assert!(!see(0.5, 0.7, moving(1.0, 1.5), 0.0), "it sticks, and is carried along");
@@ -379,52 +397,70 @@ mod tests {
     fn without_an_imprint_the_load_tells_and_without_a_load_the_imprint() {
         let mut watch = GrossWatch::new();
         let field = field(0.8);
-        let mut see = |used, stick| watch.see(&estimates(used, stick), true, &seen(&evidence(true), None, &field));
+        let mut see = |estimates: Estimates, slides| {
+            let moves = watch.see(&estimates, true, &seen(&evidence(slides), None, &field));
+            assert_eq!(watch.slides(), moves, "learned from and said");
+            moves
+        };
         let said = [(1.0, 0.0), (0.9, 0.0), (1.0, 0.0), (1.0, 0.05), (0.85, 0.2), (0.7, 0.4), (0.9, 0.1)];
-        assert_eq!(said.map(|(used, stick)| see(used, stick)), [false, false, false, true, true, false, false]);
-        let nothing = Estimates::default();
-        let said = [false, true, false].map(|slides| watch.see(&nothing, true, &seen(&evidence(slides), None, &field)));
-        assert_eq!(said, [false, true, false]);
+        let said = said.map(|(used, stick)| see(estimates(used, stick), true));
+        assert_eq!(said, [false, false, false, true, true, false, false]);
+        assert_eq!([false, true, false].map(|slides| see(Estimates::default(), slides)), [false, true, false]);
     }
 
-    /// An imprint that stands, under estimates that say that all is used.
+    /// From 0.9 and 0.3 on, which is not enough: what is said of the frames that follow, whose imprint stands by its motion. None: an estimate that is
+    /// missing; the last number: the age of the estimates.
+    fn said_of(knows_grip: bool, rate_hz: f64, then: &[Option<(f64, f64, u32)>]) -> Vec<bool> {
+        let (evidence, recent, field) = (evidence(false), moving(0.0, 1.0), field(0.8));
+        let mut watch = GrossWatch::new();
+        let mut see = |(frame, estimated): (usize, Option<(f64, f64, u32)>)| {
+            let loaded = Loaded { at_s: frame as f64 / rate_hz, load: 1.0, grip_n: 20.0 };
+            let seen = Seen { loaded: Some((&field, loaded)), ..seen(&evidence, Some(&recent), &field) };
+            let estimates = estimated.map_or(Estimates::default(), |(used, stick, age_frames)| {
+                let of = |value: f64| Some(Estimate { value, sd: 0.1, age_frames });
+                Estimates { margin: of(1.0 - used), stick_ratio: of(stick), ..Estimates::default() }
+            });
+            assert!(!watch.see(&estimates, knows_grip, &seen), "by its motion it stands");
+            watch.slides()
+        };
+        let before = [Some((0.9, 0.3, 0)); 40];
+        let said: Vec<bool> = before.into_iter().chain(then.iter().copied()).enumerate().map(&mut see).collect();
+        assert!(!said[..before.len()].contains(&true));
+        said[before.len()..].to_vec()
+    }
+
     #[test]
     fn friction_that_is_spent_is_gross_slip_where_the_grip_is_known() {
-        let (evidence, recent, field) = (evidence(false), moving(0.0, 1.0), field(0.8));
-        // From 0.9 and 0.3 on, which is not enough; how many ms later it is said, if it is.
-        let said = |knows_grip, rate_hz: u64, used: f64, stick: f64, then: &[(f64, f64)]| {
-            let mut watch = GrossWatch::new();
-            let before = [(0.9, 0.3); 40];
-            let course = before.iter().chain(then).copied().chain(std::iter::repeat_n((used, stick), 30));
-            let see = |(frame, (used, stick)): (u64, (f64, f64))| {
-                let loaded = Loaded { at_s: frame as f64 / rate_hz as f64, load: 1.0, grip_n: 20.0 };
-                let seen = Seen { loaded: Some((&field, loaded)), ..seen(&evidence, Some(&recent), &field) };
-                assert!(!watch.see(&estimates(used, stick), knows_grip, &seen), "by its motion it stands");
-                watch.slides()
-            };
-            let says: Vec<bool> = (0..).zip(course).map(see).collect();
-            assert!(!says[..before.len()].contains(&true));
-            says[before.len()..].iter().map(|says| u8::from(*says)).collect::<Vec<_>>()
-        };
-        let first_ms =
-            |said: Vec<u8>, rate_hz: u64| Some(1000 * (said.iter().position(|says| *says == 1)? as u64 + 1) / rate_hz);
-        for rate_hz in [30, 60, 90] {
-            let ms = first_ms(said(true, rate_hz, 0.97, 0.1, &[]), rate_hz);
-            assert!(ms.is_some_and(|ms| (33..=67).contains(&ms)), "as long at every rate: {ms:?} ms at {rate_hz} Hz");
+        let steady = |used, stick| [Some((used, stick, 0)); 30];
+        for rate_hz in [30.0, 60.0, 90.0] {
+            let first = said_of(true, rate_hz, &steady(0.97, 0.1)).iter().position(|says| *says).expect("it is spent");
+            let after_ms = 1000.0 * (first + 1) as f64 / rate_hz;
+            assert!((33.0..=67.0).contains(&after_ms), "alike at every rate: {after_ms} ms at {rate_hz} Hz");
         }
-        assert_eq!(first_ms(said(true, 30, 0.935, 0.1, &[]), 30), None, "not all is used");
-        assert_eq!(first_ms(said(true, 30, 0.97, 0.19, &[]), 30), None, "some of it sticks");
-        assert_eq!(
-            first_ms(said(false, 30, 1.0, 0.0, &[]), 30),
-            None,
-            "without the grip force it is not known so well"
-        );
-        let one_frame = said(true, 30, 0.9, 0.3, &[(0.94, 0.15)]);
-        assert!(!one_frame.contains(&1), "a frame is an error of the estimate");
-        let kept = said(true, 30, 0.85, 0.25, &[(1.0, 0.05); 5]);
-        assert!(kept[2..].iter().all(|says| *says == 1), "it goes on with less than it begins with: {kept:?}");
-        let gripped = said(true, 30, 0.7, 0.4, &[(1.0, 0.05); 5]);
-        assert_eq!(gripped.iter().rposition(|says| *says == 1), Some(5), "gripped anew it ends: {gripped:?}");
+        let never = |knows_grip, rate_hz, then: &[_]| !said_of(knows_grip, rate_hz, then).contains(&true);
+        assert!(never(true, 30.0, &steady(0.935, 0.1)), "not all is used");
+        assert!(never(true, 30.0, &steady(0.97, 0.19)), "some of it sticks");
+        assert!(never(false, 30.0, &steady(1.0, 0.0)), "without the grip force it is not known so well");
+        let error = [Some((0.96, 0.1, 0)), Some((0.9, 0.3, 0)), Some((0.9, 0.3, 0))];
+        assert!(never(true, 30.0, &error) && never(true, 5.0, &error), "a frame is an error, at a slow camera, too");
+    }
+
+    #[test]
+    fn spent_friction_ends_with_less_load_and_with_a_motion_that_ends() {
+        let after_five = |then: &[Option<(f64, f64, u32)>]| {
+            let said = said_of(true, 30.0, &[&[Some((1.0, 0.05, 0)); 5], then].concat());
+            assert!(said[4], "it slides");
+            said[5..].to_vec()
+        };
+        let less = after_five(&[Some((0.85, 0.25, 0)); 30]);
+        assert!(!less.contains(&false), "it goes on with less than it begins with: {less:?}");
+        let gripped = after_five(&[Some((0.7, 0.4, 0)); 30]);
+        assert!(gripped.iter().rposition(|says| *says).is_none_or(|last| last < 2), "gripped anew: {gripped:?}");
+        let stands: Vec<_> = (1..=30).map(|age_frames| Some((1.0, 0.0, age_frames))).collect();
+        let stood = after_five(&stands).iter().take_while(|says| **says).count();
+        assert!((8..=9).contains(&stood), "0.3 s after the last motion nothing is known of another: {stood} frames");
+        let lost = after_five(&[None, Some((1.0, 0.05, 0))]);
+        assert_eq!(lost, [false, true], "markers that are lost in one frame");
     }
 
     /// What friction is learned from and what is said are not the same.
