@@ -136,7 +136,7 @@ class Stream(BaseHTTPRequestHandler):
         pass
 
 
-def until_still(path, least_s=1.0, most_s=60.0):
+def until_still(path, least_s=3.0, most_s=60.0):
     """Waits until a file grows no more."""
     size, since, began = -1, time.monotonic(), time.monotonic()
     while time.monotonic() - since < least_s and time.monotonic() - began < most_s:
@@ -165,7 +165,10 @@ def streamed(source, jpegs, sensor):
                 fates[json.loads(message.data)["fate"]] += 1
         first = judged(folder / "first.jsonl")
         same = compare(f"{source}, streamed", first, again(folder, sensor, ()), fates)
-        return fates, same and sum(fates.values()) == len(server.jpegs)
+        seen = sum(fates.values())
+        if seen != len(server.jpegs):
+            print(f"{source}, streamed: {len(server.jpegs)} frames sent, {seen} in the recording: {fates}")
+        return fates, same and seen == len(server.jpegs)
 
 
 def main():
