@@ -15,12 +15,14 @@
 //! that the friction is spent are gross slip, too; of the friction they teach nothing that they do not know.
 
 mod growth;
+mod spent;
 
 use super::estimate::{Features, LOAD, NARROW, TURNING, WIDE};
 use super::evidence::{Recent, WINDOWS_S};
-use super::report::{Estimate, Estimates, EvidenceReport};
+use super::report::{Estimates, EvidenceReport};
 use super::trees::{Ensemble, parse};
 use growth::{Grown, Growth};
+use spent::{GOES_ON_STICK, GOES_ON_USED, Spent};
 use std::sync::LazyLock;
 
 pub(super) use growth::Loaded;
@@ -46,7 +48,7 @@ const BEGINS: f64 = 0.95;
 const BEGINS_ALONE: f64 = 0.98;
 const GOES_ON: f64 = 0.05;
 
-/// Probability from which a slide is said where the grip force is known: see [`SPENT_USED`].
+/// Probability from which a slide is said where the grip force is known; chosen together with when the friction is [`Spent`].
 const SAID: f64 = 0.97;
 
 /// Where the grip force is known, less used friction than this begins no slide: the estimate is seldom off by half, and a sudden press moves
@@ -54,25 +56,10 @@ const SAID: f64 = 0.97;
 /// slides of the training split by more than two frames.
 const LEAST_USED: f64 = 0.5;
 
-/// Where too little is seen of the imprint: used fraction and stick ratio that are a slide by themselves, in how many frames in a row, and
-/// those with which it goes on.
+/// Where too little is seen of the imprint: used fraction and stick ratio that are a slide by themselves, in how many frames in a row.
 const ALL_USED: f64 = 0.95;
 const NONE_STICKS: f64 = 0.08;
 const ALL_USED_FRAMES: u32 = 2;
-const GOES_ON_USED: f64 = 0.8;
-const GOES_ON_STICK: f64 = 0.3;
-
-/// Used fraction from which and stick ratio up to which the friction is spent, both smoothed with this time constant, s. Chosen together with
-/// [`SAID`] among a thousand settings, on 600 ramps of two seeds, so that false words (below 0.8 of the load) stay well below half a per cent:
-/// two, and 567 told within two frames of gross slip; by the trees alone from [`BEGINS`] on five and 546.
-const SPENT_USED: f64 = 0.94;
-const SPENT_STICK: f64 = 0.18;
-const SPENT_SMOOTH_S: f64 = 0.04;
-
-/// Weight of a frame after a gap: that of this time, s. After the next, s, in which neither contact nor load has moved on, the estimates are those of
-/// a motion that may have ended; one that goes on moves the imprint.
-const SPENT_STEP_S: f64 = 1.0 / 30.0;
-const SPENT_LASTS_S: f64 = 0.3;
 
 /// The trees, with grip force and from the picture alone.
 #[derive(Debug)]
@@ -132,42 +119,6 @@ fn features(estimates: &Estimates, seen: &Seen<'_>, grown: Option<[Grown; WINDOW
         ]);
     }
     Some(features)
-}
-
-/// Whether the estimates, smoothed by a filter of first order, say that the friction is spent: the usual error of a frame is no slide, nor does it
-/// end one, and frames that are estimated in turns say the same as with every step in every frame.
-#[derive(Debug, Clone, Copy)]
-struct Spent {
-    at_s: Option<f64>,
-    /// When contact or load last moved on, so that the estimates were new.
-    moved_s: Option<f64>,
-    used: f64,
-    stick: f64,
-    lasts: bool,
-}
-
-impl Spent {
-    fn new() -> Self {
-        Spent { at_s: None, moved_s: None, used: 0.0, stick: 1.0, lasts: false }
-    }
-
-    fn see(&mut self, at_s: f64, used: f64, stick: Estimate) {
-        let passed_s = self.at_s.replace(at_s).map_or(0.0, |before_s| (at_s - before_s).clamp(0.0, SPENT_STEP_S));
-        let share = 1.0 - libm::exp(-passed_s / SPENT_SMOOTH_S);
-        self.used += share * (used - self.used);
-        self.stick += share * (stick.value - self.stick);
-        if stick.age_frames == 0 {
-            self.moved_s = Some(at_s);
-        }
-        let is_spent = self.used >= SPENT_USED && self.stick <= SPENT_STICK
-            || self.lasts && self.used >= GOES_ON_USED && self.stick <= GOES_ON_STICK;
-        self.lasts = is_spent && self.moved_s.is_some_and(|moved_s| at_s - moved_s <= SPENT_LASTS_S);
-    }
-
-    /// A frame in which that is not known: markers that are lost for a moment are no other motion.
-    fn pause(&mut self) {
-        self.lasts = false;
-    }
 }
 
 /// Remembers whether it slides.
@@ -258,6 +209,7 @@ impl GrossWatch {
 mod tests {
     use super::super::estimate::FEATURES_COUNT;
     use super::super::evidence::Moved;
+    use super::super::report::Estimate;
     use super::*;
     use crate::plane::Vec2;
 
@@ -408,59 +360,21 @@ mod tests {
         assert_eq!([false, true, false].map(|slides| see(Estimates::default(), slides)), [false, true, false]);
     }
 
-    /// From 0.9 and 0.3 on, which is not enough: what is said of the frames that follow, whose imprint stands by its motion. None: an estimate that is
-    /// missing; the last number: the age of the estimates.
-    fn said_of(knows_grip: bool, rate_hz: f64, then: &[Option<(f64, f64, u32)>]) -> Vec<bool> {
+    #[test]
+    fn spent_friction_is_gross_slip_where_the_grip_is_known_and_teaches_nothing() {
         let (evidence, recent, field) = (evidence(false), moving(0.0, 1.0), field(0.8));
-        let mut watch = GrossWatch::new();
-        let mut see = |(frame, estimated): (usize, Option<(f64, f64, u32)>)| {
-            let loaded = Loaded { at_s: frame as f64 / rate_hz, load: 1.0, grip_n: 20.0 };
-            let seen = Seen { loaded: Some((&field, loaded)), ..seen(&evidence, Some(&recent), &field) };
-            let estimates = estimated.map_or(Estimates::default(), |(used, stick, age_frames)| {
-                let of = |value: f64| Some(Estimate { value, sd: 0.1, age_frames });
-                Estimates { margin: of(1.0 - used), stick_ratio: of(stick), ..Estimates::default() }
+        for knows_grip in [true, false] {
+            let mut watch = GrossWatch::new();
+            let said = [Some(1.0); 10].into_iter().chain([None, Some(1.0)]).enumerate().map(|(frame, used)| {
+                let loaded = Loaded { at_s: frame as f64 / 30.0, load: 1.0, grip_n: 20.0 };
+                let seen = Seen { loaded: Some((&field, loaded)), ..seen(&evidence, Some(&recent), &field) };
+                let estimates = used.map_or(Estimates::default(), |used| estimates(used, 0.05));
+                assert!(!watch.see(&estimates, knows_grip, &seen), "by its motion it stands");
+                watch.slides()
             });
-            assert!(!watch.see(&estimates, knows_grip, &seen), "by its motion it stands");
-            watch.slides()
-        };
-        let before = [Some((0.9, 0.3, 0)); 40];
-        let said: Vec<bool> = before.into_iter().chain(then.iter().copied()).enumerate().map(&mut see).collect();
-        assert!(!said[..before.len()].contains(&true));
-        said[before.len()..].to_vec()
-    }
-
-    #[test]
-    fn friction_that_is_spent_is_gross_slip_where_the_grip_is_known() {
-        let steady = |used, stick| [Some((used, stick, 0)); 30];
-        for rate_hz in [30.0, 60.0, 90.0] {
-            let first = said_of(true, rate_hz, &steady(0.97, 0.1)).iter().position(|says| *says).expect("it is spent");
-            let after_ms = 1000.0 * (first + 1) as f64 / rate_hz;
-            assert!((33.0..=67.0).contains(&after_ms), "alike at every rate: {after_ms} ms at {rate_hz} Hz");
+            let said: Vec<bool> = said.collect();
+            assert_eq!(said[9..], [knows_grip, false, knows_grip], "markers are lost in one frame");
         }
-        let never = |knows_grip, rate_hz, then: &[_]| !said_of(knows_grip, rate_hz, then).contains(&true);
-        assert!(never(true, 30.0, &steady(0.935, 0.1)), "not all is used");
-        assert!(never(true, 30.0, &steady(0.97, 0.19)), "some of it sticks");
-        assert!(never(false, 30.0, &steady(1.0, 0.0)), "without the grip force it is not known so well");
-        let error = [Some((0.96, 0.1, 0)), Some((0.9, 0.3, 0)), Some((0.9, 0.3, 0))];
-        assert!(never(true, 30.0, &error) && never(true, 5.0, &error), "a frame is an error, at a slow camera, too");
-    }
-
-    #[test]
-    fn spent_friction_ends_with_less_load_and_with_a_motion_that_ends() {
-        let after_five = |then: &[Option<(f64, f64, u32)>]| {
-            let said = said_of(true, 30.0, &[&[Some((1.0, 0.05, 0)); 5], then].concat());
-            assert!(said[4], "it slides");
-            said[5..].to_vec()
-        };
-        let less = after_five(&[Some((0.85, 0.25, 0)); 30]);
-        assert!(!less.contains(&false), "it goes on with less than it begins with: {less:?}");
-        let gripped = after_five(&[Some((0.7, 0.4, 0)); 30]);
-        assert!(gripped.iter().rposition(|says| *says).is_none_or(|last| last < 2), "gripped anew: {gripped:?}");
-        let stands: Vec<_> = (1..=30).map(|age_frames| Some((1.0, 0.0, age_frames))).collect();
-        let stood = after_five(&stands).iter().take_while(|says| **says).count();
-        assert!((8..=9).contains(&stood), "0.3 s after the last motion nothing is known of another: {stood} frames");
-        let lost = after_five(&[None, Some((1.0, 0.05, 0))]);
-        assert_eq!(lost, [false, true], "markers that are lost in one frame");
     }
 
     /// What friction is learned from and what is said are not the same.

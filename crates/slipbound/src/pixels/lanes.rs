@@ -23,6 +23,29 @@ pub(super) fn words(of: &[i16; LANES]) -> __m256i {
     _mm256_setr_epi16(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p)
 }
 
+/// Sixteen signed bytes as numbers of 16 bits.
+#[inline]
+#[target_feature(enable = "avx2")]
+pub(super) fn signed_bytes(of: &[i8; LANES]) -> __m256i {
+    _mm256_cvtepi8_epi16(bytes(&of.map(i8::cast_unsigned)))
+}
+
+/// Writes sixteen numbers of 16 bits.
+#[inline]
+#[target_feature(enable = "avx2")]
+pub(super) fn put(into: &mut [i16; LANES], numbers: __m256i) {
+    let [a, b, c, d] = [
+        _mm256_extract_epi64::<0>(numbers),
+        _mm256_extract_epi64::<1>(numbers),
+        _mm256_extract_epi64::<2>(numbers),
+        _mm256_extract_epi64::<3>(numbers),
+    ];
+    for (four, number) in into.as_chunks_mut::<4>().0.iter_mut().zip([a, b, c, d]) {
+        let [a, b, c, d] = [number, number >> 16, number >> 32, number >> 48].map(|word| word as i16);
+        *four = [a, b, c, d];
+    }
+}
+
 /// The sum of eight numbers of 32 bits.
 #[inline]
 #[target_feature(enable = "avx2")]

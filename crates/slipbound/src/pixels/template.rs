@@ -12,20 +12,18 @@
 //! tabulated at rest. These vectors are blind to a level and to a slope of light. Windows and vectors are whole numbers: sums are
 //! the same in any order.
 
-use super::wide::wide;
+mod sums;
+
 use crate::image::SizePx;
 use crate::plane::{Vec2, nearest_px};
+use sums::{LANES, WEIGHED_LANES, bilinear, energy, products};
 
 /// Places are sampled at so many steps a pixel; the fit makes up for the rest.
 const STEPS_PER_PX: f64 = 16.0;
-/// Pixels that are sampled side by side; windows are so many wide, or a multiple.
-const LANES: usize = 16;
-/// Pixels that are weighed side by side: what is weighed is so many long, or a multiple, zeros at its end.
-const WEIGHED_LANES: usize = 64;
 /// Sampled values per grey level.
 const STEPS_PER_LEVEL: f64 = 16.0;
-/// The largest tabulated weight.
-const FULL_WEIGHT: f64 = 2000.0;
+/// The largest tabulated weight: those of all markers stay in the cache of one core, which twice as many bytes would not.
+const FULL_WEIGHT: f64 = 127.0;
 /// Dot, weave, and the slopes of both along x and y.
 const PATTERNS: usize = 6;
 
@@ -39,7 +37,7 @@ pub struct Window {
     plane: [Vec<f64>; 3],
     /// The part of the window beyond which every share is zero: all that is sampled and weighed.
     part: Part,
-    plane_weights: Vec<[[i16; LANES]; 3]>,
+    plane_weights: Vec<[[i8; LANES]; 3]>,
     plane_scale: f64,
     share_weights: Vec<i16>,
     samples: Vec<i16>,
@@ -70,13 +68,17 @@ impl Part {
         vec![0; (self.width * self.height).next_multiple_of(WEIGHED_LANES)]
     }
 
-    /// What of a whole window of `side` lies in it, in whole numbers.
+    /// What of a whole window of `side` lies in it, in whole numbers. What one is rounded by the next makes up for, so that what is blind to a
+    /// level stays so.
     fn cut(self, window: impl Iterator<Item = f64>, scale: f64, side: usize) -> Vec<i16> {
         let (columns, rows) = (self.left..self.left + self.width, self.top..self.top + self.height);
         let inside = |(i, _): &(usize, f64)| columns.contains(&(i % side)) && rows.contains(&(i / side));
-        let mut cut = self.zeros();
-        let values = window.enumerate().filter(inside).map(|(_, v)| (v * scale).round() as i16);
-        cut.iter_mut().zip(values).for_each(|(cut, v)| *cut = v);
+        let (mut cut, mut owed) = (self.zeros(), 0.0);
+        for (cut, (_, value)) in cut.iter_mut().zip(window.enumerate().filter(inside)) {
+            let wanted = value * scale + owed;
+            *cut = wanted.round() as i16;
+            owed = wanted - f64::from(*cut);
+        }
         cut
     }
 }
@@ -85,8 +87,9 @@ impl Part {
 #[derive(Debug, Clone)]
 pub struct Template {
     /// The patterns, free of level and slope and with the share of each pixel.
-    weights: Vec<[[i16; LANES]; PATTERNS]>,
-    scale: [f64; PATTERNS],
+    weights: Vec<[[i8; LANES]; PATTERNS]>,
+    /// Levels per sum of products.
+    levels: [f64; PATTERNS],
     /// Products of the patterns with one another.
     gram: [[f64; PATTERNS]; PATTERNS],
     /// What each pattern sees of a stretch of dot and of weave: x and y times their slopes along x, then along y.
@@ -234,7 +237,7 @@ impl Window {
         let scale: [f64; PATTERNS] = std::array::from_fn(|k| FULL_WEIGHT / highest(&patterns[k]));
         let weighed = |k: usize| patterns[k].iter().zip(share).map(|(v, s)| v * s);
         let weights = side_by_side(std::array::from_fn(|k| self.part.cut(weighed(k), scale[k], side)));
-        Some(Template { weights, scale: scale.map(|s| s * STEPS_PER_LEVEL), gram, stretched })
+        Some(Template { weights, levels: scale.map(|s| 1.0 / (s * STEPS_PER_LEVEL)), gram, stretched })
     }
 
     /// The best fit of a template near `from`, within `reach_px` of it; None at the border or when it leaves that reach.
@@ -249,7 +252,7 @@ impl Window {
             }
             let at = sample(self.side, self.part, grey, size, place, &mut self.samples);
             let weighed = products(&self.samples, &template.weights);
-            let b: [f64; PATTERNS] = std::array::from_fn(|k| weighed[k] as f64 / template.scale[k]);
+            let b: [f64; PATTERNS] = std::array::from_fn(|k| weighed[k] as f64 * template.levels[k]);
             // Seen through the stretch, what lies at q was at q - stretch q.
             let stretch = [stretch[0].x, stretch[1].x, stretch[0].y, stretch[1].y];
             let b: [f64; PATTERNS] = std::array::from_fn(|k| {
@@ -296,7 +299,7 @@ fn sample(side: usize, part: Part, grey: &[u8], size: SizePx, place: Vec2, out: 
     let (column, row) = (x / STEPS_PER_PX as usize + part.left, y / STEPS_PER_PX as usize + part.top);
     let (fx, fy) = ((x % STEPS_PER_PX as usize) as i16, (y % STEPS_PER_PX as usize) as i16);
     let out = &mut out[..part.width * part.height];
-    bilinear(&grey[row * size.width + column..], size.width, part.width, fx, fy, out);
+    bilinear(&grey[row * size.width + column..], size.width, part.width, [fx, fy], out);
     Vec2::new(x as f64 / STEPS_PER_PX + reach, y as f64 / STEPS_PER_PX + reach)
 }
 
@@ -309,131 +312,30 @@ const DONE_PX: f64 = 0.15;
 
 /// Gauss elimination; the matrix is symmetric and positive. None where it is singular.
 fn solve(m: &mut [[f64; 5]; 4]) -> Option<[f64; 4]> {
+    let mut inverse = [0.0; 4];
     for k in 0..4 {
         let pivot = m[k];
         if pivot[k].abs() < 1e-9 {
             return None;
         }
+        inverse[k] = 1.0 / pivot[k];
         for row in &mut m[k + 1..] {
-            let share = row[k] / pivot[k];
+            let share = row[k] * inverse[k];
             row.iter_mut().zip(&pivot).for_each(|(v, p)| *v -= share * p);
         }
     }
     let mut x = [0.0; 4];
     for k in (0..4).rev() {
         let known: f64 = (k + 1..4).map(|j| m[k][j] * x[j]).sum();
-        x[k] = (m[k][4] - known) / m[k][k];
+        x[k] = (m[k][4] - known) * inverse[k];
     }
     Some(x)
 }
 
-wide! {
-    /// A rectangle of samples between pixels, `fx` and `fy` sixteenths off; less the middle of the range.
-    fn bilinear(grey: &[u8], stride: usize, width: usize, fx: i16, fy: i16, out: &mut [i16]) {
-        // The last lanes may lie over those before them.
-        let lanes = width.div_ceil(LANES);
-        for at in (0..lanes).map(|k| (k * LANES).min(width - LANES)) {
-            let mut rows = grey[at..].chunks(stride);
-            let Some(mut upper) = rows.next().and_then(|row| between_columns(row, fx)) else { return };
-            for (out, row) in out[at..].chunks_mut(width).zip(rows) {
-                let Some(lower) = between_columns(row, fx) else { return };
-                let Some(out) = out.first_chunk_mut::<LANES>() else { return };
-                for i in 0..LANES {
-                    // Sixteenths of sixteenths would not fit: halves of levels are kept for the last step.
-                    out[i] = upper[i] + ((((lower[i] - upper[i]) >> 1) * fy) >> 3) - 2048;
-                }
-                upper = lower;
-            }
-        }
-    }
-
-    /// The twin of [`avx2::products`], which gives the same sums.
-    fn products_plain<const LISTS: usize>(samples: &[i16], weights: &[[[i16; LANES]; LISTS]]) -> [i64; LISTS] {
-        let mut sums = [0; LISTS];
-        for (samples, weights) in samples.as_chunks::<LANES>().0.iter().zip(weights) {
-            for k in 0..LISTS {
-                let mut part = 0;
-                for i in 0..LANES {
-                    part += i32::from(samples[i]) * i32::from(weights[k][i]);
-                }
-                sums[k] += i64::from(part);
-            }
-        }
-        sums
-    }
-
-    /// Sum of squares, each with its share in 256ths.
-    fn energy(samples: &[i16], share: &[i16]) -> i64 {
-        let mut sum = 0i64;
-        for (a, s) in samples.chunks(4 * WEIGHED_LANES).zip(share.chunks(4 * WEIGHED_LANES)) {
-            let mut part = 0i32;
-            for (&a, &s) in a.iter().zip(s) {
-                let shared = ((i32::from(a) * i32::from(s)) >> 8) as i16;
-                part = part.wrapping_add(i32::from(shared) * i32::from(a));
-            }
-            sum += i64::from(part);
-        }
-        sum
-    }
-}
-
-/// Samples of a row, `fx` sixteenths of the way to the next pixel, in sixteenths of levels.
-#[inline(always)]
-fn between_columns(row: &[u8], fx: i16) -> Option<[i16; LANES]> {
-    let pixels = row.first_chunk::<{ LANES + 1 }>()?;
-    let mut out = [0; LANES];
-    for i in 0..LANES {
-        let (left, right) = (i16::from(pixels[i]), i16::from(pixels[i + 1]));
-        out[i] = left * 16 + (right - left) * fx;
-    }
-    Some(out)
-}
-
 /// Lists of weights, lane by lane.
-fn side_by_side<const LISTS: usize>(lists: [Vec<i16>; LISTS]) -> Vec<[[i16; LANES]; LISTS]> {
+fn side_by_side<const LISTS: usize>(lists: [Vec<i16>; LISTS]) -> Vec<[[i8; LANES]; LISTS]> {
     let lists = lists.each_ref().map(|list| list.as_chunks::<LANES>().0);
-    (0..lists[0].len()).map(|i| lists.map(|list| list[i])).collect()
-}
-
-/// Sums of products of the samples with each list of weights.
-fn products<const LISTS: usize>(samples: &[i16], weights: &[[[i16; LANES]; LISTS]]) -> [i64; LISTS] {
-    #[cfg(target_arch = "x86_64")]
-    if super::wide::vectors() >= super::wide::Vectors::Avx2 {
-        // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature the kernel needs.
-        #[allow(unsafe_code)]
-        return unsafe { avx2::products(samples, weights) };
-    }
-    products_plain(samples, weights)
-}
-
-/// Each sample is loaded once for all lists, and their sums stay in registers: a third of the time of what a compiler makes of the twin.
-#[cfg(target_arch = "x86_64")]
-mod avx2 {
-    use super::LANES;
-    use crate::pixels::lanes::{sum, words};
-    use std::arch::x86_64::*;
-
-    /// Products that are added in 32 bits: two of a sample and a weight a round, each at most 2048 x 2000.
-    const ROUNDS: usize = 128;
-
-    #[target_feature(enable = "avx2")]
-    pub(super) fn products<const LISTS: usize>(samples: &[i16], weights: &[[[i16; LANES]; LISTS]]) -> [i64; LISTS] {
-        let mut sums = [0; LISTS];
-        let parts = samples.as_chunks::<LANES>().0.chunks(ROUNDS).zip(weights.chunks(ROUNDS));
-        for (samples, weights) in parts {
-            let mut part = [_mm256_setzero_si256(); LISTS];
-            for (samples, weights) in samples.iter().zip(weights) {
-                let samples = words(samples);
-                for (part, weights) in part.iter_mut().zip(weights) {
-                    *part = _mm256_add_epi32(*part, _mm256_madd_epi16(samples, words(weights)));
-                }
-            }
-            for (all, part) in sums.iter_mut().zip(part) {
-                *all += sum(part);
-            }
-        }
-        sums
-    }
+    (0..lists[0].len()).map(|i| lists.map(|list| list[i].map(|weight| weight as i8))).collect()
 }
 
 /// How dark the dots at `places` are, by distance from their middle in steps of `step_px`: the mean over all of them, 1 in the middle
@@ -470,17 +372,17 @@ pub fn darkness(grey: &[u8], size: SizePx, places: impl Iterator<Item = Vec2>, s
 mod tests {
     use super::*;
 
+    /// Whole weights, but no sum of what is lost by rounding.
     #[test]
-    fn wide_products_are_those_of_the_plain_twin() {
-        use crate::pixels::wide::{Vectors, with_vectors};
-        // The largest there are, so many that 32 bits would not hold their sum.
-        for (sample, weight) in [(-2048, 2000), (2032, -2000), (-2048, -2000)] {
-            let (samples, weights) =
-                (vec![sample; 256 * LANES], vec![[[weight, 1, weight / 2].map(|w| [w; LANES]); 1]; 256]);
-            let weights: Vec<[[i16; LANES]; 3]> = weights.into_iter().map(|[lists]| lists).collect();
-            let wide = products(&samples, &weights);
-            assert_eq!(wide, with_vectors(Vectors::Baseline, || products(&samples, &weights)));
-            assert_eq!(wide[0], 4096 * i64::from(sample) * i64::from(weight));
+    fn a_level_of_light_weighs_nothing() {
+        let window = Window::new(9.3);
+        let (seen, side) = (SizePx::new(60, 60), 60);
+        let grey: Vec<u8> = (0..side * side).map(|i| 120 + (i * i % 71) as u8).collect();
+        let template = window.learn(&grey, seen, Vec2::new(30.2, 29.7), |r| (1.0 - r / 6.0).max(0.0)).expect("inside");
+        for k in 0..PATTERNS {
+            let weights = || template.weights.iter().flat_map(|lists| lists[k]).map(i32::from);
+            assert!(weights().sum::<i32>().abs() <= 1, "pattern {k}");
+            assert!((100..=128).contains(&weights().map(i32::abs).max().expect("weights")), "pattern {k}");
         }
     }
 

@@ -1,0 +1,138 @@
+//! What is recorded comes back, and nothing that was there is lost.
+
+use crate::{Script, drain, record};
+use slipbound::image::SizePx;
+use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat};
+use slipbound_rig::container::{self, Recorder, TappedSource};
+use slipbound_rig::source;
+use std::fs;
+
+#[test]
+fn exactly_the_judged_frames_come_back_with_their_numbers_times_and_pixels() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    let judged = record(&path, 40, |seq| seq % 3 != 1);
+    let shown = path.to_str().expect("UTF-8");
+    let (seen, cut) = drain(shown);
+    assert_eq!((seen.len(), cut), (27, None));
+    assert_eq!(seen, judged);
+    assert_eq!(drain(&format!("{shown}#/left/camera")).0, judged, "by its topic");
+    assert_eq!(drain(&format!("{shown}#left")).0, judged, "by the finger");
+    let refused = source::open(&format!("{shown}#right")).err().expect("no such finger").to_string();
+    assert!(refused.contains("expected a topic right"), "{refused}");
+}
+
+#[test]
+fn a_recording_without_a_judge_gives_every_frame() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    let recorder = Recorder::create(&path, &["left".into(), "right".into()], false).expect("creates");
+    for finger in 0..2 {
+        let mut tapped = TappedSource::new(Script { seqs: vec![3, 2, 1, 0] }, finger, recorder.inlet(), true);
+        let mut frame = FrameBuffer::default();
+        while tapped.next(&mut frame).expect("goes on") != Next::End {}
+    }
+    assert_eq!(recorder.finish().expect("closes").frames_count, 8);
+    let shown = path.to_str().expect("UTF-8");
+    let refused = source::open(shown).err().expect("two fingers").to_string();
+    assert!(refused.contains("/left/camera, /right/camera"), "{refused}");
+    let (seen, _) = drain(&format!("{shown}#right"));
+    assert_eq!(seen.iter().map(|given| given.0).collect::<Vec<_>>(), [0, 1, 2, 3]);
+}
+
+#[test]
+fn what_was_there_stays_until_something_is_recorded() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    let begin = || {
+        let recorder = Recorder::create(&path, &["left".into()], false).expect("creates");
+        recorder.attach("left.sensor.toml", "text/toml", b"name = 1".to_vec());
+        recorder.metadata("facts", [("name".into(), "value".into())]);
+        recorder
+    };
+    drop(begin()); // as when the source is refused
+    assert!(!path.exists(), "nothing was recorded");
+    record(&path, 3, |_| true);
+    let before = fs::read(&path).expect("reads");
+    drop(begin());
+    assert!(fs::read(&path).expect("reads") == before, "what was there is lost");
+    assert_eq!(begin().finish().expect("closes").frames_count, 0);
+    let after = fs::read(&path).expect("reads");
+    assert!(after.len() < before.len() && after.ends_with(mcap::MAGIC), "an empty recording, whole");
+}
+
+#[test]
+fn what_comes_before_a_recording_begins_costs_nothing_and_only_a_camera_loses_it() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    record(&path, 3, |_| true);
+    let before = fs::read(&path).expect("reads");
+    let read = |recorder: &Recorder, waits: bool| {
+        let mut tapped = TappedSource::new(Script { seqs: vec![2, 1, 0] }, 0, recorder.inlet(), waits);
+        let mut frame = FrameBuffer::default();
+        (0..3).map(|_| tapped.next(&mut frame).expect("goes on")).collect::<Vec<_>>()
+    };
+    for (waits, expected_count) in [(true, 6), (false, 3)] {
+        let create = || Recorder::create(&path, &["left".into()], false).expect("creates");
+        let refused = create();
+        read(&refused, waits);
+        drop(refused);
+        assert!(fs::read(&path).expect("reads") == before, "what was there is lost");
+        let recorder = create();
+        let early = read(&recorder, waits);
+        assert!(early.iter().all(|next| *next == if waits { Next::Frame } else { Next::Silent }), "{early:?}");
+        recorder.begin();
+        read(&recorder, waits);
+        assert_eq!(recorder.finish().expect("closes").frames_count, expected_count);
+        fs::write(&path, &before).expect("writes");
+    }
+}
+
+#[test]
+fn a_run_that_cannot_be_converted_leaves_the_recording_that_was_there() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (folder, file) = (scratch.path().join("run"), scratch.path().join("run.mcap"));
+    fs::create_dir(&folder).expect("a folder");
+    fs::write(&file, "from before").expect("writes");
+    fs::write(folder.join("run.toml"), "").expect("writes");
+    let facts = folder.join("z.metadata.json");
+    fs::write(&facts, "{cut").expect("writes");
+    container::to_mcap(&folder, &file).expect_err("no JSON");
+    assert_eq!(fs::read_to_string(&file).expect("there"), "from before");
+    fs::write(&facts, "{}").expect("writes");
+    container::to_mcap(&folder, &file).expect("is carried over");
+    assert!(fs::read(&file).expect("there").ends_with(mcap::MAGIC));
+    assert_eq!(fs::read_dir(scratch.path()).expect("reads").count(), 2, "nothing is left beside it");
+}
+
+#[test]
+fn settings_of_a_run_that_are_too_long_are_not_carried_into_a_recording() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (folder, file) = (scratch.path().join("run"), scratch.path().join("run.mcap"));
+    fs::create_dir(&folder).expect("a folder");
+    fs::write(&file, "from before").expect("writes");
+    let write = |name: &str, bytes: usize| fs::write(folder.join(name), vec![b'#'; bytes]).expect("writes");
+    for name in ["run.toml", "left.sensor.toml"] {
+        write("run.toml", 1 << 20);
+        write(name, (1 << 20) + 7);
+        let refused = container::to_mcap(&folder, &file).expect_err("too long").to_string();
+        let expected = format!("{name}: cannot read: expected at most 1048576 bytes of TOML, got 1048583");
+        assert!(refused.ends_with(&expected), "{refused}");
+        assert_eq!(fs::read_to_string(&file).expect("there"), "from before");
+    }
+    write("left.sensor.toml", 1 << 20);
+    write("run.toml", 1 << 20);
+    write("page.html", 3 << 20);
+    assert_eq!(container::to_mcap(&folder, &file).expect("carried").files_count, 3);
+}
+
+#[test]
+fn grey_pixels_stay_grey() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    record(&path, 5, |seq| seq == 4);
+    let mut source = source::open(path.to_str().expect("UTF-8")).expect("opens");
+    let mut frame = FrameBuffer::default();
+    assert_eq!(source.next(&mut frame).expect("goes on"), Next::Frame);
+    assert_eq!((frame.seq, frame.format, frame.size), (4, PixelFormat::Gray, SizePx::new(64, 48)));
+}

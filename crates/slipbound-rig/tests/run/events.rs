@@ -1,0 +1,89 @@
+//! The events of a run.
+
+use crate::{events, screw, written};
+use slipbound::monitor::SlipState;
+use slipbound::port::GripCommand;
+use slipbound_rig::run::Event;
+
+#[test]
+fn events_tell_what_happened() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut run = written(folder.path(), &screw::info(), &screw::cycles());
+    assert_eq!(run.slips_count(), 4);
+    run.note(9_990_000_000, "the gripper was switched off").expect("writes");
+    run.finish(&screw::results(), None).expect("finishes");
+    let events = events(folder.path());
+    let begins: Vec<_> = events
+        .iter()
+        .filter_map(|e| match &e.event {
+            Event::SlipBegins { slip, direction, force_n, .. } => {
+                Some((e.time_ns, *slip, direction.as_str(), force_n.is_some()))
+            }
+            _ => None,
+        })
+        .collect();
+    let expected: Vec<_> = screw::SLIPS
+        .iter()
+        .zip(1..)
+        .map(|(&at, n)| (screw::cycles()[at as usize].time_ns, n, "around", true))
+        .collect();
+    assert_eq!(begins, expected);
+    let count = |wanted: fn(&Event) -> bool| events.iter().filter(|e| wanted(&e.event)).count();
+    assert_eq!(count(|e| matches!(e, Event::SlipEnds { .. })), 4);
+    assert_eq!(count(|e| matches!(e, Event::Grip { .. })), 4);
+    assert_eq!(count(|e| matches!(e, Event::Finger { finger, .. } if finger == "right")), 2);
+    assert_eq!(count(|e| matches!(e, Event::Note { .. })), 1);
+    assert_eq!(count(|e| matches!(e, Event::Ended { .. })), 1);
+    assert_eq!(count(|e| matches!(e, Event::Result(_))), screw::results().len());
+}
+
+#[test]
+fn a_slip_is_over_when_it_is_quiet_however_often_it_is_answered() {
+    // `x`: slips, `!`: slips and the controller answers, 33 ms a sign.
+    for (course, expected) in [
+        ("..!x........x.........", vec![(2, 33), (12, 0)]),
+        ("..x.x...x......!......", vec![(2, 200), (15, 0)]),
+        ("..x!xx!xxxx!..........", vec![(2, 300)]),
+        (".......!", vec![(7, 0)]),
+    ] {
+        let mut cycles = screw::cycles()[..course.len()].to_vec();
+        let mut alarms_count = 0;
+        for (cycle, sign) in cycles.iter_mut().zip(course.chars()) {
+            alarms_count += u32::from(sign == '!');
+            cycle.alarms_count = alarms_count;
+            cycle.hand.state = if sign == '.' { SlipState::Stick } else { SlipState::Incipient };
+        }
+        let cycles = screw::numbered(cycles);
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), &screw::info(), &cycles).finish(&[], None).expect("finishes");
+        let (mut begins, mut ends) = (Vec::new(), Vec::new());
+        for event in events(folder.path()) {
+            match event.event {
+                Event::SlipBegins { .. } => begins.push((event.time_ns as f64 * 30.0 / 1e9).round() as u64),
+                Event::SlipEnds { lasted_ns, .. } => ends.push(lasted_ns / 1_000_000),
+                _ => {}
+            }
+        }
+        let got: Vec<(u64, u64)> = begins.iter().copied().zip(ends.iter().copied()).collect();
+        assert_eq!((got, begins.len()), (expected, ends.len()), "{course}");
+    }
+}
+
+#[test]
+fn a_slip_is_at_the_force_before_its_answer_also_where_the_gripper_measures_none() {
+    let mut cycles = screw::cycles();
+    for i in 1..cycles.len() {
+        cycles[i].gripper.force_n = None;
+        cycles[i].gripper.target_n = cycles[i - 1].grip_command.force_n();
+    }
+    let at = screw::SLIPS[1] as usize;
+    let before_n = cycles[at - 1].grip_command.force_n();
+    cycles[at].grip_command = GripCommand::Hold { force_n: 57.0 }; // answered at once
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), &screw::info(), &cycles).finish(&[], None).expect("finishes");
+    let told = events(folder.path()).into_iter().find_map(|e| match e.event {
+        Event::SlipBegins { slip: 2, force_n, .. } => Some(force_n),
+        _ => None,
+    });
+    assert_eq!(told, Some(before_n));
+}

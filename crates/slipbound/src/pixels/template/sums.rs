@@ -1,0 +1,197 @@
+//! What the fit of a template reads of a picture: a rectangle of samples between pixels, and its sums: whole numbers, the same in any order.
+
+use crate::pixels::wide::wide;
+
+/// Pixels that are sampled side by side; windows are so many wide, or a multiple.
+pub(super) const LANES: usize = 16;
+/// Pixels that are weighed side by side: what is weighed is so many long, or a multiple, zeros at its end.
+pub(super) const WEIGHED_LANES: usize = 64;
+/// Sampled value of the middle of the range, in sixteenths of levels.
+const MIDDLE_STEPS: i16 = 2048;
+
+wide! {
+    /// The twin of [`avx2::bilinear`], which gives the same samples.
+    fn bilinear_plain(grey: &[u8], stride: usize, width: usize, shift: [i16; 2], out: &mut [i16]) {
+        let [fx, fy] = shift;
+        for at in columns(width) {
+            let mut rows = grey[at..].chunks(stride);
+            let Some(mut upper) = rows.next().and_then(|row| between_columns(row, fx)) else { return };
+            for (out, row) in out[at..].chunks_mut(width).zip(rows) {
+                let Some(lower) = between_columns(row, fx) else { return };
+                let Some(out) = out.first_chunk_mut::<LANES>() else { return };
+                for i in 0..LANES {
+                    // Sixteenths of sixteenths would not fit: halves of levels are kept for the last step.
+                    out[i] = upper[i] + ((((lower[i] - upper[i]) >> 1) * fy) >> 3) - MIDDLE_STEPS;
+                }
+                upper = lower;
+            }
+        }
+    }
+
+    /// The twin of [`avx2::products`], which gives the same sums.
+    fn products_plain<const LISTS: usize>(samples: &[i16], weights: &[[[i8; LANES]; LISTS]]) -> [i64; LISTS] {
+        let mut sums = [0; LISTS];
+        for (samples, weights) in samples.as_chunks::<LANES>().0.iter().zip(weights) {
+            for k in 0..LISTS {
+                let mut part = 0;
+                for i in 0..LANES {
+                    part += i32::from(samples[i]) * i32::from(weights[k][i]);
+                }
+                sums[k] += i64::from(part);
+            }
+        }
+        sums
+    }
+
+    /// Sum of squares, each with its share in 256ths.
+    pub(super) fn energy(samples: &[i16], share: &[i16]) -> i64 {
+        let mut sum = 0i64;
+        for (a, s) in samples.chunks(4 * WEIGHED_LANES).zip(share.chunks(4 * WEIGHED_LANES)) {
+            let mut part = 0i32;
+            for (&a, &s) in a.iter().zip(s) {
+                let shared = ((i32::from(a) * i32::from(s)) >> 8) as i16;
+                part = part.wrapping_add(i32::from(shared) * i32::from(a));
+            }
+            sum += i64::from(part);
+        }
+        sum
+    }
+}
+
+/// Samples of a row, `fx` sixteenths of the way to the next pixel, in sixteenths of levels.
+#[inline(always)]
+fn between_columns(row: &[u8], fx: i16) -> Option<[i16; LANES]> {
+    let pixels = row.first_chunk::<{ LANES + 1 }>()?;
+    let mut out = [0; LANES];
+    for i in 0..LANES {
+        let (left, right) = (i16::from(pixels[i]), i16::from(pixels[i + 1]));
+        out[i] = left * 16 + (right - left) * fx;
+    }
+    Some(out)
+}
+
+/// Where lanes begin in a row of samples: the last ones may lie over those before them.
+fn columns(width: usize) -> impl Iterator<Item = usize> {
+    (0..width.div_ceil(LANES)).map(move |k| (k * LANES).min(width - LANES))
+}
+
+/// A rectangle of samples between pixels, so many sixteenths off along x and y; less the middle of the range.
+pub(super) fn bilinear(grey: &[u8], stride: usize, width: usize, shift: [i16; 2], out: &mut [i16]) {
+    #[cfg(target_arch = "x86_64")]
+    if crate::pixels::wide::vectors() >= crate::pixels::wide::Vectors::Avx2 {
+        // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature the kernel needs.
+        #[allow(unsafe_code)]
+        return unsafe { avx2::bilinear(grey, stride, width, shift, out) };
+    }
+    bilinear_plain(grey, stride, width, shift, out);
+}
+
+/// Sums of products of the samples with each list of weights.
+pub(super) fn products<const LISTS: usize>(samples: &[i16], weights: &[[[i8; LANES]; LISTS]]) -> [i64; LISTS] {
+    #[cfg(target_arch = "x86_64")]
+    if crate::pixels::wide::vectors() >= crate::pixels::wide::Vectors::Avx2 {
+        // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature the kernel needs.
+        #[allow(unsafe_code)]
+        return unsafe { avx2::products(samples, weights) };
+    }
+    products_plain(samples, weights)
+}
+
+/// Each sample is loaded once for all lists, and their sums stay in registers: a third of the time of what a compiler makes of the twin.
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use super::{LANES, MIDDLE_STEPS, columns};
+    use crate::pixels::lanes::{bytes, put, signed_bytes, sum, words};
+    use std::arch::x86_64::*;
+
+    /// Products that are added in 32 bits: two of a sample and a weight a round, each at most 2048 x 128.
+    const ROUNDS: usize = 1024;
+
+    #[target_feature(enable = "avx2")]
+    pub(super) fn bilinear(grey: &[u8], stride: usize, width: usize, [fx, fy]: [i16; 2], out: &mut [i16]) {
+        // Of the pixel on the left and the one on the right, in turns.
+        let along = _mm256_set1_epi16(fx << 8 | (16 - fx));
+        let across = _mm256_set1_epi16(fy);
+        let middle = _mm256_set1_epi16(MIDDLE_STEPS);
+        let between = |at: usize| {
+            let pixels = grey.get(at..)?.first_chunk::<{ LANES + 1 }>()?;
+            let (left, right) = (bytes(pixels.first_chunk()?), bytes(pixels.last_chunk()?));
+            let pairs = _mm256_set_m128i(_mm_unpackhi_epi8(left, right), _mm_unpacklo_epi8(left, right));
+            Some(_mm256_maddubs_epi16(pairs, along))
+        };
+        for column in columns(width) {
+            let (mut from, mut to) = (column, column);
+            let Some(mut upper) = between(from) else { return };
+            while let Some(out) = out.get_mut(to..).and_then(|out| out.first_chunk_mut()) {
+                (from, to) = (from + stride, to + width);
+                let Some(lower) = between(from) else { return };
+                let half = _mm256_srai_epi16::<1>(_mm256_sub_epi16(lower, upper));
+                let down = _mm256_srai_epi16::<3>(_mm256_mullo_epi16(half, across));
+                put(out, _mm256_sub_epi16(_mm256_add_epi16(upper, down), middle));
+                upper = lower;
+            }
+        }
+    }
+
+    #[target_feature(enable = "avx2")]
+    pub(super) fn products<const LISTS: usize>(samples: &[i16], weights: &[[[i8; LANES]; LISTS]]) -> [i64; LISTS] {
+        let mut sums = [0; LISTS];
+        let parts = samples.as_chunks::<LANES>().0.chunks(ROUNDS).zip(weights.chunks(ROUNDS));
+        for (samples, weights) in parts {
+            let mut part = [_mm256_setzero_si256(); LISTS];
+            for (samples, weights) in samples.iter().zip(weights) {
+                let samples = words(samples);
+                for (part, weights) in part.iter_mut().zip(weights) {
+                    *part = _mm256_add_epi32(*part, _mm256_madd_epi16(samples, signed_bytes(weights)));
+                }
+            }
+            for (all, part) in sums.iter_mut().zip(part) {
+                *all += sum(part);
+            }
+        }
+        sums
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::SizePx;
+
+    #[test]
+    fn wide_products_are_those_of_the_plain_twin() {
+        use crate::pixels::wide::{Vectors, with_vectors};
+        // The largest there are, so many that 32 bits would not hold their sum.
+        for (sample, weight) in [(-2048, 127), (2032, -127), (-2048, -127)] {
+            let (samples, weights) =
+                (vec![sample; 8192 * LANES], vec![[weight, 1, weight / 2].map(|w: i8| [w; LANES]); 8192]);
+            let wide = products(&samples, &weights);
+            assert_eq!(wide, with_vectors(Vectors::Baseline, || products(&samples, &weights)));
+            assert_eq!(wide[0], 8192 * 16 * i64::from(sample) * i64::from(weight));
+        }
+    }
+
+    #[test]
+    fn wide_samples_are_those_of_the_plain_twin() {
+        use crate::pixels::wide::{Vectors, with_vectors};
+        let size = SizePx::new(64, 40);
+        let noise: Vec<u8> = (0..size.area() as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let extremes: Vec<u8> = noise.iter().map(|v| if *v < 128 { 0 } else { 255 }).collect();
+        for (grey, width) in [(&noise, 16), (&noise, 19), (&extremes, 16), (&extremes, 33)] {
+            for shift in (0..256).map(|i| [i % 16, i / 16]) {
+                let sampled = || {
+                    let mut out = vec![0; width * 20];
+                    bilinear(&grey[5 * size.width + 7..], size.width, width, shift, &mut out);
+                    out
+                };
+                let wide = sampled();
+                assert_eq!(wide, with_vectors(Vectors::Baseline, sampled), "{width} wide, {shift:?}");
+                let [fx, fy] = shift.map(f64::from);
+                let at = |x: usize, y: usize| f64::from(grey[(5 + y) * size.width + 7 + x]);
+                let row = |y| at(3, y) * (16.0 - fx) + at(4, y) * fx;
+                let exact = row(2) + (row(3) - row(2)) * fy / 16.0 - 2048.0;
+                assert!((f64::from(wide[2 * width + 3]) - exact).abs() <= 2.0, "{shift:?}");
+            }
+        }
+    }
+}
