@@ -335,7 +335,9 @@ fn solve(m: &mut [[f64; 5]; 4]) -> Option<[f64; 4]> {
 /// Lists of weights, lane by lane.
 fn side_by_side<const LISTS: usize>(lists: [Vec<i16>; LISTS]) -> Vec<[[i8; LANES]; LISTS]> {
     let lists = lists.each_ref().map(|list| list.as_chunks::<LANES>().0);
-    (0..lists[0].len()).map(|i| lists.map(|list| list[i].map(|weight| weight as i8))).collect()
+    (0..lists[0].len())
+        .map(|i| lists.map(|list| list[i].map(|weight| weight.clamp(i8::MIN.into(), i8::MAX.into()) as i8)))
+        .collect()
 }
 
 /// How dark the dots at `places` are, by distance from their middle in steps of `step_px`: the mean over all of them, 1 in the middle
