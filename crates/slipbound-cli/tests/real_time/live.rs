@@ -221,7 +221,7 @@ fn what_is_judged_in_part_is_recorded_as_cut_off() {
 fn a_camera_that_is_there_first_is_recorded_from_when_the_last_one_is() {
     let scratch = tempfile::tempdir().expect("a folder");
     // A busy machine sends eleven frames in a second where thirty are due.
-    let late = Trouble { answers_after: Duration::from_secs(3), ..Trouble::default() };
+    let late = Trouble { answers_after: Duration::from_secs(2), ..Trouble::default() };
     let (left, right) = (serve(Trouble::default()), serve(late));
     let record = ["record", &left, &right, "-o", "run.mcap", "--for-s", "1"];
     let ended = slipbound(scratch.path(), &record).output().expect("runs");
