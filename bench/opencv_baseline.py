@@ -36,24 +36,24 @@ def painted_frame():
     return np.clip(light, 0, 255).astype(np.uint8)
 
 
-def timed(call, clock=time.perf_counter, runs_count=RUNS_COUNT):
+def timed(call, clock=time.perf_counter, runs_count=RUNS_COUNT, warm_up_count=WARM_UP_COUNT):
     """Median milliseconds of a call, and what it returned."""
     times = []
-    for i in range(WARM_UP_COUNT + runs_count):
+    for i in range(warm_up_count + runs_count):
         start = clock()
         result = call()
-        if i >= WARM_UP_COUNT:
+        if i >= warm_up_count:
             times.append(clock() - start)
     return 1e3 * statistics.median(times), result
 
 
-def opencv_steps(frame, clock=time.perf_counter, runs_count=RUNS_COUNT):
+def opencv_steps(frame, clock=time.perf_counter, runs_count=RUNS_COUNT, warm_up_count=WARM_UP_COUNT):
     """The fixed list of calls, each with its step of the method."""
     cv2.setNumThreads(1)
     steps = []
 
     def step(of, name, call):
-        milliseconds, result = timed(call, clock, runs_count)
+        milliseconds, result = timed(call, clock, runs_count, warm_up_count)
         steps.append((of, name, milliseconds))
         return result
 

@@ -17,6 +17,8 @@ MOST_RISE = 1.03
 MOST_MIB = 8.0
 # Frames between which instructions are counted; the first ones of a contact cost less.
 FEW, MANY = 20, 110
+# How often OpenCV, the peers and the fingers are run in turn, and how often each call of theirs in a turn.
+TURNS, CALLS_A_TURN = 40, 5
 
 
 # Why the lines have steps.
@@ -60,10 +62,10 @@ def check(program):
 
 
 def peers():
-    """What others do a frame, ms: a tracker as vendors' kits have it, and dense flow. Our own restatement in calls of OpenCV."""
+    """What others do a frame: a tracker as vendors' kits have it, and dense flow. Our own restatement in calls of OpenCV."""
     import cv2
     import numpy as np
-    from opencv_baseline import painted_frame, timed
+    from opencv_baseline import painted_frame
 
     cv2.setNumThreads(1)
     frame = painted_frame()
@@ -80,10 +82,38 @@ def peers():
 
     dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     return {
-        "marker tracker: blur, threshold, contours, moments": timed(tracker)[0],
-        "dense flow, DIS, fast": timed(lambda: dis.calc(grey, moved, None))[0],
-        "dense flow, Farneback": timed(lambda: cv2.calcOpticalFlowFarneback(grey, moved, None, 0.5, 3, 15, 3, 5, 1.2, 0))[0],
+        "marker tracker: blur, threshold, contours, moments": tracker,
+        "dense flow, DIS, fast": lambda: dis.calc(grey, moved, None),
+        "dense flow, Farneback": lambda: cv2.calcOpticalFlowFarneback(grey, moved, None, 0.5, 3, 15, 3, 5, 1.2, 0),
     }
+
+
+def in_turn(program):
+    """Rows of what OpenCV's list, the peers and the fingers took in one turn, ms: a machine that is slow for a while is slow for all of them."""
+    from opencv_baseline import opencv_steps, painted_frame, timed
+
+    frame, others = painted_frame(), peers()
+    fingers = {f: subprocess.Popen([program, "turns", f], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) for f in FINGERS}
+    rows = []
+    # The first turn warms up.
+    for _ in range(1 + TURNS):
+        row = {name: timed(call, runs_count=CALLS_A_TURN, warm_up_count=1)[0] for name, call in others.items()}
+        row["OpenCV"] = sum(ms for _, _, ms in opencv_steps(frame, runs_count=CALLS_A_TURN, warm_up_count=1))
+        for finger, process in fingers.items():
+            process.stdin.write("\n")
+            process.stdin.flush()
+            said = json.loads(process.stdout.readline())
+            row |= {finger: said["step_us"] / 1000, f"copy for {finger}": said["copy_us"] / 1000}
+        rows.append(row)
+    for process in fingers.values():
+        process.communicate()
+    return rows[1:]
+
+
+def ratio(rows, over, under):
+    """The tenth, the half and nine tenths of a ratio in the turns."""
+    found = sorted(row[over] / row[under] for row in rows)
+    return [found[round(share * (len(found) - 1))] for share in (0.1, 0.5, 0.9)]
 
 
 def straightness(rows, of):
@@ -167,7 +197,7 @@ def only_growth(program):
     print(json.dumps(growth))
 
 
-def page(result, others, opencv_ms, growth, fingers, memory, frames_count):
+def page(result, rows, growth, fingers, memory, frames_count):
     model = next((l.split(":")[1].strip() for l in Path("/proc/cpuinfo").read_text().splitlines() if l.startswith("model name")), "?")
     load = os.getloadavg()[0]
     lines = [
@@ -180,17 +210,23 @@ def page(result, others, opencv_ms, growth, fingers, memory, frames_count):
         "Not done in every frame, and averaged in: the contact region is found and the imprint is looked at in every third frame, and, as none is missing, markers are searched in the whole picture in every fifth",
         "(`contact.period_ms`, `markers.search_period_ms`, `evidence.period_ms`: 25 ms; cameras of up to 40 Hz get everything in every frame). The median is that of the mean of 30",
         "frames in a row; the 99.9th percentile is of single frames, and holds what the machine does meanwhile. Dearest: of the 60 places of frame and steps in a turn the one that",
-        "takes longest, by its median: what the steps themselves add. At 30 Hz: the median of a camera of which every frame gets everything.",
+        "takes longest, by its median: what the steps themselves add. Copies' tail: the 99.9th percentile over the median of as many copies in a row as take as long as a step, in",
+        "turn with the steps: what the machine adds to work of that length. At 30 Hz: the median of a camera of which every frame gets everything.",
         "",
-        "| finger | median us | dearest us | over median | 99.9th us | over median | at 30 Hz us | a copy us | copies | OpenCV / ours | instructions a frame | MiB |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
+        f"Copies and OpenCV: OpenCV's fixed list of calls (`bench/opencv_baseline.py`, which leaves matching, evidence and estimates out), the peers, 300 frames of each finger and 60 copies, {TURNS} times in turn; the",
+        "median of the ratios and, in brackets, their 10th and 90th percentile.",
+        "",
+        "| finger | median us | dearest us | over median | 99.9th us | over median | copies' tail | at 30 Hz us | a copy us | copies | OpenCV / ours | instructions a frame | MiB |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for finger in FINGERS:
         r = result[finger]
+        copies, opencv = r["memcpy_ratio_spread"], r["opencv_ratio_spread"]
         lines.append(
             f"| {finger} | {r['step_us_median']:.0f} | {r['step_us_dearest']:.0f} | {r['step_us_dearest'] / r['step_us_median']:.2f} "
-            f"| {r['step_us_p999']:.0f} | {r['step_us_p999'] / r['step_us_median']:.1f} | {r['step_us_at_30_hz']:.0f} "
-            f"| {r['memcpy_us_median']:.1f} | {r['memcpy_ratio']:.1f} | {r['opencv_ratio']:.1f} | {r['instructions_per_frame'] / 1e6:.2f} M "
+            f"| {r['step_us_p999']:.0f} | {r['step_us_p999'] / r['step_us_median']:.1f} | {r['copies_tail_ratio']:.1f} | {r['step_us_at_30_hz']:.0f} "
+            f"| {r['memcpy_us_median']:.1f} | {copies[1]:.1f} ({copies[0]:.1f} to {copies[2]:.1f}) | {opencv[1]:.1f} ({opencv[0]:.1f} to {opencv[2]:.1f}) "
+            f"| {r['instructions_per_frame'] / 1e6:.2f} M "
             f"| {memory[finger]:.1f} |"
         )
     lines += ["", "| finger | imprint | contact | markers | motion | slip, evidence | estimates | (us, medians of 30 frames in a row)", "|---|---|---|---|---|---|---|---|"]
@@ -198,9 +234,11 @@ def page(result, others, opencv_ms, growth, fingers, memory, frames_count):
         steps = result[finger]["steps_us_median"]
         names = ["imprint", "contact", "markers", "motion", "slip", "estimates"]
         lines.append(f"| {finger} | " + " | ".join(f"{steps[name]:.0f}" for name in names) + " | |")
-    lines += ["", f"OpenCV's fixed list of calls (`bench/opencv_baseline.py`), which leaves matching, evidence and estimates out: {opencv_ms:.2f} ms. Peers:", ""]
-    lines += ["| peer | ms | over ours (smooth) |", "|---|---|---|"]
-    lines += [f"| {name} | {ms:.2f} | {1000 * ms / result['smooth']['step_us_median']:.1f} |" for name, ms in others.items()]
+    median_ms = lambda name: sorted(row[name] for row in rows)[len(rows) // 2]
+    lines += ["", "| others | ms | over ours: smooth | fabric | rectified |", "|---|---|---|---|---|"]
+    for name in ["OpenCV", *peers()]:
+        over = " | ".join(f"{ratio(rows, name, finger)[1]:.1f}" for finger in FINGERS)
+        lines.append(f"| {name} | {median_ms(name):.2f} | {over} |")
     lines += ["", "## Growth", "", "![against pixels](speed-pixels.svg) ![against markers](speed-markers.svg)", ""]
     lines += growth_lines(growth)
     lines += ["", "Pixels: 320x240 to 1920x1440 with the same 391 markers; markers: 35 to 4,900 on 1280x960.", *STEPS, "", "## Many fingers", ""]
@@ -218,20 +256,19 @@ def main():
         return only_growth(program)
     frames_count = int(arguments[arguments.index("--frames") + 1]) if "--frames" in arguments else 20000
     sys.path.insert(0, str(ROOT / "bench"))
-    from opencv_baseline import opencv_steps, painted_frame
-
     result = {finger: bench(program, "measure", finger, frames_count) for finger in FINGERS}
-    opencv_ms = sum(ms for _, _, ms in opencv_steps(painted_frame()))
-    others = peers()
+    rows = in_turn(program)
     growth = measure_growth(program)
     fingers = bench(program, "fingers", "smooth", 5)
     memory = {finger: bench(program, "memory", finger)["monitor_mib"] for finger in FINGERS}
     for finger in FINGERS:
-        result[finger]["opencv_ratio"] = 1000 * opencv_ms / result[finger]["step_us_median"]
+        for name, spread in [("opencv", ratio(rows, "OpenCV", finger)), ("memcpy", ratio(rows, finger, f"copy for {finger}"))]:
+            result[finger][f"{name}_ratio"] = spread[1]
+            result[finger][f"{name}_ratio_spread"] = spread
         result[finger]["instructions_per_frame"] = instructions_per_frame(program, finger)
     (ROOT / "bench/speed.json").write_text(json.dumps(result, indent=1) + "\n")
     plots(growth)
-    text = page(result, others, opencv_ms, growth, fingers, memory, frames_count)
+    text = page(result, rows, growth, fingers, memory, frames_count)
     (ROOT / "bench/speed.md").write_text(text)
     print(text)
 

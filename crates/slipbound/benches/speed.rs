@@ -4,7 +4,9 @@
 //! ```text
 //!   speed judge   FINGER FRAMES [MARKERS]   judges so many frames; with so many markers, of 1280x960 px
 //!   speed measure FINGER FRAMES     whole step and each step, us: median of the mean of 30 frames in a row, 99.9th percentile of one, the dearest
-//!                                   frame of a turn; and the whole step of a camera of 30 Hz, of which every frame gets everything
+//!                                   frame of a turn; and the whole step of a camera of 30 Hz, of which every frame gets everything; between
+//!                                   them the tail of copies that take as long as a step: what the machine adds
+//!   speed turns   FINGER            for each line on standard input the medians of 300 steps and of 60 copies, to be run in turn with others
 //!   speed growth  FINGER            medians for 320x240 to 1920x1440 px, and for 50 to 5,000 markers
 //!   speed memory  FINGER            resident memory of a monitor, MiB
 //!   speed fingers FINGER SECONDS    1 to 16 monitors at 90 Hz on all cores: late frames, share of the cores in use
@@ -137,22 +139,64 @@ fn timed_us(work: impl FnOnce()) -> f64 {
     1e6 * start.elapsed().as_secs_f64()
 }
 
+/// A finger that has been judged for a while, and where its frames are copied to.
+struct Warm {
+    recording: Recording,
+    target: Vec<u8>,
+}
+
+impl Warm {
+    fn new(finger: &str) -> Self {
+        let mut recording = Recording::new(finger, SIZE, PITCH_PX, 12);
+        let target = recording.frames[0].clone();
+        (0..WARM_UP_FRAMES).for_each(|_| recording.judge(&mut ()));
+        Warm { recording, target }
+    }
+
+    fn steps_us(&mut self, count: usize) -> impl Iterator<Item = f64> {
+        (0..count).map(|_| timed_us(|| self.recording.judge(&mut ())))
+    }
+
+    /// So many times the copies of so many frames, of the same twelve in turn that the monitor sees.
+    fn copies_us(&mut self, count: usize, frames_count: usize) -> impl Iterator<Item = f64> {
+        let Warm { recording, target } = self;
+        let mut frames = recording.frames.iter().cycle();
+        (0..count).map(move |_| {
+            timed_us(|| {
+                for frame in frames.by_ref().take(frames_count) {
+                    black_box(&mut *target).copy_from_slice(black_box(frame));
+                }
+            })
+        })
+    }
+}
+
+/// Answers each line of standard input with the medians of some steps and some copies, us.
+fn turns(finger: &str) {
+    let mut warm = Warm::new(finger);
+    for _ in std::io::stdin().lines() {
+        let steps: Vec<f64> = warm.steps_us(300).collect();
+        let mut copies: Vec<f64> = warm.copies_us(60, 1).collect();
+        println!("{}", json!({ "step_us": turn_us(&steps), "copy_us": quantile_us(&mut copies, 0.5) }));
+    }
+}
+
 fn measure(finger: &str, frames_count: usize) -> Value {
-    let mut recording = Recording::new(finger, SIZE, PITCH_PX, 12);
-    let mut target = recording.frames[0].clone();
-    (0..WARM_UP_FRAMES).for_each(|_| recording.judge(&mut ()));
+    let mut warm = Warm::new(finger);
+    let (mut whole, mut copies, mut as_long) = (Vec::with_capacity(frames_count), Vec::new(), Vec::new());
+    // How many copies take as long as a step.
+    let mut first: Vec<f64> = warm.copies_us(60, 1).collect();
+    let steps: Vec<f64> = warm.steps_us(300).collect();
+    let copies_a_step = (turn_us(&steps) / quantile_us(&mut first, 0.5)).round().max(1.0) as usize;
     // The copies go through the same frames as the monitor, in the same run; each in a stretch of its own, so that neither
     // finds the cache as the other left it.
-    let (mut whole, mut copies) = (Vec::with_capacity(frames_count), Vec::new());
     while whole.len() < frames_count {
-        for _ in 0..500.min(frames_count - whole.len()) {
-            whole.push(timed_us(|| recording.judge(&mut ())));
-        }
-        for i in 0..60 {
-            let frame = &recording.frames[i % recording.frames.len()];
-            copies.push(timed_us(|| black_box(&mut target).copy_from_slice(black_box(frame))));
-        }
+        let count = 500.min(frames_count - whole.len());
+        whole.extend(warm.steps_us(count));
+        copies.extend(warm.copies_us(60, 1));
+        as_long.extend(warm.copies_us(count, copies_a_step));
     }
+    let mut recording = warm.recording;
     let steps = [Step::Imprint, Step::Contact, Step::Markers, Step::Motion, Step::Slip];
     let mut probe = StepTimes { since: Instant::now(), times_us: steps.map(|s| (s, Vec::new())).into() };
     // What comes after the last of these steps: the estimates and the report.
@@ -174,7 +218,7 @@ fn measure(finger: &str, frames_count: usize) -> Value {
     json!({
         "markers_count": recording.monitor.markers().len(), "frames_count": frames_count, "memcpy_us_median": copy_us,
         "step_us_median": median_us, "step_us_p999": quantile_us(&mut whole, 0.999),
-        "step_us_dearest": dearest_us, "step_us_at_30_hz": turn_us(&slow),
+        "copies_tail_ratio": quantile_us(&mut as_long, 0.999) / quantile_us(&mut as_long, 0.5), "step_us_dearest": dearest_us, "step_us_at_30_hz": turn_us(&slow),
         "step_us_worst": whole[whole.len() - 1], "memcpy_ratio": median_us / copy_us, "steps_us_median": by_step,
     })
 }
@@ -282,6 +326,7 @@ fn main() {
             (0..number(frames_count) as usize).for_each(|_| recording.judge(&mut ()));
             return;
         }
+        ["turns", finger] => return turns(finger),
         ["measure", finger, frames_count] => measure(finger, number(frames_count) as usize),
         ["growth", finger] => growth(finger),
         ["memory", finger] => memory(finger),
