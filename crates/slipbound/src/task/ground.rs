@@ -79,12 +79,14 @@ impl Ground {
         Some(felt.turned_rad())
     }
 
-    /// How far the ground has pushed the object against the fingers within about [`CREEP_S`], mm, by what they felt last.
-    pub fn push_mm(&mut self, now_ns: u64) -> f64 {
+    /// How far the ground has pushed the object against the fingers within about [`CREEP_S`], mm, by what they felt last. `stands`: the wrist
+    /// stands until it is sure, and the push goes on to count from where it did.
+    pub fn push_mm(&mut self, now_ns: u64, stands: bool) -> f64 {
         let Some(felt) = &mut self.felt[0] else { return 0.0 };
         let (mean_mm, seen_ns) = felt.mean.unwrap_or((felt.along_mm, now_ns));
         let seconds = now_ns.saturating_sub(seen_ns) as f64 * 1e-9;
-        let next_mm = mean_mm + (1.0 - libm::exp(-seconds / CREEP_S)) * (felt.along_mm - mean_mm);
+        let creep_fraction = if stands { 0.0 } else { 1.0 - libm::exp(-seconds / CREEP_S) };
+        let next_mm = mean_mm + creep_fraction * (felt.along_mm - mean_mm);
         felt.mean = Some((next_mm, now_ns));
         mean_mm - felt.along_mm
     }

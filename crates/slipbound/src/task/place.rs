@@ -76,7 +76,7 @@ impl PlaceSettings {
 /// Longest time for the looser grip to arrive, ns.
 const LATE_NS: u64 = 3_000_000_000;
 
-/// What the fingers feel of the ground must last for so many cycles to be believed: it opens the hand.
+/// The touch must last for so many cycles to be believed, and so many more cycles must feel the ground carry than not: it opens the hand.
 const SURE_CYCLES_COUNT: u32 = 3;
 
 /// Cycles that are further apart do not follow each other; fingers that have felt nothing for so long feel nothing, ns.
@@ -173,8 +173,11 @@ impl Place {
         if self.last.arm == ArmMotion::Pause {
             return;
         }
-        let push_mm = self.ground.push_mm(observation.now_ns);
-        self.carried_cycles_count = if self.carried(hand, push_mm) { self.carried_cycles_count + 1 } else { 0 };
+        let carried_count = self.carried_cycles_count;
+        let push_mm = self.ground.push_mm(observation.now_ns, carried_count > 0);
+        // One cycle that does not feel it takes one back: on a rigid ground a step further down is half a newton and more.
+        self.carried_cycles_count =
+            if self.carried(hand, push_mm) { carried_count + 1 } else { carried_count.saturating_sub(1) };
         self.phase = match self.carried_cycles_count {
             0 => Phase::Working,
             // Lowered on meanwhile it would be pressed onto the ground.

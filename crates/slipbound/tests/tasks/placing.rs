@@ -107,6 +107,26 @@ fn ground_at_5_mm(lowered_mm: f64) -> HandReport {
     }
 }
 
+/// The wrist stands while it is not sure yet that the ground carries the tool; a cycle of noise does not send it further down.
+#[test]
+fn a_cycle_that_does_not_feel_the_ground_pushes_no_tool_onto_it() {
+    let (ending, carried_mm) = lowered(|_, mm| ground_at_5_mm(mm));
+    assert_eq!(ending, Some(Ending::Placed));
+    let standing_count = std::cell::Cell::new(0);
+    let told = lowered(|_, mm| {
+        let mut report = ground_at_5_mm(mm);
+        if mm >= carried_mm {
+            standing_count.set(standing_count.get() + 1);
+            if standing_count.get() == 3 {
+                report.shear_mm = Some(HandVector::default());
+            }
+        }
+        report
+    });
+    assert!(standing_count.get() > 3);
+    assert_eq!(told, (Some(Ending::Placed), carried_mm));
+}
+
 /// Cameras that take turns, or of which one is slow.
 #[test]
 fn the_ground_is_felt_whichever_finger_has_a_frame() {
