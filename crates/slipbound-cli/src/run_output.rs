@@ -92,7 +92,7 @@ impl RunOutput {
             }),
             container: self.container.map(|container| {
                 let takes_frames = container.takes_frames();
-                QueuedObserver::new(container, QUEUE_DEPTH_COUNT, takes_frames)
+                QueuedObserver::telling_losses(container, QUEUE_DEPTH_COUNT, takes_frames, McapObserver::lost_cycles)
             }),
             annotations: self.annotations,
             console: QueuedObserver::new(self.console, QUEUE_DEPTH_COUNT, false),

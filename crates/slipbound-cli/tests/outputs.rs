@@ -379,3 +379,16 @@ fn frames_of_two_sizes_are_no_good_camera() {
     let said = "BAD   one size: 4 of 10 frames are not of 320x240";
     assert!(told(&done).contains(said), "{}", told(&done));
 }
+
+/// However fast it is read.
+#[test]
+fn of_a_recording_so_many_seconds_are_recorded_as_its_frames_say() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/twist.avi");
+    for (for_s, expected_count) in [("0.5", 16), ("1", 31)] {
+        let done = slipbound(folder.path(), &["record", recording, "-o", "part.mcap", "--for-s", for_s]);
+        assert!(done.status.success(), "{}", told(&done));
+        let expected = format!("part.mcap: {expected_count} frames");
+        assert!(told(&done).contains(&expected), "expected `{expected}`, got `{}`", told(&done));
+    }
+}

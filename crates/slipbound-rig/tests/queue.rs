@@ -156,6 +156,43 @@ fn a_cycle_that_is_lost_on_the_way_to_a_run_is_a_gap_after_which_no_frame_is_kep
     assert!(events.contains("6 cycles before this were not written"), "{events}");
 }
 
+/// The same for a recording in one file: the frames that the loop took are listed up to the gap, and never without their cycle.
+#[cfg(feature = "mcap")]
+#[test]
+fn a_cycle_that_is_lost_on_the_way_to_a_recording_is_a_gap_after_which_no_frame_is_listed() {
+    use slipbound_rig::container::{McapObserver, Recorder, to_folder};
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (file, folder) = (scratch.path().join("run.mcap"), scratch.path().join("run"));
+    let (info, cycles) = (screw::info(), screw::cycles());
+    let recorder = Recorder::create(&file, &info.finger_names(), false).expect("creates");
+    recorder.begin();
+    let mut observer = McapObserver::new(recorder.inlet(), info.clone(), Vec::new());
+    for n in (0..4).chain(10..13) {
+        if n == 10 {
+            observer.lost_cycles(6);
+        }
+        let frame = FrameBuffer { seq: n as u64, ..FrameBuffer::default() };
+        let finger =
+            |name| FingerView { name, next: &Next::Frame, frame: &frame, report: None, monitor: None, rest_kind: None };
+        let fingers: Vec<FingerView<'_>> = info.fingers.iter().map(|of| finger(of.name.as_str())).collect();
+        observer.after_cycle(&CycleView {
+            now_ns: cycles[n].time_ns,
+            outcome: Some(&CycleOutcome::Commanded(cycles[n])),
+            fingers: &fingers,
+            fault: None,
+            refused_lowering: None,
+            driver_events: &[],
+            truth: None,
+        });
+    }
+    drop(observer);
+    recorder.finish().expect("closes");
+    to_folder(&file, &folder).expect("converts");
+    let text = |name: &str| std::fs::read_to_string(folder.join(name)).expect("lines");
+    assert_eq!((text("reports.jsonl").lines().count(), text("frames.jsonl").lines().count()), (7, 4));
+    assert!(text("events.jsonl").contains("6 cycles before this were not written"), "{}", text("events.jsonl"));
+}
+
 /// Shows what it was shown to the thread of the test, one cycle at a time.
 struct Mirror(SyncSender<Shown>);
 

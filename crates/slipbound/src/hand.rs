@@ -162,6 +162,9 @@ pub struct HandReport {
     /// one. See [`Estimates`](crate::monitor::Estimates).
     #[serde(default)]
     pub margin: Option<f64>,
+    /// How many live fingers know a margin.
+    #[serde(default)]
+    pub margins_count: u32,
     /// The least friction coefficient among the live fingers; None while no finger knows one.
     #[serde(default)]
     pub friction: Option<f64>,
@@ -247,7 +250,8 @@ impl Hand {
         if finger.report.is_some_and(|last| (last.seq, last.time_ns) == (report.seq, report.time_ns)) {
             return;
         }
-        finger.freshness.see(report.time_ns);
+        // A torn frame may have the time of another clock: the host's, where the camera's was in what is torn.
+        finger.freshness.see(report.time_ns.filter(|_| report.state != SlipState::Unjudged));
         let repeats = finger.report.is_some_and(|last| last.seq != report.seq && same_picture(&last, report));
         finger.same_count = if repeats { finger.same_count + 1 } else { 0 };
         finger.report = Some(*report);
@@ -291,6 +295,7 @@ impl Hand {
         let touching = || live().filter(|(_, r)| r.shear.is_some());
         let shear = touching().map(|(f, r)| Some((f.mounting, r.shear?.translation_mm?)));
         let area = || touching().map(|(_, r)| r.contact.area_mm2);
+        let margins = || live().filter_map(|(_, r)| r.estimates.margin);
         HandReport {
             seq: newest.map_or(0, |r| r.seq),
             time_ns: newest.and_then(|r| r.time_ns),
@@ -305,7 +310,8 @@ impl Hand {
             quality: live().map(|(_, r)| r.contact.quality).fold(1.0, f64::min)
                 * f64::from(live().count().min(1) as u32),
             slip: fused_slip(live(), separated),
-            margin: least(live().filter_map(|(_, r)| r.estimates.margin)),
+            margin: least(margins()),
+            margins_count: margins().count() as u32,
             friction: least(live().filter_map(|(_, r)| r.estimates.friction)),
             cut_fraction: live().map(|(_, r)| r.estimates.cut_fraction).fold(0.0, f64::max),
         }
@@ -440,7 +446,7 @@ impl Allowed {
     pub fn filter(&self, report: &HandReport) -> HandReport {
         match report.slip {
             Some(slip) if !self.forbids(&slip) => {
-                HandReport { state: SlipState::Stick, slip: None, margin: None, ..*report }
+                HandReport { state: SlipState::Stick, slip: None, margin: None, margins_count: 0, ..*report }
             }
             _ => *report,
         }

@@ -302,6 +302,51 @@ fn a_finger_without_new_frames_is_blind_after_a_tenth_of_a_second_and_pins_neith
     assert_eq!((report.live_count, report.state, report.seq), (0, SlipState::Unjudged, 10));
 }
 
+/// A camera's clock that is set while its frames keep coming is no lag, of whichever finger; nor is the drift of one that was away for long.
+#[test]
+fn a_clock_that_is_set_or_drifts_while_its_finger_is_away_blinds_nobody() {
+    for finger in [0, 1] {
+        for step_ms in [-900i64, -300, -150, 150, 300, 900] {
+            let shows = |at: usize, cycle: u64| {
+                let set_ms = if at == finger && cycle >= 300 { step_ms } else { 0 };
+                let time_ns = Some(5000 * MS + 33 * MS * cycle + 977 * at as u64)
+                    .map(|ns| ns.wrapping_add_signed(set_ms * MS as i64));
+                Some(SlipReport { time_ns, ..feels(cycle, Vec2::new(0.0, 0.4 + 0.001 * cycle as f64), 0.0) })
+            };
+            for cycles_count in [303, 320, 600] {
+                let live_count = watched(cycles_count, shows).1.live_count;
+                assert_eq!(live_count, 2, "finger {finger} by {step_ms} ms, after {cycles_count} cycles");
+            }
+        }
+        // Away for ten minutes; its clock runs 100 us fast in every second.
+        let away = |at: usize, cycle: u64| {
+            let drift_ns = if at == finger { 33 * MS * cycle / 10_000 } else { 0 };
+            let time_ns = Some(5000 * MS + 33 * MS * cycle + drift_ns);
+            let frame = SlipReport { time_ns, ..feels(cycle, Vec2::new(0.0, 0.4 + 0.001 * cycle as f64), 0.0) };
+            (at != finger || !(300..18_300).contains(&cycle)).then_some(frame)
+        };
+        assert_eq!(watched(18_400, away).1.live_count, 2, "finger {finger} was away");
+    }
+}
+
+/// The time of a frame that is torn may be of another clock, and what was late before is late after it.
+#[test]
+fn a_torn_frame_does_not_hide_that_its_finger_is_late() {
+    for late in [0, 1] {
+        let shows = |at: usize, cycle: u64| {
+            let lag_ms = if at == late { (5 * cycle.saturating_sub(100)).min(300) } else { 0 };
+            let time_ns = Some(1000 * MS + 33 * MS * cycle - lag_ms * MS);
+            let frame = SlipReport { time_ns, ..feels(cycle, Vec2::new(0.0, 0.4 + 0.001 * cycle as f64), 0.0) };
+            let torn = SlipReport { state: SlipState::Unjudged, time_ns: Some(1_700_000_000_000 * MS), ..frame };
+            Some(if at == late && cycle % 50 == 0 { torn } else { frame })
+        };
+        for cycles_count in [199, 201, 252, 340] {
+            assert_eq!(watched(cycles_count, shows).1.health[late], Health::Blind, "finger {late}, {cycles_count}");
+        }
+        assert_eq!(watched(90, shows).1.live_count, 2, "not late yet");
+    }
+}
+
 /// Frames that still come, but ever later: a queue that fills.
 #[test]
 fn a_finger_that_falls_behind_the_other_is_blind_whatever_their_clocks_say() {

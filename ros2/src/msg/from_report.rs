@@ -158,6 +158,7 @@ impl HandReport {
                 fingers_count: report.slip.map_or(0, |slip| slip.fingers_count),
             },
             margin: number(report.margin),
+            margins_count: report.margins_count,
             friction: number(report.friction),
             cut_fraction: report.cut_fraction,
         }

@@ -123,6 +123,7 @@ pub struct HandReport {
     pub quality: f64,
     pub slip: HandSlip,
     pub margin: f64,
+    pub margins_count: u32,
     pub friction: f64,
     pub cut_fraction: f64,
 }

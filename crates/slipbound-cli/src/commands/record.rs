@@ -37,7 +37,7 @@ pub struct Record {
     /// The sensor of every finger, to go with the recording: a built-in name or a sensor file
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
-    /// Duration in seconds [default: until Ctrl-C or the end of every source]
+    /// Duration in seconds, of a recording by the times of its frames [default: until Ctrl-C or the end of every source]
     #[arg(long, value_name = "SECONDS")]
     for_s: Option<f64>,
 }
@@ -73,7 +73,8 @@ impl Record {
             opened.push(one.inspect_err(|_| stop.store(true, Ordering::Relaxed))?);
         }
         recorder.begin();
-        let running: Vec<_> = opened.into_iter().map(|one| one.read(&stop)).collect();
+        let for_ns = self.for_s.map(|s| (s * 1e9) as u64);
+        let running: Vec<_> = opened.into_iter().map(|one| one.read(&stop, for_ns)).collect();
         self.wait(&stop, &recorder, &running, &terminal);
         terminal.clear_bar();
         stop.store(true, Ordering::Relaxed);
@@ -110,7 +111,8 @@ impl Record {
     }
 
     fn wait(&self, stop: &AtomicBool, recorder: &Recorder, running: &[Running], terminal: &Terminal) {
-        let until_ns = self.for_s.map(|s| now_ns() + (s * 1e9) as u64);
+        let is_live = self.sources.iter().any(|uri| source::is_live(uri));
+        let until_ns = self.for_s.filter(|_| is_live).map(|s| now_ns() + (s * 1e9) as u64);
         while !stop.load(Ordering::Relaxed) && running.iter().any(|(thread, _)| !thread.is_finished()) {
             // A full disk: who only records does nothing else meanwhile, so it is told at once.
             if until_ns.is_some_and(|until_ns| now_ns() >= until_ns) || recorder.has_failed() {
@@ -152,10 +154,11 @@ enum Opened {
 }
 
 impl Opened {
-    fn read(self, stop: &Arc<AtomicBool>) -> Running {
+    /// `for_ns`: how much of a recording.
+    fn read(self, stop: &Arc<AtomicBool>, for_ns: Option<u64>) -> Running {
         match self {
             Opened::Camera(running) => running,
-            Opened::Recording(tapped) => (spawn(tapped, stop), None),
+            Opened::Recording(tapped) => (spawn(tapped, stop, for_ns), None),
         }
     }
 }
@@ -176,23 +179,32 @@ fn open(
     let words: Vec<String> = facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
     terminal.note(&format!("{name}: {}", words.join(", ")));
     recorder.metadata(&format!("slipbound.camera.{name}"), facts);
-    Ok(Opened::Camera((spawn(TappedSource::new(source, number, recorder.inlet(), false), stop), Some(tally))))
+    Ok(Opened::Camera((spawn(TappedSource::new(source, number, recorder.inlet(), false), stop, None), Some(tally))))
 }
 
-fn spawn(source: impl FrameSource + Send + 'static, stop: &Arc<AtomicBool>) -> thread::JoinHandle<Counted> {
+fn spawn(
+    source: impl FrameSource + Send + 'static,
+    stop: &Arc<AtomicBool>,
+    for_ns: Option<u64>,
+) -> thread::JoinHandle<Counted> {
     let stop = stop.clone();
-    thread::spawn(move || drain(source, &stop))
+    thread::spawn(move || drain(source, &stop, for_ns))
 }
 
-fn drain(mut source: impl FrameSource, stop: &AtomicBool) -> Counted {
+fn drain(mut source: impl FrameSource, stop: &AtomicBool, for_ns: Option<u64>) -> Counted {
     let (mut frames_count, mut torn_count) = (0, 0);
     let mut frame = FrameBuffer::default();
+    let mut first_ns = None;
     while !stop.load(Ordering::Relaxed) {
         match source.next(&mut frame)? {
             Next::Frame => frames_count += 1,
             Next::Torn { .. } => torn_count += 1,
             Next::Silent => {}
             Next::End => break,
+        }
+        let passed_ns = frame.time_ns.map(|ns| ns.saturating_sub(*first_ns.get_or_insert(ns)));
+        if passed_ns.zip(for_ns).is_some_and(|(passed_ns, for_ns)| passed_ns >= for_ns) {
+            break;
         }
     }
     Ok((frames_count, torn_count))

@@ -7,7 +7,7 @@ use super::recorder::{Inlet, Item, log_ns};
 use super::tap::ReportLines;
 use crate::report_json::{Header, ReportJson, RestOrigin};
 use crate::run::event::EventLog;
-use crate::run::{CameraLimits, Event, RunInfo, RunNotes, TimedEvent, frames, line};
+use crate::run::{CameraLimits, Event, RunInfo, RunNotes, TimedEvent, frames, line, lost_text};
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::finger_pipeline::FingerView;
 use slipbound::monitor::{SlipMonitor, SlipReport};
@@ -23,6 +23,9 @@ pub struct McapObserver {
     notes: RunNotes,
     /// Frames too, for which it waits.
     keeps_frames: bool,
+    /// Whether a cycle was lost on the way here, and how many since the last one that was not.
+    has_gap: bool,
+    lost_count: u64,
 }
 
 impl McapObserver {
@@ -30,7 +33,15 @@ impl McapObserver {
     pub fn new(inlet: Inlet, info: RunInfo, sources: Vec<String>) -> Self {
         let reports = info.fingers.iter().map(|_| None).collect();
         let log = EventLog::new(info.finger_names());
-        McapObserver { inlet, info, sources, reports, log, notes: RunNotes::default(), keeps_frames: false }
+        let notes = RunNotes::default();
+        McapObserver { inlet, info, sources, reports, log, notes, keeps_frames: false, has_gap: false, lost_count: 0 }
+    }
+
+    /// Cycles that come before the next one were lost on the way here: which frames the loop took is recorded up to this gap, for a replay
+    /// goes cycle by cycle, and the events tell of it.
+    pub fn lost_cycles(&mut self, count: u64) {
+        self.has_gap = true;
+        self.lost_count += count;
     }
 
     /// The same, for fingers whose sources are not tapped: keeps every frame that the loop took, and waits for the disk.
@@ -113,16 +124,24 @@ impl CycleObserver for McapObserver {
             }
             self.report(number, finger);
         }
-        if let Some(Ok(json)) = frames::line(view) {
-            self.line("/cycle/frames", json);
+        if let count @ 1.. = std::mem::take(&mut self.lost_count) {
+            self.event(view.now_ns, Event::Note { text: lost_text(count) });
         }
         for text in self.notes.see(view) {
             self.event(view.now_ns, Event::Note { text });
         }
-        let Some(cycle) = view.cycle() else { return };
-        if let Ok(json) = line::write(&cycle) {
-            self.line("/cycle", json);
+        let cycle = view.cycle();
+        if let Some(cycle) = &cycle {
+            match line::write(cycle) {
+                Ok(json) => self.line("/cycle", json),
+                Err(_) => self.has_gap = true,
+            }
         }
+        // After the cycle: with a line of frames alone a replay would make a cycle of which nothing is recorded.
+        if let (false, Some(Ok(json))) = (self.has_gap || self.inlet.has_lost(), frames::line(view)) {
+            self.line("/cycle/frames", json);
+        }
+        let Some(cycle) = cycle else { return };
         for event in self.log.see(&cycle) {
             self.event(cycle.time_ns, event);
         }

@@ -132,6 +132,11 @@ impl Inlet {
         is_taken
     }
 
+    /// Whether anything that was handed in was lost.
+    pub(super) fn has_lost(&self) -> bool {
+        self.lost.load(Ordering::Relaxed) > 0
+    }
+
     /// Whether frames of cameras are recorded yet.
     pub(super) fn has_begun(&self) -> bool {
         self.begun.load(Ordering::Acquire)

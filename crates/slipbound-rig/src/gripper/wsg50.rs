@@ -44,6 +44,8 @@ pub struct Wsg50 {
     owed_count: u32,
     /// Since when the gripper is asked for its limit, after which no such answer can come any more, ns.
     verifying_ns: Option<u64>,
+    /// Whether a limit was set while a grasp was under way, or nothing was held yet: whether the jaws have it is not known.
+    is_limit_untried: bool,
     /// How a change of force last reached the jaws, as it was reported.
     force_path: Option<&'static str>,
 }
@@ -103,6 +105,10 @@ impl Wsg50 {
             _ if self.telemetry.limit_own_n != Some(own_n) => self.approach_limit(driver, own_n),
             Phase::Idle | Phase::Opened => self.give_grasp(driver),
             Phase::Following { from_n, to_n, until_ns } => self.check_following(driver, from_n, to_n, until_ns),
+            Phase::Grasped if self.is_limit_untried && self.telemetry.is_holding() => {
+                self.is_limit_untried = false;
+                self.follow(driver, own_n);
+            }
             Phase::Grasping { .. } | Phase::Grasped => {}
         }
     }
@@ -114,7 +120,7 @@ impl Wsg50 {
             (self.goal, self.phase) = (Goal::Keep, self.phase.ended());
             return driver.raise_fault(width_unset(driver, command));
         };
-        self.phase = Phase::Grasped;
+        (self.phase, self.is_limit_untried) = (Phase::Grasped, false);
         self.send_motion(driver, Command::Grasp, width_mm);
     }
 
@@ -144,6 +150,13 @@ impl Wsg50 {
             self.phase = Phase::Grasped;
             self.report_path(driver, "setting the force limit alone");
         } else if driver.now_ns() >= until_ns {
+            let moved_n = (measured_n - from_n) * (to_n - from_n).signum();
+            if driver.config.force_change == ForceChange::Auto && moved_n >= FOLLOWS_FROM_N {
+                // It follows a limit that moves on.
+                let until_ns = driver.now_ns() + driver.config.follow_ms * 1_000_000;
+                self.phase = Phase::Following { from_n: measured_n, to_n, until_ns };
+                return;
+            }
             if driver.config.part_width_mm.is_some() {
                 self.report_path(driver, "setting the force limit and giving the grasp again");
             }
@@ -231,19 +244,32 @@ impl Wsg50 {
 
     fn take_limit(&mut self, driver: &mut DriverState, own_n: f64) {
         self.telemetry.set_limit(driver, own_n);
-        if !(self.phase.is_grasp_given() && self.telemetry.is_holding()) {
-            return;
+        match (self.phase.is_grasp_given(), self.telemetry.is_holding()) {
+            (true, true) => self.follow(driver, own_n),
+            (true, false) => self.is_limit_untried = true,
+            (false, _) => {}
         }
-        let Some(from_n) = driver.gripper.force_n else { return };
-        let to_n = driver.config.from_own_n(own_n).unwrap_or(from_n);
+    }
+
+    /// Begins to look whether the measured force follows a new limit. One that moves on the same way is waited for no longer: a force
+    /// that is raised in every cycle would be waited for until it is raised no more.
+    fn follow(&mut self, driver: &DriverState, own_n: f64) {
+        let Some(measured_n) = driver.gripper.force_n else { return };
+        let to_n = driver.config.from_own_n(own_n).unwrap_or(measured_n);
         let follow_ms = match driver.config.force_change {
             ForceChange::Limit => return,
             ForceChange::Regrasp => 0,
-            // In small steps that cannot be seen; they add up until it can.
-            ForceChange::Auto if (to_n - from_n).abs() < FOLLOWS_FROM_N => return,
             ForceChange::Auto => driver.config.follow_ms,
         };
-        self.phase = Phase::Following { from_n, to_n, until_ns: driver.now_ns() + follow_ms * 1_000_000 };
+        let (from_n, until_ns) = match self.phase {
+            Phase::Following { from_n, to_n: last_n, until_ns } if (to_n - from_n) * (last_n - from_n) > 0.0 => {
+                (from_n, until_ns)
+            }
+            _ => (measured_n, driver.now_ns() + follow_ms * 1_000_000),
+        };
+        // In small steps that cannot be seen; they add up until it can.
+        let is_seen = driver.config.force_change == ForceChange::Regrasp || (to_n - from_n).abs() >= FOLLOWS_FROM_N;
+        self.phase = if is_seen { Phase::Following { from_n, to_n, until_ns } } else { Phase::Grasped };
     }
 
     /// The end of the motion under way.

@@ -24,7 +24,8 @@ pub(super) fn head(canvas: &mut Canvas, report: &SlipReport, markers: &[Marker])
     if let Some(reason) = &report.reason {
         line += &format!("   {reason}");
     }
-    if let Some(kind) = report.slip.kind.filter(|_| report.slip.markers_over > 0) {
+    let is_slip = report.slip.markers_over > 0 || matches!(report.state, SlipState::Incipient | SlipState::Gross);
+    if let Some(kind) = report.slip.kind.filter(|_| is_slip) {
         line += match kind {
             SlipKind::Translation => "   object slides",
             SlipKind::Rotation => "   object turns",
@@ -45,7 +46,7 @@ fn numbers(report: &SlipReport, markers: &[Marker]) -> String {
     let mut parts = Vec::new();
     parts.push(match report.contact.area_mm2 {
         Some(mm2) => format!("contact {mm2:.1} mm2"),
-        None => format!("contact {:.0} px", report.contact.area_px2),
+        None => format!("contact {:.0} px2", report.contact.area_px2),
     });
     parts.push(format!("quality {:.2}", report.contact.quality));
     if let Some(motion) = &report.motion {
@@ -58,6 +59,8 @@ fn numbers(report: &SlipReport, markers: &[Marker]) -> String {
     let in_contact = markers.iter().filter(|m| m.in_contact).count();
     let slip = &report.slip;
     parts.push(format!("slipping {} of {in_contact} markers, most {:.2} pitch", slip.markers_over, slip.max_pitch));
+    let known = [("margin", report.estimates.margin), ("stick ratio", report.estimates.stick_ratio)];
+    parts.extend(known.iter().filter_map(|(name, estimate)| Some(format!("{name} {:.2}", (*estimate)?.value))));
     parts.push(format!("matched {}, lost {}", report.markers.matched, report.markers.lost));
     parts.push(format!("reference: frame {}", report.reference_seq));
     parts.join("  |  ")

@@ -3,7 +3,7 @@
 //! JSON has no word for infinity or for what is not a number: `serde_json` writes null. A line with such a number
 //! gets one key more, `not_finite`, that says where they stand, so that a replay sees what the loop saw.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use slipbound::control::Cycle;
 use std::collections::BTreeMap;
 use toml::Value;
@@ -20,8 +20,8 @@ struct Line<'a> {
 }
 
 pub(crate) fn write(cycle: &Cycle) -> Result<String, String> {
-    // TOML's values can be any number, which makes them the tree to search.
-    let tree = Value::try_from(cycle).map_err(|e| e.to_string())?;
+    // TOML's values can be any number with a fraction, which makes them the tree to search; whole ones end at half of what a frame's may be.
+    let tree = Value::try_from(small(*cycle)).map_err(|e| e.to_string())?;
     let mut not_finite = NotFinite::new();
     find(&tree, &mut String::new(), &mut not_finite);
     serde_json::to_string(&Line { cycle, not_finite }).map_err(|e| e.to_string())
@@ -33,12 +33,30 @@ pub(super) fn read(line: &str) -> Result<Cycle, String> {
         return serde_json::from_str(line).map_err(|e| e.to_string());
     };
     let not_finite: NotFinite = serde_json::from_value(not_finite).map_err(|e| format!("not_finite: {e}"))?;
+    let whole: WholeNumbers = serde_json::from_value(json["hand"].clone()).map_err(|e| format!("hand: {e}"))?;
+    json["hand"]["seq"] = 0.into();
+    json["hand"]["time_ns"] = serde_json::Value::Null;
     let mut tree = finite_part(json).ok_or("expected an object, got null")?;
     for (path, number) in not_finite {
         let number = number.parse().map_err(|_| format!("not_finite.{path}: expected a number, got `{number}`"))?;
         put(&mut tree, &path, number).ok_or_else(|| format!("not_finite: expected keys of this line, got `{path}`"))?;
     }
-    tree.try_into().map_err(|e| e.to_string())
+    let mut cycle: Cycle = tree.try_into().map_err(|e| e.to_string())?;
+    (cycle.hand.seq, cycle.hand.time_ns) = (whole.seq, whole.time_ns);
+    Ok(cycle)
+}
+
+/// Number and time of a frame, which a camera may choose as it likes.
+#[derive(Deserialize)]
+struct WholeNumbers {
+    seq: u64,
+    time_ns: Option<u64>,
+}
+
+/// The same without them.
+fn small(mut cycle: Cycle) -> Cycle {
+    (cycle.hand.seq, cycle.hand.time_ns) = (0, None);
+    cycle
 }
 
 fn find(value: &Value, path: &mut String, into: &mut NotFinite) {

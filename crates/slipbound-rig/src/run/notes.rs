@@ -2,7 +2,7 @@
 
 use slipbound::control::{CycleView, Fault};
 use slipbound::finger_pipeline::FingerView;
-use slipbound::monitor::RestKind;
+use slipbound::monitor::{Reason, RestKind};
 use slipbound::port::{Clock, Next};
 
 /// Limits beyond which cameras are reported.
@@ -29,8 +29,9 @@ pub struct RunNotes {
     /// Faults told since all was well.
     faults: Vec<Fault>,
     is_lowering_told: bool,
-    /// Fingers of which it was told that they start in contact.
+    /// Fingers of which it was told that they start in contact, and those whose markers are not those of their sensor file.
     in_contact: Vec<String>,
+    misfits: Vec<String>,
     /// When each finger last had a frame, ns, and whether its silence was told.
     heard: Vec<(u64, bool)>,
 }
@@ -80,6 +81,13 @@ impl RunNotes {
             }
         }
         for finger in view.fingers {
+            if let Some(reason @ Reason::MarkerSpacing { .. }) = finger.report.and_then(|report| report.reason) {
+                if !self.misfits.iter().any(|told| told == finger.name) {
+                    self.misfits.push(finger.name.to_owned());
+                    lines.push(format!("{}: no frame can be judged: {reason}", finger.name));
+                }
+                continue; // where it rests is not known either
+            }
             let starts_in_contact = finger.rest_kind == Some(RestKind::InContact);
             if starts_in_contact && !self.in_contact.iter().any(|told| told == finger.name) {
                 self.in_contact.push(finger.name.to_owned());

@@ -103,11 +103,16 @@ impl RunRecorder {
     }
 }
 
+/// What the events say of cycles that were lost.
+pub(crate) fn lost_text(count: u64) -> String {
+    let cycles = if count == 1 { "cycle" } else { "cycles" };
+    format!("{count} {cycles} before this were not written: the disk did not keep up")
+}
+
 impl CycleObserver for RunRecorder {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
         if let count @ 1.. = std::mem::take(&mut self.lost_count) {
-            let cycles = if count == 1 { "cycle" } else { "cycles" };
-            self.note(view.now_ns, &format!("{count} {cycles} before this were not written: the disk did not keep up"));
+            self.note(view.now_ns, &lost_text(count));
         }
         for line in self.notes.see(view) {
             self.note(view.now_ns, &line);

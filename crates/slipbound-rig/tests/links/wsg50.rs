@@ -179,6 +179,40 @@ fn where_the_limit_has_no_effect_the_grasp_is_given_again() {
     assert!((bench.plant.force_n - 40.0).abs() < 2.0, "at once: {}", bench.plant.force_n);
 }
 
+/// A law that asks for more in every cycle; and one whose last step comes while the grasp is given again.
+#[test]
+fn a_limit_without_effect_is_noticed_though_it_moves_on() {
+    let mut bench = Bench::holding("wsg50", allowing(), "fixed-limit,allow-regrasp", 20.0);
+    for force_n in [30.0, 40.0, 50.0, 60.0] {
+        bench.grip(force_n).expect("taken over");
+        bench.run(200);
+    }
+    assert!(bench.plant.force_n > 29.0, "after 0.8 s: {}", bench.plant.force_n);
+    bench.run(1500);
+    assert!((bench.plant.force_n - 60.0).abs() < 0.1, "{}", bench.plant.force_n);
+    assert!(bench.least_n > 19.9, "{}", bench.least_n);
+
+    for wait_ms in (300..700).step_by(10) {
+        let mut bench = Bench::holding("wsg50", allowing(), "fixed-limit,allow-regrasp", 20.0);
+        bench.grip(30.0).expect("taken over");
+        bench.run(wait_ms);
+        bench.grip(40.0).expect("taken over");
+        bench.run(2500);
+        assert!((bench.plant.force_n - 40.0).abs() < 0.1, "after {wait_ms} ms: {}", bench.plant.force_n);
+    }
+
+    // Where the limit works no grasp is given again.
+    let mut bench = Bench::holding("wsg50", allowing(), "", 20.0);
+    for cycle in 0..60 {
+        bench.grip(20.5 + 0.5 * f64::from(cycle)).expect("taken over");
+        bench.run(33);
+    }
+    bench.run(1000);
+    assert!((bench.plant.force_n - 50.0).abs() < 0.1, "{}", bench.plant.force_n);
+    let again = DriverEvent::ForcePath { path: "setting the force limit and giving the grasp again" };
+    assert!(!bench.events.contains(&again));
+}
+
 #[test]
 fn nothing_and_a_lost_part_are_told_and_no_grasp_is_given_again() {
     let mut bench = Bench::of("wsg50", "");

@@ -15,8 +15,13 @@ fn bits(cycle: &Cycle) -> String {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
     #[test]
-    fn what_is_read_is_what_was_written_bit_for_bit(numbers in proptest::collection::vec(any_number(), 12)) {
+    fn what_is_read_is_what_was_written_bit_for_bit(
+        numbers in proptest::collection::vec(any_number(), 12),
+        seq in any::<u64>(),
+        time_ns in any::<Option<u64>>(),
+    ) {
         let mut cycle = screw::cycles()[150];
+        (cycle.hand.seq, cycle.hand.time_ns) = (seq, time_ns);
         cycle.gripper.force_n = Some(numbers[0]);
         cycle.gripper.opening_mm = Some(numbers[1]);
         cycle.grip_command = GripCommand::Hold { force_n: numbers[2] };

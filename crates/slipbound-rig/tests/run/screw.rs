@@ -121,6 +121,7 @@ pub fn cycles() -> Vec<Cycle> {
                 quality: 0.9,
                 slip: slips.then_some(HandSlip { direction: around, pivots: false, fingers_count: 2 }),
                 margin: None,
+                margins_count: 0,
                 friction: None,
                 cut_fraction: 0.0,
             },

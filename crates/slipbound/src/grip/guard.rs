@@ -47,12 +47,20 @@ impl Guard {
         self.blind
     }
 
-    /// Holds with a force set by the task instead of the controller. The same limits apply, and without a live finger,
-    /// or after the object was lost, the force does not fall.
+    /// Holds with a force set by the task instead of the controller. The same limits apply: without a live finger, or after the object
+    /// was lost, the force does not fall, and what was raised while the hand was blind comes down slowly.
     pub fn hold(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState, force_n: f64) -> GripDecision {
-        self.last_ns = Some(now_ns);
-        let wanted = GripDecision { force_n, arm: ArmMotion::Go };
-        self.kept(now_ns, hand, gripper).unwrap_or_else(|| self.limited(wanted))
+        let seconds = step_s(self.last_ns.replace(now_ns), now_ns);
+        if let Some(kept) = self.kept(now_ns, hand, gripper) {
+            return kept;
+        }
+        let wanted = self.come_down(GripDecision { force_n, arm: ArmMotion::Go }, seconds, hand);
+        self.limited(wanted)
+    }
+
+    /// Whether the force is still above what is wanted, for it was raised while the hand was blind.
+    pub fn is_raised(&self) -> bool {
+        self.raised_from_n.is_some()
     }
 
     /// The force it decided on last, N per finger.

@@ -14,7 +14,8 @@
 //!
 //! Where the view cuts the contact the margin is a poor witness, for the rim slips where nothing shows it: seven tenths of the
 //! target is held then ([`MarginSettings::cut_target_share`]), and under a load nothing is let go.
-//! Nor is it after a slide, until the load has fallen.
+//! Nor is it after a slide, until the load has fallen; nor while fewer fingers know a margin than did before in this grasp: the one
+//! that is missing may be the one that holds least.
 //!
 //! When a loaded finger in contact gives no margin, the grip is raised, slowly and up to a limit: see
 //! [`MarginSettings::unsure_n_per_s`].
@@ -186,6 +187,8 @@ pub struct Margin {
     /// The same over [`STANDS_S`], N.
     before_n: f64,
     margin: Option<f64>,
+    /// The most fingers that knew a margin at a time, since the hand held nothing.
+    margins_most: u32,
     /// The least force that holds when the object slid last, N.
     slid_at_n: Option<f64>,
     /// Grip when the margin of a loaded contact was lost, N.
@@ -208,6 +211,7 @@ impl Margin {
             least_n: None,
             before_n: 0.0,
             margin: None,
+            margins_most: 0,
             slid_at_n: None,
             unsure_from_n: None,
             alarms_count: 0,
@@ -216,13 +220,23 @@ impl Margin {
         })
     }
 
+    /// Whether a finger is missing that knew a margin before in this grasp.
+    fn misses_finger(&mut self, hand: &HandReport) -> bool {
+        if hand.state == SlipState::NoContact && hand.live_count >= self.margins_most {
+            self.margins_most = 0;
+        }
+        self.margins_most = self.margins_most.max(hand.margins_count);
+        hand.margins_count < self.margins_most
+    }
+
     /// The least force that holds, by what this frame says: averaged, for a single frame is noisy. It does not change with the
-    /// grip.
-    fn least_n(&mut self, used: f64, pressed_n: f64, seconds: f64) -> f64 {
-        let now_n = used * pressed_n;
+    /// grip, and does not fall while a finger is missing (`misses`): of what it held the others say nothing.
+    fn least_n(&mut self, used: f64, pressed_n: f64, seconds: f64, misses: bool) -> f64 {
+        let told_n = used * pressed_n;
         let average_s = self.settings.average_ns as f64 * 1e-9;
         let share = if average_s > 0.0 { 1.0 - libm::exp(-seconds / average_s) } else { 1.0 };
-        let before_n = self.least_n.unwrap_or(now_n);
+        let before_n = self.least_n.unwrap_or(told_n);
+        let now_n = if misses { told_n.max(before_n) } else { told_n };
         let average_n = before_n + share * (now_n - before_n);
         self.least_n = Some(average_n);
         if used >= self.settings.urgent_fraction { now_n.max(average_n) } else { average_n }
@@ -257,6 +271,7 @@ impl GripController for Margin {
         }
         let seconds = step_s(self.last_ns.replace(now_ns), now_ns);
         self.count_alarm(hand, gripper);
+        let misses = self.misses_finger(hand);
         let pressed_n = gripper.pressed_n().filter(|n| n.is_finite() && *n > 0.0);
         let gross = hand.state == SlipState::Gross;
         // An object that slides uses all there is, whatever the load says.
@@ -267,7 +282,7 @@ impl GripController for Margin {
         self.unsure_from_n = None;
         let doubt = doubt(hand.cut_fraction);
         let target = self.settings.target(hand.friction, doubt);
-        let least_n = self.least_n(used, pressed_n, seconds);
+        let least_n = self.least_n(used, pressed_n, seconds, misses);
         let used = least_n / pressed_n;
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
         let wanted_n = least_n / target;
@@ -279,7 +294,7 @@ impl GripController for Margin {
         }
         // What has slid once was told wrongly before: what stopped it is kept while the load stays.
         self.slid_at_n = self.slid_at_n.filter(|slid_at_n| least_n > EASED_FRACTION * slid_at_n);
-        let keeps = self.slid_at_n.is_some() || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
+        let keeps = misses || self.slid_at_n.is_some() || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
         let slack = self.settings.slack_fraction.min(target);
         if wanted_n > self.force_n {
             self.force_n = wanted_n.min(self.force_n + self.settings.raise_n_per_s * seconds);

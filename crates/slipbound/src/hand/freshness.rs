@@ -11,7 +11,9 @@ const STALE_NS: u64 = 100_000_000;
 /// Rate at which the clocks of two cameras may drift apart: a lag that grows no faster is none.
 const CLOCK_DRIFT_FRACTION: f64 = 1e-3;
 
-/// Jump of a camera's clock against the loop's that is a new clock, ns: a camera that was plugged in again.
+/// Jump of a camera's clock against the loop's that is a new clock, ns: a camera that was plugged in again. A smaller one is, too, where
+/// no lag explains it: its time runs backwards, or its frames come sooner than they ever did (a clock that was set). And where nothing has
+/// been seen of it for so long that it may have drifted by as much as a lag.
 const NEW_CLOCK_NS: i128 = 1_000_000_000;
 
 /// The first frames, the middle difference of which is that of the clocks: half a second at 30 Hz. One in the middle of which
@@ -53,17 +55,20 @@ pub(super) struct Freshness {
     new: Option<Option<u64>>,
     /// When its newest frame came, ns of the loop.
     seen_ns: Option<u64>,
-    /// The time of that frame, ns of its camera.
+    /// The time of the newest frame that could be judged, ns of its camera, and when it came, ns of the loop.
     time_ns: Option<u64>,
+    timed_ns: u64,
+    /// The least that came between the two, ns of different clocks.
+    least_delay_ns: i128,
     ahead: Ahead,
-    /// Whether a frame has come since the last report, and whether its time is of a new clock.
+    /// Whether a frame with a time has come since the last report, and whether its time is of a new clock.
     has_new: bool,
     is_new_clock: bool,
     is_stale: bool,
 }
 
 impl Freshness {
-    /// A frame with this time has come.
+    /// A frame with this time has come; None where its time is not that of the camera's clock, or unknown.
     pub fn see(&mut self, time_ns: Option<u64>) {
         self.new = Some(time_ns);
     }
@@ -78,17 +83,41 @@ impl Freshness {
         self.is_stale
     }
 
+    fn is_outdated(&self, now_ns: u64) -> bool {
+        now_ns.saturating_sub(self.timed_ns) > STALE_NS
+    }
+
     fn advance_to(&mut self, now_ns: u64) {
-        (self.has_new, self.is_new_clock) = (self.new.is_some(), false);
+        (self.has_new, self.is_new_clock) = (false, false);
         if let Some(time_ns) = self.new.take() {
-            let passed_ns = self.seen_ns.map_or(0, |seen_ns| now_ns.saturating_sub(seen_ns));
-            // Clocks may be anywhere: the difference of any two fits.
-            let jump_ns = |(from, to): (u64, u64)| i128::from(to) - i128::from(from) - i128::from(passed_ns);
-            let jump_ns = self.time_ns.zip(time_ns).map(jump_ns);
-            self.is_new_clock = jump_ns.is_some_and(|ns| ns.abs() > NEW_CLOCK_NS);
-            (self.seen_ns, self.time_ns) = (Some(now_ns), time_ns);
+            self.seen_ns = Some(now_ns);
+            if let Some(time_ns) = time_ns {
+                self.take_time(now_ns, time_ns);
+            }
         }
         self.is_stale = self.seen_ns.is_some_and(|seen_ns| now_ns.saturating_sub(seen_ns) > STALE_NS);
+    }
+
+    fn take_time(&mut self, now_ns: u64, time_ns: u64) {
+        self.has_new = true;
+        // Clocks may be anywhere: the difference of any two fits.
+        let delay_ns = i128::from(now_ns) - i128::from(time_ns);
+        match self.time_ns {
+            None => self.least_delay_ns = delay_ns,
+            Some(last_ns) => {
+                let passed_ns = now_ns.saturating_sub(self.timed_ns);
+                let jump_ns = i128::from(time_ns) - i128::from(last_ns) - i128::from(passed_ns);
+                let stale_ns = i128::from(STALE_NS);
+                let drift_ns = (passed_ns as f64 * CLOCK_DRIFT_FRACTION) as i128;
+                self.least_delay_ns += drift_ns;
+                self.is_new_clock = jump_ns.abs() > NEW_CLOCK_NS
+                    || drift_ns > stale_ns
+                    || time_ns < last_ns && jump_ns < -stale_ns
+                    || delay_ns < self.least_delay_ns - stale_ns;
+                self.least_delay_ns = if self.is_new_clock { delay_ns } else { self.least_delay_ns.min(delay_ns) };
+            }
+        }
+        (self.time_ns, self.timed_ns) = (Some(time_ns), now_ns);
     }
 }
 
@@ -106,6 +135,10 @@ pub(super) fn advance<'a>(fingers: impl Iterator<Item = &'a mut Freshness>, now_
         // A new clock of the first finger is one against which all others are new.
         if finger.is_new_clock || first.is_new_clock {
             finger.ahead = Ahead::default();
+        }
+        // Of what has not been seen for a while it says nothing: neither how late it is nor how its clock drifts.
+        if finger.is_outdated(now_ns) || first.is_outdated(now_ns) {
+            continue;
         }
         let difference_ns = time_ns as f64 - first.time_ns.unwrap_or(time_ns) as f64;
         let lead_ns = finger.ahead.lead_ns(difference_ns, finger.has_new || first.has_new, drift_ns);

@@ -207,7 +207,8 @@ pub struct EvidenceReport {
     pub slide_px: Vec2,
     /// How far it has turned on the gel since then, radians.
     pub slide_rad: f64,
-    /// Whether the object slides as a whole now.
+    /// Whether the imprint moves over a gel that is no longer dragged along: one of the facts by which
+    /// [`SlipState::Gross`] is told, which is also told where no imprint shows it.
     pub slides: bool,
     /// Speed of that slide in pitches per second; None while nothing slides, where frames have no time, and where the
     /// imprint jumps further than can be followed.

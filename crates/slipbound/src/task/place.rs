@@ -73,7 +73,7 @@ impl PlaceSettings {
     }
 }
 
-/// Longest time for the looser grip to arrive, ns.
+/// Longest time for the looser grip to arrive since another force was last commanded, ns.
 const LATE_NS: u64 = 3_000_000_000;
 
 /// The touch must last for so many cycles to be believed, and so many more cycles must feel the ground carry than not: it opens the hand.
@@ -100,6 +100,8 @@ pub struct Place {
     turned_cycles_count: u32,
     carried_cycles_count: u32,
     last: GripDecision,
+    /// When another force than before was last commanded, ns.
+    changed_ns: u64,
 }
 
 impl Place {
@@ -121,15 +123,18 @@ impl Place {
             turned_cycles_count: 0,
             carried_cycles_count: 0,
             last,
+            changed_ns: 0,
         })
     }
 
     fn work(&mut self, observation: &Observation<'_>) {
         let hand = observation.hand;
-        self.last = match self.touched_ns {
-            None => self.grip.decide(observation.now_ns, &self.settings.allowed.filter(hand), observation.gripper),
-            Some(_) => self.loosen(observation),
+        let allowed = self.settings.allowed.filter(hand);
+        let grip = match self.touched_ns {
+            None => self.grip.decide(observation.now_ns, &allowed, observation.gripper),
+            Some(_) => self.grip.hold(observation.now_ns, &allowed, observation.gripper, self.settings.laying_n),
         };
+        self.command(grip, observation.now_ns);
         if observation.is_lost() {
             self.phase = Phase::Ended(Ending::Lost);
             return;
@@ -156,17 +161,20 @@ impl Place {
         let turns = turned_rad.abs() >= self.settings.touch_rad || hand.slip.is_some_and(|slip| slip.pivots);
         self.turned_cycles_count = if turns { self.turned_cycles_count + 1 } else { 0 };
         if self.touched_ns.is_none() && self.turned_cycles_count >= SURE_CYCLES_COUNT {
+            // It rests on one end and turns; a loose grip keeps the ground's answer small.
             self.touched_ns = Some(observation.now_ns);
-            self.last = self.loosen(observation);
+            let grip = self.grip.hold(observation.now_ns, &allowed, observation.gripper, self.settings.laying_n);
+            self.command(grip, observation.now_ns);
         }
         let Some(touched_ns) = self.touched_ns else { return };
         if observation.now_ns.saturating_sub(touched_ns) < self.settings.loosen_ns {
             self.phase = Phase::Waiting;
             return;
         }
-        if !arrived(self.last.force_n, observation.gripper) {
+        if self.grip.is_raised() || !arrived(self.last.force_n, observation.gripper) {
             // With a firm grip the gels say nothing of the ground: nothing is let go on their word.
-            let late = observation.now_ns.saturating_sub(touched_ns) > self.settings.loosen_ns + LATE_NS;
+            let since_ns = self.changed_ns.max(touched_ns + self.settings.loosen_ns);
+            let late = observation.now_ns.saturating_sub(since_ns) > LATE_NS;
             self.phase = if late { Phase::Ended(Ending::GripStays) } else { Phase::Waiting };
             return;
         }
@@ -186,9 +194,11 @@ impl Place {
         };
     }
 
-    /// It rests on one end and turns; a loose grip keeps the ground's answer small.
-    fn loosen(&mut self, observation: &Observation<'_>) -> GripDecision {
-        self.grip.hold(observation.now_ns, observation.hand, observation.gripper, self.settings.laying_n)
+    fn command(&mut self, grip: GripDecision, now_ns: u64) {
+        if grip.force_n != self.last.force_n {
+            self.changed_ns = now_ns;
+        }
+        self.last = grip;
     }
 
     /// Whether the ground pushes the object against the fingers.

@@ -235,6 +235,38 @@ fn after_a_gap_no_frame_alone_lets_go_and_what_is_let_go_is_let_go_slowly() {
     }
 }
 
+/// The finger that holds least may be the one whose camera is gone, whose margin is not known, or that has a frame in every second cycle.
+#[test]
+fn nothing_is_let_go_while_a_finger_is_missing() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    let of = |used: f64, margins_count, live_count| HandReport {
+        margin: Some(1.0 - used),
+        margins_count,
+        live_count,
+        ..hand(SlipState::Stick)
+    };
+    let held_n = |frames: &[HandReport]| {
+        let mut law = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
+        let held = |(i, hand)| law.decide(i as u64 * FRAME_NS, hand, &gripper(20.0)).force_n;
+        (0..).zip(frames).map(held).collect::<Vec<_>>()
+    };
+    let both = [of(0.6, 2, 2); 60];
+    let stands_n = held_n(&both)[59];
+    for (one, what) in [(of(0.2, 1, 1), "its camera is gone"), (of(0.2, 1, 2), "its margin is not known")] {
+        let told = held_n(&[&both[..], &[one; 60]].concat());
+        assert!(told[60..].iter().all(|n| (n - stands_n).abs() < 0.5), "{what}: {stands_n} N, then {:?}", &told[60..]);
+        let raised = held_n(&[&both[..], &[of(0.95, 1, 1); 60]].concat());
+        assert!(raised[70] > stands_n + 3.0, "{what}, more load: {stands_n} N, then {}", raised[70]);
+        let back = held_n(&[&both[..], &[one; 60], &[of(0.2, 2, 2); 120]].concat());
+        assert!(back[239] < stands_n - 5.0, "{what}, until both are there: {stands_n} N, then {}", back[239]);
+        let anew = held_n(&[&both[..], &[hand(SlipState::NoContact); 3], &[one; 120]].concat());
+        assert!(anew[182] < stands_n - 5.0, "another object, of one finger: {stands_n} N, then {}", anew[182]);
+    }
+    let turns: Vec<_> = (0..60).map(|i| if i % 2 == 0 { of(0.2, 1, 1) } else { of(0.6, 2, 2) }).collect();
+    let told = held_n(&[&both[..], &turns].concat());
+    assert!(told[60..].iter().all(|n| *n > stands_n - 0.5), "in turns: {stands_n} N, then {:?}", &told[60..]);
+}
+
 #[test]
 fn a_reading_that_is_no_number_leaves_no_trace() {
     let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);

@@ -30,6 +30,7 @@ pub fn hand(state: SlipState) -> HandReport {
         quality: 0.8,
         slip,
         margin: None,
+        margins_count: 0,
         // Of which the law `margin` uses 0.65.
         friction: Some(0.5),
         cut_fraction: 0.0,

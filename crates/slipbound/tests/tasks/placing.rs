@@ -127,6 +127,54 @@ fn a_cycle_that_does_not_feel_the_ground_pushes_no_tool_onto_it() {
     assert_eq!(told, (Some(Ending::Placed), carried_mm));
 }
 
+/// What was raised while nobody saw the tool comes down slowly, on no single frame, and the ground is not judged meanwhile.
+#[test]
+fn a_grip_that_was_raised_while_blind_is_not_let_go_at_once() {
+    let mut settings = TaskSettings::default();
+    settings.grip.blind_force_n = Some(40.0);
+    let mut task = settings.task(TaskKind::Place, Some(0.05)).expect("valid");
+    let (mut force_n, mut lowered_mm, mut blind_left, mut released) = (10.0, 0.0, 6, false);
+    let mut told = Vec::new();
+    for cycle in 0..2000u64 {
+        let now_ns = cycle * FRAME_NS;
+        let mut report = ground_at_5_mm(lowered_mm);
+        if force_n == 5.0 && blind_left > 0 || (1..6).contains(&blind_left) {
+            report = hand(SlipState::Unjudged);
+            blind_left -= 1;
+        } else if blind_left == 0 && told.last() == Some(&40.0) {
+            report.state = SlipState::Gross;
+            blind_left = -1;
+        }
+        let jaws = if released { Jaws::Open } else { Jaws::Holding };
+        let state = GripperState { jaws, ..gripper(force_n) };
+        let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm, moving: true };
+        let step = task.step(&Observation { now_ns, hand: &report, gripper: &state, wrist: &wrist });
+        match step.grip {
+            GripCommand::Hold { force_n: asked_n } => force_n = asked_n,
+            GripCommand::Release => released = true,
+        }
+        assert!(!released || force_n == 5.0, "released with {force_n} N");
+        if let WristMotion::Lower { rate_mm_per_s, .. } = step.wrist.motion {
+            assert!(force_n <= 10.0, "lowered with {force_n} N");
+            lowered_mm += rate_mm_per_s * FRAME_NS as f64 * 1e-9;
+        }
+        told.push(force_n);
+        if let Phase::Ended(ending) = step.phase {
+            assert_eq!(ending, Ending::Placed);
+            break;
+        }
+    }
+    assert!(released, "{told:?}");
+    let raised = told.iter().position(|n| *n == 40.0).expect("raised while blind");
+    let longest_n = told[raised..].windows(2).map(|pair| pair[0] - pair[1]).fold(0.0, f64::max);
+    assert!(longest_n < 0.2, "{longest_n} N in one cycle: {:?}", &told[raised..]);
+    assert_eq!(
+        told[raised..].iter().filter(|n| **n == 40.0).count(),
+        5,
+        "four blind cycles and one in which it slides"
+    );
+}
+
 /// Cameras that take turns, or of which one is slow.
 #[test]
 fn the_ground_is_felt_whichever_finger_has_a_frame() {

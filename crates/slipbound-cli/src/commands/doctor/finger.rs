@@ -76,6 +76,7 @@ pub fn markers(frames: &[FrameBuffer], sensor: &Sensor, saved: Option<Rest>) -> 
         let (count, all) = (standing.touched_count, frames.len());
         format!(", from frame {seq} on, in {count} of {all}")
     });
+    let is_touched = seen.is_some();
     let mut findings = vec![untouched(in_rest.or(seen), sensor.skin)];
     if let (true, Some(drift_px)) = (is_saved, standing.drift_px) {
         let is = format!("the middle marker is {drift_px:.3} px from where it was");
@@ -84,7 +85,8 @@ pub fn markers(frames: &[FrameBuffer], sensor: &Sensor, saved: Option<Rest>) -> 
     let (count, followed) = (monitor.markers().len(), standing.followed_count);
     let kept = format!("{count} found, {followed} followed through {} frames", frames.len());
     findings.push(judged("markers", kept, followed * 20 >= count * 19, fits));
-    if let Some((median_px, is)) = standing.noise() {
+    // What is touched moves: that is no noise.
+    if let Some((median_px, is)) = standing.noise().filter(|_| !is_touched) {
         let advice = "more light and less gain, a sharper focus, less compression";
         findings.push(judged("noise", is, median_px <= MOST_NOISE_PX, advice));
     }
