@@ -338,7 +338,7 @@ fn a_torn_frame_does_not_hide_that_its_finger_is_late() {
             let time_ns = Some(1000 * MS + 33 * MS * cycle - lag_ms * MS);
             let frame = SlipReport { time_ns, ..feels(cycle, Vec2::new(0.0, 0.4 + 0.001 * cycle as f64), 0.0) };
             let torn = SlipReport { state: SlipState::Unjudged, time_ns: Some(1_700_000_000_000 * MS), ..frame };
-            Some(if at == late && cycle % 50 == 0 { torn } else { frame })
+            Some(if at == late && cycle.is_multiple_of(50) { torn } else { frame })
         };
         for cycles_count in [199, 201, 252, 340] {
             assert_eq!(watched(cycles_count, shows).1.health[late], Health::Blind, "finger {late}, {cycles_count}");

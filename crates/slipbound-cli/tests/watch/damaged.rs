@@ -75,6 +75,15 @@ fn markers_that_do_not_stand_a_pitch_apart_raise_a_doubt() {
     let note = trial.report("report.json")[0]["note"].to_string();
     assert!(note.contains("right sensor file?"), "{note}");
     assert!(states(&trial.report("report.json")).iter().all(|state| *state == "unjudged"));
+    // A loop says it, too, and not that it starts in contact, which nobody knows.
+    let trial = Trial::new(40);
+    let arguments = ["hold", "run", "--sensor", "gelsight_mini_near", "--gripper", "dry", "-o", "held"];
+    let ended = Ended::of(trial.command(&arguments).output().expect("runs"));
+    let said = "left: no frame can be judged: markers expected on a grid of 44.0 px (pitch_px of the sensor), got 30.8 px apart";
+    assert!(ended.code == Some(1) && ended.out.contains(said), "{ended:?}");
+    let events = std::fs::read_to_string(trial.path("held/events.jsonl")).expect("events");
+    assert_eq!(events.matches("no frame can be judged").count(), 1, "{events}");
+    assert!(!events.contains("starts in contact"), "{events}");
 }
 
 #[test]

@@ -81,15 +81,15 @@ impl RunNotes {
             }
         }
         for finger in view.fingers {
-            if let Some(reason @ Reason::MarkerSpacing { .. }) = finger.report.and_then(|report| report.reason) {
-                if !self.misfits.iter().any(|told| told == finger.name) {
-                    self.misfits.push(finger.name.to_owned());
-                    lines.push(format!("{}: no frame can be judged: {reason}", finger.name));
-                }
-                continue; // where it rests is not known either
+            let is_told = |told: &[String]| told.iter().any(|name| name == finger.name);
+            let reason = finger.report.and_then(|report| report.reason);
+            if let Some(reason @ Reason::MarkerSpacing { .. }) = reason.filter(|_| !is_told(&self.misfits)) {
+                self.misfits.push(finger.name.to_owned());
+                lines.push(format!("{}: no frame can be judged: {reason}", finger.name));
             }
             let starts_in_contact = finger.rest_kind == Some(RestKind::InContact);
-            if starts_in_contact && !self.in_contact.iter().any(|told| told == finger.name) {
+            // Where markers do not stand as they should, that is not known either.
+            if starts_in_contact && !is_told(&self.in_contact) && !is_told(&self.misfits) {
                 self.in_contact.push(finger.name.to_owned());
                 lines.push(format!(
                     "{}: starts in contact: displacement counts from the first stationary frames, not from the unloaded gel",
