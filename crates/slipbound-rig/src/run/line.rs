@@ -33,9 +33,10 @@ pub(super) fn read(line: &str) -> Result<Cycle, String> {
         return serde_json::from_str(line).map_err(|e| e.to_string());
     };
     let not_finite: NotFinite = serde_json::from_value(not_finite).map_err(|e| format!("not_finite: {e}"))?;
-    let whole: WholeNumbers = serde_json::from_value(json["hand"].clone()).map_err(|e| format!("hand: {e}"))?;
-    json["hand"]["seq"] = 0.into();
-    json["hand"]["time_ns"] = serde_json::Value::Null;
+    let hand = json.get_mut("hand").and_then(serde_json::Value::as_object_mut).ok_or("hand: expected an object")?;
+    let whole: WholeNumbers = serde_json::from_value(hand.clone().into()).map_err(|e| format!("hand: {e}"))?;
+    hand.insert("seq".into(), 0.into());
+    hand.remove("time_ns");
     let mut tree = finite_part(json).ok_or("expected an object, got null")?;
     for (path, number) in not_finite {
         let number = number.parse().map_err(|_| format!("not_finite.{path}: expected a number, got `{number}`"))?;

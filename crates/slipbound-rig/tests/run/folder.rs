@@ -45,6 +45,19 @@ proptest! {
     }
 }
 
+/// A line that says where its numbers are not finite, without the object they stand in.
+#[test]
+fn a_line_without_a_hand_is_refused_by_its_number() {
+    for hand in ["3", "[1, null]", "null", "{\"seq\": -1}"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        drop(written(folder.path(), &screw::info(), &screw::cycles()[..1]));
+        let line = format!("{{\"hand\": {hand}, \"not_finite\": {{\"margin\": \"nan\"}}}}\n");
+        fs::write(folder.path().join("reports.jsonl"), line).expect("writes");
+        let message = run::read(folder.path()).expect_err("refused").to_string();
+        assert!(message.contains("reports.jsonl") && message.contains("line 1: hand:"), "{hand}: {message}");
+    }
+}
+
 #[test]
 fn a_run_comes_back_with_its_settings() {
     let folder = tempfile::tempdir().expect("a folder");
