@@ -124,15 +124,20 @@ fn labels_shuffled_or_absent_change_nothing_but_the_truth() {
     assert!(score(0) > score(1) && score(0) > score(2), "{labelled:?}");
 }
 
-#[test]
-fn the_shared_lifts_are_judged_with_each_object_left_out() {
+/// The folder of the shared lifts; None where there is none.
+fn shared_lifts() -> Option<PathBuf> {
     let recordings = std::env::var_os("SLIPBOUND_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let folder = recordings.join("gelsight-lift");
-    if !folder.exists() {
+    let folder = Some(recordings.join("gelsight-lift")).filter(|folder| folder.exists());
+    if folder.is_none() {
         println!("SKIPPED: no SLIPBOUND_DATA and no ../shared/data");
-        return;
     }
+    folder
+}
+
+#[test]
+fn the_shared_lifts_are_judged_with_each_object_left_out() {
+    let Some(folder) = shared_lifts() else { return };
     let temporary = tempfile::tempdir().expect("a folder");
     let out = temporary.path().join("out");
     let (data, to) = (shown(&folder), shown(&out));
@@ -141,4 +146,35 @@ fn the_shared_lifts_are_judged_with_each_object_left_out() {
     let row = &table["tables"][0]["rows"][0];
     assert!(row[2].as_u64().expect("a count") <= 1, "{row}");
     assert!(row[4]["value"].as_f64().expect("an area") >= 0.98, "{row}");
+}
+
+/// The states of `watch`, not the score of `eval`: what slides says `gross`, what is held does not.
+#[test]
+fn watch_says_of_the_shared_lifts_which_slide() {
+    let Some(folder) = shared_lifts() else { return };
+    let labels = fs::read_to_string(folder.join("labels.csv")).expect("labels");
+    let clips: Vec<(&str, bool)> = (labels.lines().skip(1))
+        .map(|line| line.split(',').collect::<Vec<_>>())
+        .map(|cells| (cells[0], cells[3] == "1"))
+        .collect();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let report = shown(&temporary.path().join("report.jsonl"));
+    let sources: Vec<String> = clips.iter().map(|(name, _)| shown(&folder.join(name))).collect();
+    for (rest, found_count) in [(&["--rest", "held"][..], 13), (&[], 9)] {
+        let args = [&["watch", "--sensor", "gelsight", "--json", &report], rest].concat();
+        slipbound(&args.into_iter().chain(sources.iter().map(String::as_str)).collect::<Vec<_>>());
+        let says_gross = |name: &str| {
+            let report = temporary.path().join(format!("report-{name}.jsonl"));
+            fs::read_to_string(report).expect("a report").contains(r#""state":"gross""#)
+        };
+        let (mut found, mut false_ones) = (0, Vec::new());
+        for (name, slips) in &clips {
+            match (slips, says_gross(name)) {
+                (true, true) => found += 1,
+                (false, true) => false_ones.push(name),
+                _ => {}
+            }
+        }
+        assert!(found >= found_count && false_ones.is_empty(), "{rest:?}: {found} found, falsely {false_ones:?}");
+    }
 }

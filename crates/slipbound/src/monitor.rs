@@ -35,7 +35,7 @@ pub use slip::{RigidField, SlipRule, SlipSettings};
 use crate::image::{Frame, Gray, Mask};
 use crate::pixels::morphology::{Element, Morphology};
 use crate::port::GripSample;
-use crate::sensor::Sensor;
+use crate::sensor::{Sensor, Skin};
 use crate::setting::SettingError;
 use serde::Serialize;
 
@@ -223,6 +223,9 @@ impl SlipMonitor {
             evidence: self.evidence.report.as_ref(),
             recent: self.evidence.recent.as_ref(),
             loaded: self.estimator.features.as_ref().map(|features| (features, loaded)),
+            at_s,
+            // A weave shows little of an imprint: the scale of the score is that of a smooth gel.
+            held_from_start: self.evidence.starts_in_contact() && self.sensor.skin == Skin::Smooth,
         };
         let knows_grip = self.estimator.knows_grip();
         let moves = self.settings.evidence.used && self.gross.see(&self.estimator.estimates, knows_grip, &seen);

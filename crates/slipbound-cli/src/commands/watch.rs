@@ -105,6 +105,7 @@ impl Watch {
             None => Settings::default(),
         };
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
+        settings.rest.held |= self.rest == Some(RestArgument::Held);
         if let Some(RestArgument::Live(count)) = self.rest {
             settings.rest.window_count = count;
         }

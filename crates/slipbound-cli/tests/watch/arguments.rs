@@ -79,6 +79,12 @@ fn rest_may_be_named() {
         assert_eq!(report[0]["rest"].to_string(), format!(r#"{{"frames":{frames},"kind":"given"}}"#));
         assert_eq!(report.len(), 7, "all frames are judged, those of rest too");
     }
+    let ended = trial.watch("run", &["--rest", "held", "--json", "report.json"]);
+    ended.expect(0, &[]);
+    let report = trial.report("report.json");
+    assert_eq!(report[0]["rest"].to_string(), r#"{"frames":[0,6],"kind":"in_contact"}"#, "nothing shows there");
+    assert_eq!(report[0]["settings"]["rest"]["held"], true);
+    assert!(!ended.err.contains("starts in contact"), "who says it knows it: {ended:?}");
     trial.write("run/000.jpg", &encode(&[128; 64 * 48], SizePx::new(64, 48)));
     let ended = trial.watch("run", &["--rest", "untouched.jpg", "--json", "report.json"]);
     ended.expect(0, &[]);

@@ -83,10 +83,11 @@ impl RestFinder {
 }
 
 /// The rest frame from frames that the user says show the finger at rest: all of them averaged; in contact when most
-/// look touched. The error comes with the index in `frames` of the frame that cannot be used, if it is one of them.
+/// look touched, or where the settings say that an object is [`held`](crate::monitor::RestSettings::held). The error comes with the index in `frames` of the frame that cannot be used, if it is one of them.
 pub fn rest_from(mut builder: RestBuilder, frames: &[Frame<'_>]) -> Result<Rest, (Option<usize>, RestError)> {
     let touched_count = frames.iter().filter(|frame| builder.look(frame).touched).count();
-    let kind = if 2 * touched_count > frames.len() { RestKind::InContact } else { RestKind::Unloaded };
+    let is_touched = builder.settings().rest.held || 2 * touched_count > frames.len();
+    let kind = if is_touched { RestKind::InContact } else { RestKind::Unloaded };
     for (i, frame) in frames.iter().enumerate() {
         builder.add(frame).map_err(|e| (Some(i), e))?;
     }

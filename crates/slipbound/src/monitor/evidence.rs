@@ -214,6 +214,11 @@ impl Evidence {
         }
     }
 
+    /// Whether the object was held in the rest frame already, and has been since.
+    pub(super) fn starts_in_contact(&self) -> bool {
+        self.starts_in_contact
+    }
+
     /// Takes a frame whose markers are known. `area_px2`: that of the contact, zero without. `due`: whether the contact region was found anew,
     /// and whether the evidence is.
     pub(super) fn take(&mut self, frame: &Frame<'_>, imprint: &Imprint, area_px2: f64, markers: &[Marker], due: Due) {

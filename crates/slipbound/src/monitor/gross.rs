@@ -12,9 +12,11 @@
 //! the turn count; and a load that still grows is still carried.
 //!
 //! What is round or soft shows nothing that turns, though it spins away within a frame. Where the grip force is known, estimates that say
-//! that the friction is spent are gross slip, too; of the friction they teach nothing that they do not know.
+//! that the friction is spent are gross slip, too; of the friction they teach nothing that they do not know. Where the object was held
+//! before anything was seen, so that nothing is known of the gel without load, the slide score tells besides, on a smooth gel.
 
 mod growth;
+mod score;
 mod spent;
 
 use super::estimate::{Features, LOAD, NARROW, TURNING, WIDE};
@@ -22,6 +24,7 @@ use super::evidence::{Recent, WINDOWS_S};
 use super::report::{Estimates, EvidenceReport};
 use super::trees::{Ensemble, parse};
 use growth::{Grown, Growth};
+use score::ScoreWatch;
 use spent::{GOES_ON_STICK, GOES_ON_USED, Spent};
 use std::sync::LazyLock;
 
@@ -86,6 +89,10 @@ pub(super) struct Seen<'a> {
     pub recent: Option<&'a Recent>,
     /// What the estimates rest on, and the load; None where nothing is estimated.
     pub loaded: Option<(&'a Features, Loaded)>,
+    /// When, s, on any clock.
+    pub at_s: f64,
+    /// Whether the object was held in the rest frame of a smooth gel already, and has been since.
+    pub held_from_start: bool,
 }
 
 /// The features of a frame; None where the estimates or the motion of the imprint are not known.
@@ -131,6 +138,9 @@ pub(super) struct GrossWatch {
     is_said: bool,
     all_used_frames_count: u32,
     spent: Spent,
+    score: ScoreWatch,
+    /// It slides by the slide score; where the object was held from the start.
+    slides_by_score: bool,
     growth: Growth,
     pub features: Option<SlideFeatures>,
 }
@@ -144,6 +154,8 @@ impl GrossWatch {
             is_said: false,
             all_used_frames_count: 0,
             spent: Spent::new(),
+            score: ScoreWatch::new(),
+            slides_by_score: false,
             growth: Growth::new(),
             features: None,
         }
@@ -156,12 +168,14 @@ impl GrossWatch {
 
     /// Whether the object slides as a whole: surely enough to be said, by its motion or because all of the friction is used.
     pub fn slides(&self) -> bool {
-        self.is_said || self.spent.lasts
+        self.is_said || self.spent.lasts || self.slides_by_score
     }
 
     /// Takes a frame; whether the object slides as a whole by its motion, surely enough to learn the friction from. Where nothing is estimated
     /// the imprint alone tells.
     pub fn see(&mut self, estimates: &Estimates, knows_grip: bool, seen: &Seen<'_>) -> bool {
+        let score = seen.evidence.filter(|_| seen.held_from_start).map(|evidence| evidence.slide_score);
+        self.slides_by_score = score.is_some_and(|score| self.score.see(seen.at_s, score, seen.recent));
         let grown = seen.loaded.map(|(_, loaded)| self.growth.see(loaded));
         let (Some(margin), Some(stick)) = (estimates.margin, estimates.stick_ratio) else {
             (self.features, self.all_used_frames_count) = (None, 0);
@@ -237,7 +251,7 @@ mod tests {
     /// What is seen of a frame, of a contact of the usual shape whose load stands and is so much of 0.6 of the grip force.
     fn seen<'a>(evidence: &'a EvidenceReport, recent: Option<&'a Recent>, field: &'a Features) -> Seen<'a> {
         let loaded = Loaded { at_s: 0.0, load: 1.0, grip_n: 20.0 };
-        Seen { evidence: Some(evidence), recent, loaded: Some((field, loaded)) }
+        Seen { evidence: Some(evidence), recent, loaded: Some((field, loaded)), at_s: 0.0, held_from_start: false }
     }
 
     fn field(load: f64) -> Features {

@@ -29,6 +29,9 @@ pub struct RestSettings {
     /// Whether nothing is judged while the markers at rest do not stand the sensor's pitch apart (0.85 to 1.18 of it), or
     /// would lie on its grid with another flip only. Set it to false for a finger whose dots are known to be irregular.
     pub check_spacing: bool,
+    /// Whether an object is known to be held in the first frames already, however little of it shows there: then they are
+    /// [`RestKind::InContact`].
+    pub held: bool,
 }
 
 impl Default for RestSettings {
@@ -41,6 +44,7 @@ impl Default for RestSettings {
             imprint_levels: 6.0,
             markers_min_count: 9,
             check_spacing: true,
+            held: false,
         }
     }
 }

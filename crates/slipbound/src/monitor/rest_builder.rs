@@ -74,6 +74,11 @@ impl RestBuilder {
         &self.sensor
     }
 
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
     /// Looks at a candidate; call it on the first frames in their order.
     pub fn look(&mut self, frame: &Frame<'_>) -> RestLook {
         let mut look =
@@ -114,7 +119,8 @@ impl RestBuilder {
     /// The stationary run to average. Frames of another brightness than most (dark, stale, a camera still settling) are
     /// passed over; a run of several frames goes before a moment, untouched goes before touched. Of untouched runs
     /// that show the same, the longest. Where they differ, one of them is touched too lightly to be detected by itself: then
-    /// the first run, which was touched if it is the sharper.
+    /// the first run, which was touched if it is the sharper. Where the settings say that an object is
+    /// [`held`](crate::monitor::RestSettings::held), the first run, as touched.
     ///
     /// `looks` are the answers of [`RestBuilder::look`] in their order.
     pub fn choose(&self, looks: &[RestLook]) -> Result<RestChoice, RestError> {

@@ -20,9 +20,10 @@ pub struct Watch {
     /// scene, SOURCE/sensor.toml, or that in SOURCE.mcap, else by the size of the frames]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(super) sensor: Option<String>,
-    /// The finger at rest: an image or what `slipbound tare` wrote, frames A up to but not B of SOURCE, or its first N frames,
-    /// in which nothing may touch it [default: found among the first frames]
-    #[arg(long, value_name = "FILE|A..B|live:N", value_parser = RestArgument::parse)]
+    /// The finger at rest: an image or what `slipbound tare` wrote, frames A up to but not B of SOURCE, its first N frames,
+    /// in which nothing may touch it, or `held`: an object is held from the first frame on [default: found among the first
+    /// frames]
+    #[arg(long, value_name = "FILE|A..B|live:N|held", value_parser = RestArgument::parse)]
     pub(super) rest: Option<RestArgument>,
     /// Write a report of one JSON object a line; `-` is standard output
     #[arg(long, value_name = "FILE|-")]
@@ -78,6 +79,8 @@ pub enum RestArgument {
     File(PathBuf),
     /// The first frames of the source, so many; nothing may touch the finger in them.
     Live(u32),
+    /// The first stationary frames of the source, in which an object is held already.
+    Held,
 }
 
 /// The N of `live:N`; None for anything else.
@@ -88,10 +91,13 @@ pub fn live_count(text: &str) -> Option<Result<u32, String>> {
 }
 
 impl RestArgument {
-    /// `A..B`, `live:N`, or the name of a file.
+    /// `A..B`, `live:N`, `held`, or the name of a file.
     pub fn parse(text: &str) -> Result<Self, String> {
         if let Some(count) = live_count(text) {
             return count.map(RestArgument::Live);
+        }
+        if text == "held" {
+            return Ok(RestArgument::Held);
         }
         let is_range = text.contains("..") && text.chars().all(|c| c == '.' || c.is_ascii_digit());
         let range = text.split_once("..").and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
@@ -110,6 +116,7 @@ impl Display for RestArgument {
             RestArgument::Frames(range) => write!(f, "--rest {}..{}", range.start, range.end),
             RestArgument::File(path) => write!(f, "--rest {}", path.display()),
             RestArgument::Live(count) => write!(f, "--rest live:{count}"),
+            RestArgument::Held => f.write_str("--rest held"),
         }
     }
 }
@@ -127,6 +134,7 @@ mod tests {
             assert_eq!(RestArgument::parse(half), Err(format!("expected two whole numbers A..B, got {half}")));
         }
         assert_eq!(RestArgument::parse("live:30"), Ok(RestArgument::Live(30)));
+        assert_eq!(RestArgument::parse("held"), Ok(RestArgument::Held));
         assert!(RestArgument::parse("live:0").is_err() && RestArgument::parse("live:x").is_err());
         assert_eq!(RestArgument::parse("9..9"), Err("expected A below B, got 9..9".into()));
     }

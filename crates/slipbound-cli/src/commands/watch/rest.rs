@@ -23,6 +23,10 @@ const IN_CONTACT: &str = "starts in contact: displacement counts from the first 
                           smooth gel is taken from the imprint itself (if nothing touches it there, the frames are noisier \
                           or more compressed than the sensor file knows: calibrate anew on such frames)";
 
+/// The same where the settings say so.
+const HELD: &str = "an object is held from the first frame on: displacement counts from the first stationary frames, the contact \
+                    region of a smooth gel is taken from the imprint itself";
+
 /// The finger at rest, and what it was made from.
 pub struct Found {
     /// The rest frame.
@@ -71,8 +75,10 @@ pub fn find(
             (rest, origin)
         }
     };
-    let report_note = (rest.kind() == RestKind::InContact).then(|| IN_CONTACT.to_owned());
-    let notes = note.into_iter().chain(report_note.iter().map(|n| format!("{}: {n}", args.source))).collect();
+    let held = settings.rest.held;
+    let report_note = (rest.kind() == RestKind::InContact).then(|| if held { HELD } else { IN_CONTACT }.to_owned());
+    let told = report_note.iter().filter(|_| !held).map(|n| format!("{}: {n}", args.source));
+    let notes = note.into_iter().chain(told).collect();
     Ok(Found { rest, sensor, origin, report_note, notes })
 }
 
@@ -123,7 +129,7 @@ fn build_given(
 fn origin_given(argument: &RestArgument) -> RestOrigin {
     let frames = match argument {
         RestArgument::Frames(range) => Some([range.start, range.end]),
-        RestArgument::File(_) | RestArgument::Live(_) => None,
+        RestArgument::File(_) | RestArgument::Live(_) | RestArgument::Held => None,
     };
     RestOrigin { kind: RestOriginKind::Given, frames }
 }
@@ -137,7 +143,7 @@ fn given(args: &Watch, argument: &RestArgument) -> Option<Result<RestInput, Fail
         }
         RestArgument::File(path) => Some(image(path).map(RestInput::Frames)),
         RestArgument::Frames(range) => Some(frames(&args.source, range).map(RestInput::Frames)),
-        RestArgument::Live(_) => None,
+        RestArgument::Live(_) | RestArgument::Held => None,
     }
 }
 

@@ -39,19 +39,24 @@ pub(super) fn choose(
     contact: &ContactSettings,
 ) -> Result<RestChoice, RestError> {
     let runs = runs(looks, settings)?;
-    let mut choice = best_run(&runs, looks, |a, b| differ(a, b, pictures, contact));
+    let mut choice = match settings.held {
+        true => RestChoice { kind: RestKind::InContact, ..long_runs(&runs)[0].clone() },
+        false => best_run(&runs, looks, |a, b| differ(a, b, pictures, contact)),
+    };
     choice.frames.end = choice.frames.end.min(choice.frames.start + settings.average_count as usize);
     Ok(choice)
 }
 
+/// The runs that are more than a moment, or all where none is.
+fn long_runs(runs: &[RestChoice]) -> Vec<&RestChoice> {
+    let long: Vec<&RestChoice> = runs.iter().filter(|r| r.frames.len() >= STATIONARY_FRAMES_COUNT).collect();
+    if long.is_empty() { runs.iter().collect() } else { long }
+}
+
 /// The best of the runs, of which there is at least one.
 fn best_run(runs: &[RestChoice], looks: &[RestLook], differ: impl Fn(&RestChoice, &RestChoice) -> bool) -> RestChoice {
-    let long = |r: &&RestChoice| r.frames.len() >= STATIONARY_FRAMES_COUNT;
     let untouched = |r: &&RestChoice| r.kind == RestKind::Unloaded;
-    let candidates: Vec<&RestChoice> = match runs.iter().filter(long).count() {
-        0 => runs.iter().collect(),
-        _ => runs.iter().filter(long).collect(),
-    };
+    let candidates = long_runs(runs);
     let Some(&first) = candidates.iter().find(|r| untouched(r)) else {
         return candidates[0].clone();
     };
@@ -162,6 +167,18 @@ mod tests {
     fn touched_from_the_start_takes_the_first_stationary_run() {
         let looks: Vec<_> = (0..21).map(|i| look(90.0, if i < 6 { 0.5 } else { 9.0 }, true)).collect();
         assert_eq!(choose(&looks, &[]), Ok(RestChoice { frames: 0..6, kind: RestKind::InContact }));
+    }
+
+    #[test]
+    fn what_is_known_to_be_held_is_in_contact_however_little_shows_and_whatever_comes_later() {
+        let settings = RestSettings { held: true, ..RestSettings::default() };
+        // Untouched or touched; capital where the picture has changed since the frame before.
+        for (shown, frames) in [("UuuuuuUUU", 0..6), ("TtttUUUuuuuuuu", 0..4), ("TuUUuuu", 3..7), ("UUU", 0..1)] {
+            let of = |c: char| look(90.0, if c.is_uppercase() { 30.0 } else { 0.5 }, c.eq_ignore_ascii_case(&'t'));
+            let looks: Vec<RestLook> = shown.chars().map(of).collect();
+            let choice = super::choose(&looks, &[], &settings, &ContactSettings::default());
+            assert_eq!(choice, Ok(RestChoice { frames, kind: RestKind::InContact }), "{shown}");
+        }
     }
 
     /// A light touch is too weak to be detected by itself. When it goes, the picture changes and gets smoother: it was one.
