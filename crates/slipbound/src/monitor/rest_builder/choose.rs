@@ -41,7 +41,7 @@ pub(super) fn choose(
     let runs = runs(looks, settings)?;
     let mut choice = match settings.held {
         true => RestChoice { kind: RestKind::InContact, ..long_runs(&runs)[0].clone() },
-        false => best_run(&runs, looks, |a, b| differ(a, b, pictures, contact)),
+        false => best_run(&runs, looks, settings, |a, b| differ(a, b, pictures, contact)),
     };
     choice.frames.end = choice.frames.end.min(choice.frames.start + settings.average_count as usize);
     Ok(choice)
@@ -54,7 +54,12 @@ fn long_runs(runs: &[RestChoice]) -> Vec<&RestChoice> {
 }
 
 /// The best of the runs, of which there is at least one.
-fn best_run(runs: &[RestChoice], looks: &[RestLook], differ: impl Fn(&RestChoice, &RestChoice) -> bool) -> RestChoice {
+fn best_run(
+    runs: &[RestChoice],
+    looks: &[RestLook],
+    settings: &RestSettings,
+    differ: impl Fn(&RestChoice, &RestChoice) -> bool,
+) -> RestChoice {
     let untouched = |r: &&RestChoice| r.kind == RestKind::Unloaded;
     let candidates = long_runs(runs);
     let Some(&first) = candidates.iter().find(|r| untouched(r)) else {
@@ -67,7 +72,7 @@ fn best_run(runs: &[RestChoice], looks: &[RestLook], differ: impl Fn(&RestChoice
     if others().any(|other| differ(first, other)) {
         let sharper = others().any(|other| differ(first, other) && sharpness(first) > sharpness(other));
         choice.kind = if sharper { RestKind::InContact } else { RestKind::Unloaded };
-    } else {
+    } else if 2 * choice.frames.len() < settings.average_count as usize {
         for other in others() {
             if other.frames.len() > choice.frames.len() {
                 choice = (*other).clone();
@@ -169,14 +174,24 @@ mod tests {
         assert_eq!(choose(&looks, &[]), Ok(RestChoice { frames: 0..6, kind: RestKind::InContact }));
     }
 
+    /// Looks of a row of frames: `u` untouched, `t` touched; capital where the picture has changed since the frame before.
+    fn row(shown: &str) -> Vec<RestLook> {
+        let of = |c: char| look(90.0, if c.is_uppercase() { 30.0 } else { 0.5 }, c.eq_ignore_ascii_case(&'t'));
+        shown.chars().map(of).collect()
+    }
+
+    #[test]
+    fn of_untouched_runs_that_show_the_same_a_later_one_counts_only_where_the_first_is_short() {
+        for (shown, frames) in [("UuuuuUUuuuuuuuuu", 0..5), ("UuuuUUuuuuuuuuu", 5..15), ("UuuuUUu", 0..4)] {
+            assert_eq!(choose(&row(shown), &[]), Ok(RestChoice { frames, kind: RestKind::Unloaded }), "{shown}");
+        }
+    }
+
     #[test]
     fn what_is_known_to_be_held_is_in_contact_however_little_shows_and_whatever_comes_later() {
         let settings = RestSettings { held: true, ..RestSettings::default() };
-        // Untouched or touched; capital where the picture has changed since the frame before.
         for (shown, frames) in [("UuuuuuUUU", 0..6), ("TtttUUUuuuuuuu", 0..4), ("TuUUuuu", 3..7), ("UUU", 0..1)] {
-            let of = |c: char| look(90.0, if c.is_uppercase() { 30.0 } else { 0.5 }, c.eq_ignore_ascii_case(&'t'));
-            let looks: Vec<RestLook> = shown.chars().map(of).collect();
-            let choice = super::choose(&looks, &[], &settings, &ContactSettings::default());
+            let choice = super::choose(&row(shown), &[], &settings, &ContactSettings::default());
             assert_eq!(choice, Ok(RestChoice { frames, kind: RestKind::InContact }), "{shown}");
         }
     }
