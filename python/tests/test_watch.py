@@ -46,6 +46,11 @@ def test_a_recording_gives_the_lines_of_the_command(tmp_path):
     assert len(expected) > 5 and lines_of_python(source, **options) == expected
     paper = lines_of_the_command(source, tmp_path, "--sensor", options["sensor"], "--settings", "paper")
     assert lines_of_python(source, settings="paper", **options) == paper
+    held = tmp_path / "held.toml"
+    held.write_text("[rest]\nheld = true\n")
+    told = lines_of_the_command(source, tmp_path, "--sensor", options["sensor"], "--rest", "held")
+    assert lines_of_python(source, settings=str(held), **options) == told != expected
+    assert slipbound.watch(source, settings=str(held), **options).rest_kind == "in_contact"
 
 
 def clips() -> list[tuple[str, str]]:
