@@ -201,7 +201,7 @@ pub struct EvidenceReport {
     /// Age of the imprint's part of the evidence in frames.
     pub imprint_age_frames: u32,
     /// Over 1 where the object slides; computed from the largest value that each of the three has had since the
-    /// reference. 0 to 2.
+    /// reference. 0 to 2. On a smooth gel that is touched in its rest frame the state is gross while it grows beyond 1.
     pub slide_score: f64,
     /// How far the imprint has moved over the gel since the reference, rectified px; it is the motion of the object.
     pub slide_px: Vec2,
