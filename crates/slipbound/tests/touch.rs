@@ -3,6 +3,7 @@
 mod picture;
 
 use picture::{Painter, Touch, frame};
+use slipbound::finger_pipeline::rest_from;
 use slipbound::image::SizePx;
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
 use slipbound::plane::Vec2;
@@ -83,6 +84,20 @@ fn the_evidence_of_a_recording_that_starts_in_contact_ends_with_that_contact() {
     let evidence = second.evidence.expect("in contact");
     assert!(evidence.reference_seq > 16, "counts from frame {}", evidence.reference_seq);
     assert!(evidence.relaxation < 0.05 && evidence.slide_score < 0.5, "nothing has moved: {evidence:?}");
+}
+
+/// Nothing of an object shows in the first frames. Only who knows that it is held says that they are in contact.
+#[test]
+fn a_rest_frame_in_which_an_object_is_known_to_be_held_is_in_contact_though_nothing_shows() {
+    let painter = Painter::new(SIZE, 20.0, 7.0, Skin::Smooth, 0.0, 3);
+    let pictures: Vec<Vec<u8>> = (0..4).map(|i| painter.paint(&painter.rest, None, i)).collect();
+    let frames: Vec<_> = pictures.iter().zip(0..).map(|(rgb, seq)| frame(rgb, SIZE, seq)).collect();
+    for (held, kind) in [(false, RestKind::Unloaded), (true, RestKind::InContact)] {
+        let mut settings = Settings::default();
+        settings.rest.held = held;
+        let builder = RestBuilder::new(&painter.sensor, &settings, SIZE).expect("valid");
+        assert_eq!(rest_from(builder, &frames).expect("markers").kind(), kind);
+    }
 }
 
 /// The rest frame shows a finger that is touched and sheared: let go, its markers spring back to where nobody has seen them yet.
