@@ -47,6 +47,7 @@ impl Tare {
             None => Settings::default(),
         };
         settings.rest.window_count = self.frames.unwrap_or(settings.rest.window_count);
+        settings.rest.held = false; // of a recording, not of the finger
         let asked = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
         self.refuse_overwriting()?;
         let mut terminal = Terminal::plain();

@@ -107,7 +107,7 @@ impl Watch {
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
         settings.rest.held |= self.rest == Some(RestArgument::Held);
         if let Some(RestArgument::Live(count)) = self.rest {
-            settings.rest.window_count = count;
+            (settings.rest.window_count, settings.rest.held) = (count, false);
         }
         overwriting::refuse_endings(self)?;
         overwriting::refuse(self)?;

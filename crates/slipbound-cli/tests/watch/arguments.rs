@@ -85,6 +85,11 @@ fn rest_may_be_named() {
     assert_eq!(report[0]["rest"].to_string(), r#"{"frames":[0,6],"kind":"in_contact"}"#, "nothing shows there");
     assert_eq!(report[0]["settings"]["rest"]["held"], true);
     assert!(!ended.err.contains("starts in contact"), "who says it knows it: {ended:?}");
+    // The nearer word counts: the arguments', not the file's.
+    trial.write("held.toml", b"[rest]\nheld = true\n");
+    let ended = trial.watch("run", &["--rest", "live:6", "--settings", "held.toml", "--json", "report.json"]);
+    ended.expect(0, &[]);
+    assert_eq!(trial.report("report.json")[0]["rest"]["kind"], "unloaded");
     trial.write("run/000.jpg", &encode(&[128; 64 * 48], SizePx::new(64, 48)));
     let ended = trial.watch("run", &["--rest", "untouched.jpg", "--json", "report.json"]);
     ended.expect(0, &[]);

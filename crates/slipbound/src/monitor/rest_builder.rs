@@ -118,8 +118,9 @@ impl RestBuilder {
 
     /// The stationary run to average. Frames of another brightness than most (dark, stale, a camera still settling) are
     /// passed over; a run of several frames goes before a moment, untouched goes before touched. Of untouched runs
-    /// that show the same, the first, or the longest where the first has less than half of the frames that are averaged. Where they differ, one of them is touched too lightly to be detected by itself: then
-    /// the first run, which was touched if it is the sharper. Where the settings say that an object is
+    /// that show the same, the first, or the longest where the first has less than half of the frames that are averaged.
+    /// Where they differ, one of them is touched too lightly to be detected by itself: then the first run, which was
+    /// touched if it is the sharper. Where the settings say that an object is
     /// [`held`](crate::monitor::RestSettings::held), the first run, as touched.
     ///
     /// `looks` are the answers of [`RestBuilder::look`] in their order.

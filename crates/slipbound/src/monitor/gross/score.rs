@@ -17,6 +17,9 @@ const GROWS: f64 = 0.02;
 /// Motion of the imprint over the gel within 67 ms with which a slide goes on, pitches: three times the noise of what stands still.
 const GOES_ON_PITCH: f64 = 0.03;
 
+/// Which of the windows that is.
+const WINDOW: usize = 1;
+
 /// How long a slide is said after the last that was seen of it, s.
 const LASTS_S: f64 = 0.3;
 
@@ -39,7 +42,7 @@ impl ScoreWatch {
             self.greatest = slide_score;
         }
         let begins = grows && slide_score > SLIDES;
-        let moves = recent.is_some_and(|recent| recent.windows[1].over_pitch >= GOES_ON_PITCH);
+        let moves = recent.is_some_and(|recent| recent.windows[WINDOW].over_pitch >= GOES_ON_PITCH);
         let lasts = self.seen_s.is_some_and(|seen_s| at_s - seen_s <= LASTS_S);
         self.seen_s = match lasts {
             _ if begins || lasts && moves => Some(at_s),
